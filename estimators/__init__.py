@@ -1,0 +1,1 @@
+"""Estimators: one file per row of Task 3."""

@@ -1,0 +1,1 @@
+"""Identification: predictors of Task 1, one file each."""

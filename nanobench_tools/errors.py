@@ -1,0 +1,38 @@
+"""The errors a user may see. Each message is one line that names the place and says what to do."""
+
+from __future__ import annotations
+
+
+class NanobenchError(Exception):
+    """Base of every error that is the input's fault; the command line prints it as one line."""
+
+
+class InputError(NanobenchError, ValueError):
+    """Bad input: ``place`` (file, column, row, key), what was found, what to do about it.
+
+    >>> str(InputError("flight.csv: column 'vbat', row 12", "text 'abc' where a number belongs", "mend the cell"))
+    "flight.csv: column 'vbat', row 12: text 'abc' where a number belongs; mend the cell"
+    """
+
+    def __init__(self, place: str, found: str, advice: str = "") -> None:
+        self.place, self.found, self.advice = str(place), found, advice
+        text = f"{place}: {found}" + (f"; {advice}" if advice else "")
+        super().__init__(" ".join(text.split()))
+
+    def __reduce__(self):  # process pools pickle exceptions; the default would lose two arguments
+        return type(self), (self.place, self.found, self.advice)
+
+
+class UsageError(NanobenchError, ValueError):
+    """An option or a name that does not exist, or two that do not go together."""
+
+
+class MissingExtraError(NanobenchError, ImportError):
+    """An optional package is not installed; says which extra brings it."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        self.package, self.extra = package, extra
+        super().__init__(f"{package} is not installed; pip install 'nanobench[{extra}]'")
+
+    def __reduce__(self):
+        return type(self), (self.package, self.extra)

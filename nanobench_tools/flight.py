@@ -1,0 +1,254 @@
+"""The one data model: a Flight holds Streams, each with its own clock, and Spans and Faults say what holds where.
+
+Inside everything is SI and in the convention of ``frames``. Times are seconds from the first row of the
+recording; ``Flight.epoch_s`` is the absolute (Unix) time of that row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+
+STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
+    "mocap": {**{k: ("m", "world") for k in ("px", "py", "pz")}, **{k: ("1", "world") for k in ("qx", "qy", "qz", "qw")},
+              **{k: ("rad", "world") for k in ("roll", "pitch", "yaw")},
+              **{k: ("m/s", "world") for k in ("vx", "vy", "vz")}, **{k: ("rad/s", "body") for k in ("wx", "wy", "wz")}},
+    "imu": {**{k: ("m/s^2", "body") for k in ("acc_x", "acc_y", "acc_z")},
+            **{k: ("rad/s", "body") for k in ("gyro_x", "gyro_y", "gyro_z")}},
+    "motor": {k: ("1", "motor") for k in ("m1", "m2", "m3", "m4")},
+    "motor_request": {k: ("1", "motor") for k in ("m1", "m2", "m3", "m4")},
+    "estimator": {**{k: ("m", "world") for k in ("x", "y", "z")}, **{k: ("m/s", "world") for k in ("vx", "vy", "vz")}},
+    "estimator_acc": {k: ("m/s^2", "world") for k in ("ax", "ay", "az")},
+    "attitude": {k: ("rad", "world") for k in ("roll", "pitch", "yaw")},
+    "attitude_qw": {k: ("1", "world") for k in ("qx", "qy", "qz", "qw")},
+    "setpoint": {**{k: ("m", "world") for k in ("x", "y", "z")}, "yaw": ("rad", "world")},
+    "pid": {**{k: ("rad", "world") for k in ("roll", "pitch", "yaw")}, "cmd_thrust": ("1", "body")},
+    "battery": {"vbat": ("V", "-")},
+    "rpm": {k: ("rad/s", "motor") for k in ("m1", "m2", "m3", "m4")},
+    "command": {"thrust": ("1", "body")},
+    "stand": {"thrust": ("N", "body"), "current": ("A", "-")},
+}
+"""The vocabulary: stream -> quantity -> (SI unit, frame). A column of a source is mapped onto one of these.
+
+``motor`` is what the motors got (after battery compensation), ``motor_request`` what was asked before it,
+``stand`` the load cell of a thrust stand (sum over the motors), ``estimator_acc`` has gravity taken off.
+"""
+
+
+@dataclass(frozen=True, order=True)
+class Span:
+    """A stretch of time [start_s, end_s] of a recording."""
+
+    start_s: float
+    end_s: float
+
+    @property
+    def duration_s(self) -> float:
+        return self.end_s - self.start_s
+
+    def mask(self, time_s: np.ndarray) -> np.ndarray:
+        """(n,) bool: which of ``time_s`` lie in the span, ends included."""
+        return (time_s >= self.start_s) & (time_s <= self.end_s)
+
+
+def mask_of(spans: Iterable[Span], time_s: np.ndarray) -> np.ndarray:
+    """(n,) bool: which of ``time_s`` lie in any of ``spans``."""
+    inside = np.zeros(len(time_s), dtype=bool)
+    for span in spans:
+        inside |= span.mask(time_s)
+    return inside
+
+
+def merge_spans(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """Sorted union; touching spans become one, empty ones vanish."""
+    merged: list[Span] = []
+    for span in sorted(s for s in spans if s.end_s > s.start_s):
+        if merged and span.start_s <= merged[-1].end_s:
+            merged[-1] = Span(merged[-1].start_s, max(merged[-1].end_s, span.end_s))
+        else:
+            merged.append(span)
+    return tuple(merged)
+
+
+def intersect_spans(a: Iterable[Span], b: Iterable[Span]) -> tuple[Span, ...]:
+    """Where both hold."""
+    return merge_spans(Span(max(x.start_s, y.start_s), min(x.end_s, y.end_s))
+                       for x in a for y in b if min(x.end_s, y.end_s) > max(x.start_s, y.start_s))
+
+
+def subtract_spans(a: Iterable[Span], b: Iterable[Span]) -> tuple[Span, ...]:
+    """Where ``a`` holds and ``b`` does not."""
+    left = list(merge_spans(a))
+    for cut in merge_spans(b):
+        left = [piece for s in left for piece in
+                (Span(s.start_s, min(s.end_s, cut.start_s)), Span(max(s.start_s, cut.end_s), s.end_s))
+                if piece.end_s > piece.start_s]
+    return tuple(left)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with the data (or, for ``interpolated``, worth knowing).
+
+    ``size`` is in ``unit``; ``minimum_detectable`` is the smallest size this check finds on this stream, in the
+    same unit; both are nan where a size makes no sense. ``evidence`` is one sentence a person can check.
+    """
+
+    kind: str
+    stream: str
+    columns: tuple[str, ...]
+    start_s: float
+    end_s: float
+    size: float
+    unit: str
+    evidence: str
+    minimum_detectable: float = float("nan")
+
+    @property
+    def span(self) -> Span:
+        return Span(self.start_s, self.end_s)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples of one message of the vehicle or of the motion capture, on their own clock.
+
+    time_s (n,) s, non-decreasing unless a fault says otherwise; values (n, k) SI; columns (k) the source's own
+    names; quantities (k) their names in STREAM_QUANTITIES; unit (k) SI units; rate_hz the true rate of the
+    sensor; samples how many values it really sent (rows made by interpolation are not counted), None when
+    unknown; valid the spans in which nothing is known against it (None: everywhere).
+    """
+
+    time_s: np.ndarray
+    values: np.ndarray
+    columns: tuple[str, ...]
+    quantities: tuple[str, ...]
+    unit: tuple[str, ...]
+    frame: str = "-"
+    rate_hz: float = float("nan")
+    samples: int | None = None
+    valid: tuple[Span, ...] | None = None
+
+    def __post_init__(self) -> None:
+        n, k = len(self.time_s), len(self.columns)
+        if self.values.shape != (n, k) or len(self.quantities) != k or len(self.unit) != k:
+            raise ValueError(f"stream of {n} rows and {k} columns got values {self.values.shape}, "
+                             f"{len(self.quantities)} quantities and {len(self.unit)} units")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.quantities or name in self.columns
+
+    def index(self, name: str) -> int:
+        """Column number of a quantity or of a source column; KeyError names what there is."""
+        if name in self.quantities:
+            return self.quantities.index(name)
+        if name in self.columns:
+            return self.columns.index(name)
+        raise KeyError(f"no {name!r} in this stream; it has {', '.join(self.quantities)}")
+
+    def __getitem__(self, names: str | Sequence[str]) -> np.ndarray:
+        """``stream["px"]`` -> (n,); ``stream["px", "py", "pz"]`` -> (n, 3). Quantities or source columns."""
+        if isinstance(names, str):
+            return self.values[:, self.index(names)]
+        return self.values[:, [self.index(name) for name in names]]
+
+    @property
+    def span(self) -> Span:
+        if not len(self):
+            return Span(0.0, 0.0)
+        return Span(float(self.time_s[0]), float(self.time_s[-1]))
+
+    def rows(self, keep: np.ndarray) -> Stream:
+        """The rows where ``keep`` (n,) bool (or indices); samples are scaled by the share of rows kept."""
+        time_s = self.time_s[keep]
+        samples = None if self.samples is None or not len(self) else round(self.samples * len(time_s) / len(self))
+        return replace(self, time_s=time_s, values=self.values[keep], samples=samples)
+
+    def during(self, spans: Span | Iterable[Span]) -> Stream:
+        """The rows inside ``spans``."""
+        return self.rows(mask_of([spans] if isinstance(spans, Span) else spans, self.time_s))
+
+    def interpolate(self, names: str | Sequence[str], at_s: np.ndarray) -> np.ndarray:
+        """Linear interpolation onto ``at_s`` (m,), ends held: (m,) for one name, (m, len(names)) for several.
+
+        Not for quaternions (``so3.interpolate``) and not for angles that wrap.
+        """
+        if isinstance(names, str):
+            return np.interp(at_s, self.time_s, self[names])
+        return np.stack([np.interp(at_s, self.time_s, self[name]) for name in names], axis=1)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences."""
+
+    path: str
+    sha256: str
+    source: str
+    synthetic: bool = False
+    findings: tuple[Fault, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One recording. ``name`` only labels rows: nothing is decided from it.
+
+    metadata holds what the recording's own sheet says, as found, plus the keys ``family`` (trajectory type),
+    ``speed`` (``slow`` | ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
+    """
+
+    name: str
+    streams: Mapping[str, Stream]
+    metadata: Mapping[str, Any]
+    provenance: Provenance
+    epoch_s: float = 0.0
+
+    def __contains__(self, stream: str) -> bool:
+        return stream in self.streams
+
+    def __getitem__(self, stream: str) -> Stream:
+        """The stream, or an InputError that names the flight and what it has."""
+        try:
+            return self.streams[stream]
+        except KeyError:
+            raise InputError(self.provenance.path, f"has no {stream} stream",
+                             f"it has {', '.join(self.streams) or 'none'}") from None
+
+    @property
+    def span(self) -> Span:
+        """From the first to the last stamp of any stream."""
+        spans = [s.span for s in self.streams.values() if len(s)]
+        return Span(min(s.start_s for s in spans), max(s.end_s for s in spans)) if spans else Span(0.0, 0.0)
+
+    def with_streams(self, **streams: Stream) -> Flight:
+        """A copy with some streams replaced or added."""
+        return replace(self, streams={**self.streams, **streams})
+
+    def without_streams(self, *names: str) -> Flight:
+        return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
+
+    def during(self, spans: Span | Iterable[Span]) -> Flight:
+        """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""
+        spans = [spans] if isinstance(spans, Span) else list(spans)
+        return replace(self, streams={k: v.during(spans) for k, v in self.streams.items()})
+
+
+def make_stream(name: str, time_s, values, quantities: Sequence[str], columns: Sequence[str] | None = None,
+                **kwargs: Any) -> Stream:
+    """A Stream of the vocabulary: units and frame come from STREAM_QUANTITIES[name]; ``columns`` default to them.
+
+    time_s (n,), values (n, k) already in SI. Raises KeyError for a quantity the stream does not have.
+    """
+    known = STREAM_QUANTITIES[name]
+    frame = next(iter(known.values()))[1]
+    return Stream(np.asarray(time_s, float), np.asarray(values, float), tuple(columns or quantities), tuple(quantities),
+                  tuple(known[q][0] for q in quantities), frame=frame, **kwargs)

@@ -1,0 +1,1 @@
+"""Items, runner, store, manifest and progress: how methods are run over flights."""

@@ -1,0 +1,118 @@
+"""What a method has to be: small classes behind three Protocols, and the arrays that go in and come out.
+
+An estimator answers "where was it", a predictor "what will it do", a controller "what to command". Anything
+with these attributes works, from inside the package or from outside (``--method module:Class``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from .flight import Flight
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """time_s (n,) s from the first row of the recording, rising; position_m (n, 3) world; quaternion (n, 4) x, y,
+    z, w body to world; velocity_m_s (n, 3) world or None."""
+
+    time_s: np.ndarray
+    position_m: np.ndarray
+    quaternion: np.ndarray
+    velocity_m_s: np.ndarray | None = None
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """``causal``: the value at t uses nothing later than t. ``flight.streams["mocap"]`` holds only the poses given."""
+
+    name: str
+    causal: bool
+
+    def estimate(self, flight: Flight) -> Estimate: ...
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A batch of n prediction windows of H rows, all at ``rate_hz``; row 0 is the start, row j is j steps later.
+
+    position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
+    motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1.
+    """
+
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    rate_rad_s: np.ndarray
+    motor: np.ndarray
+    battery_V: np.ndarray
+    rate_hz: float = 100.0
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    @property
+    def horizon(self) -> int:
+        return self.motor.shape[1]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """States 1..H steps after the start: position_m, velocity_m_s, rate_rad_s (n, H, 3), quaternion (n, H, 4)."""
+
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    rate_rad_s: np.ndarray
+
+
+@runtime_checkable
+class Predictor(Protocol):
+    """``information`` is ``state`` (start state and inputs only) or ``past`` (also everything before the start)."""
+
+    name: str
+    information: str
+
+    def predict(self, windows: Windows) -> Prediction: ...
+
+
+@dataclass(frozen=True)
+class VehicleState:
+    """States of n vehicles at one time: position_m, velocity_m_s (n, 3) world, quaternion (n, 4), rate_rad_s (n, 3)
+    body, battery_V (n,)."""
+
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    rate_rad_s: np.ndarray
+    battery_V: np.ndarray
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What n vehicles are asked to do now: position_m (n, 3) world, yaw_rad (n,); velocity_m_s and
+    acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints only)."""
+
+    position_m: np.ndarray
+    yaw_rad: np.ndarray
+    velocity_m_s: np.ndarray
+    acceleration_m_s2: np.ndarray
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """``information`` is ``as flown``, ``preview`` or ``lead``. ``command`` returns motor PWM ratios (n, 4), 0..1.
+
+    ``reset(n)`` is called before a run of n vehicles, ``command`` at every ``period_s``.
+    """
+
+    name: str
+    information: str
+    period_s: float
+
+    def reset(self, n: int) -> None: ...
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray: ...

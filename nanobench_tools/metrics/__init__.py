@@ -1,0 +1,1 @@
+"""Metrics, one file per family; each equation stands here once."""

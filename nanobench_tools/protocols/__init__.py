@@ -1,0 +1,1 @@
+"""What each task gives to a method and how it scores it."""

@@ -1,0 +1,65 @@
+"""Finds methods, sources and faults by entry point, so that a new one is one new file and one line.
+
+Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources``, ``.terms``, ``.faults``.
+``module:Class`` loads anything importable without registration.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import os
+import sys
+import warnings
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from .errors import UsageError
+
+GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults")
+
+
+@functools.cache
+def _entries(group: str) -> dict[str, EntryPoint]:
+    if group not in GROUPS:
+        raise KeyError(f"no registry group {group!r}; there are {', '.join(GROUPS)}")
+    return {e.name: e for e in sorted(entry_points(group=f"nanobench.{group}"), key=lambda e: e.name)}
+
+
+def names(group: str) -> list[str]:
+    """Registered names of a group, sorted."""
+    return list(_entries(group))
+
+
+def load(group: str, name: str) -> Any:
+    """The object registered as ``name``, or ``module:Class`` from the import path or the working directory."""
+    entries = _entries(group)
+    if name in entries:
+        return entries[name].load()
+    if ":" not in name:
+        known = ", ".join(entries) or "none"
+        raise UsageError(f"unknown name {name!r} among {group}; known: {known}; or give module:Class")
+    module, _, attribute = name.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        found = functools.reduce(getattr, attribute.split("."), importlib.import_module(module))
+    except ImportError as error:
+        raise UsageError(f"{name}: {error}; run from the folder of the module or install it") from error
+    except AttributeError as error:
+        raise UsageError(f"{name}: {error}") from error
+    except Exception as error:  # the module is the user's and may fail in any way while it is imported
+        raise UsageError(f"{name}: importing it raised {type(error).__name__}: {error}") from error
+    return found
+
+
+def load_all(group: str) -> dict[str, Any]:
+    """Everything registered; a plug-in that cannot be loaded is left out with a warning that names it."""
+    found = {}
+    for name, entry in _entries(group).items():
+        try:
+            found[name] = entry.load()
+        except Exception as error:
+            warnings.warn(f"{group} plug-in {name!r} ({entry.value}) left out: {type(error).__name__}: {error}",
+                          stacklevel=2)
+    return found

@@ -1,0 +1,1 @@
+"""One self-contained page, CSV and LaTeX from the JSON results."""

@@ -1,0 +1,127 @@
+"""Rotations: quaternions x, y, z, w, body to world (see ``frames``); batched over leading rows.
+
+Exponential and logarithm come from SciPy; here is what it lacks or does per object. Source of the right
+Jacobian: Sola, "A micro Lie theory for state estimation in robotics" (2018), eq. 143.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+def matrix(quaternion: np.ndarray) -> np.ndarray:
+    """(..., 4) unit quaternions -> (..., 3, 3) rotation matrices body to world."""
+    return Rotation.from_quat(quaternion).as_matrix()
+
+
+def exp(rotation_vector: np.ndarray) -> np.ndarray:
+    """(..., 3) rotation vectors [rad] -> (..., 4) quaternions."""
+    return Rotation.from_rotvec(rotation_vector).as_quat()
+
+
+def log(quaternion: np.ndarray) -> np.ndarray:
+    """(..., 4) quaternions -> (..., 3) rotation vectors [rad], length at most pi."""
+    return Rotation.from_quat(quaternion).as_rotvec()
+
+
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product of quaternions, (..., 4) with broadcasting: R(multiply(a, b)) = R(a) R(b)."""
+    ax, ay, az, aw = np.moveaxis(np.asarray(a, float), -1, 0)
+    bx, by, bz, bw = np.moveaxis(np.asarray(b, float), -1, 0)
+    return np.stack([
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz], axis=-1)
+
+
+def conjugate(quaternion: np.ndarray) -> np.ndarray:
+    """Inverse of unit quaternions, (..., 4)."""
+    return np.asarray(quaternion, float) * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Body vectors (..., 3) into the world by quaternions (..., 4), with broadcasting."""
+    q, v = np.asarray(quaternion, float), np.asarray(vector, float)
+    t = 2.0 * np.cross(q[..., :3], v)
+    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+
+
+def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """World vectors (..., 3) into the body by quaternions (..., 4), with broadcasting."""
+    return rotate(conjugate(quaternion), vector)
+
+
+def geodesic_angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle of the rotation between (..., 4) quaternions [rad, 0..pi]; q and -q are the same rotation.
+
+    Uses atan2 of vector and scalar part, exact to rounding also for tiny angles, where arccos is not.
+    """
+    d = multiply(conjugate(a), b)
+    return 2.0 * np.arctan2(np.linalg.norm(d[..., :3], axis=-1), np.abs(d[..., 3]))
+
+
+def make_continuous(quaternion: np.ndarray) -> np.ndarray:
+    """(n, 4) -> the same rotations with signs chosen so that neighbours have a positive dot product."""
+    q = np.array(quaternion, dtype=float)
+    if len(q) > 1:
+        flips = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+        q[1:] *= np.cumprod(flips)[:, None]
+    return q
+
+
+def euler_zyx(quaternion: np.ndarray) -> np.ndarray:
+    """(..., 4) quaternions -> (..., 3) roll, pitch, yaw [rad]; atan2/arcsin form, no error at pitch 90 deg."""
+    x, y, z, w = np.moveaxis(np.asarray(quaternion, float), -1, 0)
+    norm = x * x + y * y + z * z + w * w
+    roll = np.arctan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x) / norm, -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def from_euler_zyx(roll, pitch, yaw) -> np.ndarray:
+    """Roll, pitch, yaw [rad], each (...) -> (..., 4) quaternions."""
+    cr, sr = np.cos(np.asarray(roll) / 2), np.sin(np.asarray(roll) / 2)
+    cp, sp = np.cos(np.asarray(pitch) / 2), np.sin(np.asarray(pitch) / 2)
+    cy, sy = np.cos(np.asarray(yaw) / 2), np.sin(np.asarray(yaw) / 2)
+    return np.stack([sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+                     cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy], axis=-1)
+
+
+def hat(vector: np.ndarray) -> np.ndarray:
+    """(..., 3) -> (..., 3, 3) skew matrices: hat(a) b = a x b."""
+    x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
+
+
+def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
+    """(..., 3) -> (..., 3, 3): Exp(v + dv) ~ Exp(v) Exp(J_r(v) dv) (Sola 2018, eq. 143)."""
+    v = np.asarray(rotation_vector, float)
+    angle2 = np.sum(v * v, axis=-1)[..., None, None]
+    angle = np.sqrt(angle2)
+    small = angle < 1e-4  # (1 - cos)/a^2 loses digits below; the series is exact to 1e-17 there
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    b = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    k = hat(v)
+    return np.eye(3) - a * k + b * (k @ k)
+
+
+def wrap_angle(angle):
+    """Angles [rad] into [-pi, pi)."""
+    return (np.asarray(angle, float) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def interpolate(time_s: np.ndarray, quaternion: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Rotations at ``at_s`` (m,) by great-circle interpolation of (n, 4) at rising ``time_s`` (n,); ends are held."""
+    t = np.asarray(time_s, float)
+    q = make_continuous(quaternion)
+    at = np.clip(np.asarray(at_s, float), t[0], t[-1])
+    if len(t) == 1:
+        return np.broadcast_to(q, (len(at), 4)).copy()
+    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+    s = (at - t[i]) / (t[i + 1] - t[i])
+    return multiply(q[i], exp(s[:, None] * log(multiply(conjugate(q[i]), q[i + 1]))))

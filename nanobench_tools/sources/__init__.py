@@ -1,0 +1,1 @@
+"""Readers, one file per format; ``discover`` finds recordings by their content."""
