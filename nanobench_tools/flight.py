@@ -14,24 +14,27 @@ import numpy as np
 
 from .errors import InputError
 
+def _each(names: str, unit: str, frame: str) -> dict[str, tuple[str, str]]:
+    return dict.fromkeys(names.split(), (unit, frame))
+
+
 STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
-    "mocap": {**dict.fromkeys(("px", "py", "pz"), ("m", "world")), **dict.fromkeys(("qx", "qy", "qz", "qw"), ("1", "world")),
-              **dict.fromkeys(("roll", "pitch", "yaw"), ("rad", "world")),
-              **dict.fromkeys(("vx", "vy", "vz"), ("m/s", "world")), **dict.fromkeys(("wx", "wy", "wz"), ("rad/s", "body"))},
-    "imu": {**dict.fromkeys(("acc_x", "acc_y", "acc_z"), ("m/s^2", "body")),
-            **dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), ("rad/s", "body"))},
-    "motor": dict.fromkeys(("m1", "m2", "m3", "m4"), ("1", "motor")),
-    "motor_request": dict.fromkeys(("m1", "m2", "m3", "m4"), ("1", "motor")),
-    "estimator": {**dict.fromkeys(("x", "y", "z"), ("m", "world")), **dict.fromkeys(("vx", "vy", "vz"), ("m/s", "world"))},
-    "estimator_acc": dict.fromkeys(("ax", "ay", "az"), ("m/s^2", "world")),
-    "attitude": dict.fromkeys(("roll", "pitch", "yaw"), ("rad", "world")),
-    "attitude_qw": dict.fromkeys(("qx", "qy", "qz", "qw"), ("1", "world")),
-    "setpoint": {**dict.fromkeys(("x", "y", "z"), ("m", "world")), "yaw": ("rad", "world")},
-    "pid": {**dict.fromkeys(("roll", "pitch", "yaw"), ("rad", "world")), "cmd_thrust": ("1", "body")},
-    "battery": {"vbat": ("V", "-")},
-    "rpm": dict.fromkeys(("m1", "m2", "m3", "m4"), ("rad/s", "motor")),
-    "command": {"thrust": ("1", "body")},
-    "stand": {"thrust": ("N", "body"), "current": ("A", "-")},
+    "mocap": {**_each("px py pz", "m", "world"), **_each("qx qy qz qw", "1", "world"),
+              **_each("roll pitch yaw", "rad", "world"), **_each("vx vy vz", "m/s", "world"),
+              **_each("wx wy wz", "rad/s", "body")},
+    "imu": {**_each("acc_x acc_y acc_z", "m/s^2", "body"), **_each("gyro_x gyro_y gyro_z", "rad/s", "body")},
+    "motor": _each("m1 m2 m3 m4", "1", "motor"),
+    "motor_request": _each("m1 m2 m3 m4", "1", "motor"),
+    "estimator": {**_each("x y z", "m", "world"), **_each("vx vy vz", "m/s", "world")},
+    "estimator_acc": _each("ax ay az", "m/s^2", "world"),
+    "attitude": _each("roll pitch yaw", "rad", "world"),
+    "attitude_qw": _each("qx qy qz qw", "1", "world"),
+    "setpoint": {**_each("x y z", "m", "world"), **_each("yaw", "rad", "world")},
+    "pid": {**_each("roll pitch yaw", "rad", "world"), **_each("cmd_thrust", "1", "body")},
+    "battery": _each("vbat", "V", "-"),
+    "rpm": _each("m1 m2 m3 m4", "rad/s", "motor"),
+    "command": _each("thrust", "1", "body"),
+    "stand": {**_each("thrust", "N", "body"), **_each("current", "A", "-")},
 }
 """The vocabulary: stream -> quantity -> (SI unit, frame). A column of a source is mapped onto one of these.
 

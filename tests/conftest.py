@@ -1,4 +1,7 @@
-"""Fixtures shared by all tests. Real recordings are never in the repository; tests that need them say when they are absent."""
+"""Fixtures shared by all tests.
+
+Real recordings are never in the repository; tests that need them say when they are absent.
+"""
 
 from __future__ import annotations
 

@@ -1,0 +1,45 @@
+# Two commands on a fresh machine: `make run` (the main job) and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= results
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+
+.PHONY: run test lint bench clean help
+
+help:
+	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
+	@echo "make test   install with the test tools, lint, run the tests"
+	@echo "make bench  speed and detection-power benchmarks (slow; prints ratios)"
+	@echo "make clean  remove the virtual environment and results"
+
+# The stamps make an installation happen once per change of what is to be installed.
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "python3 >= 3.11 is needed; found $$($(PYTHON) --version); set PYTHON=python3.11" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing; apt-get install python3-venv" >&2; rm -rf $(VENV); exit 2; }
+
+$(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report]"
+	@touch $@
+
+# evo is the referee of the metrics; its command-line dependencies are not needed for its core.
+$(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,cluster,test]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo
+	@touch $@ $(VENV)/.installed
+
+run: $(VENV)/.installed
+	$(BIN)/nanobench run --out $(OUT) --jobs $(JOBS)
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+
+test: lint
+	$(BIN)/python -m pytest -n $(JOBS)
+
+bench: $(VENV)/.installed-test
+	@for f in benchmarks/*.py; do echo "== $$f"; $(BIN)/python $$f || exit 1; done
+
+clean:
+	rm -rf $(VENV) $(OUT)
