@@ -14,6 +14,7 @@ import numpy as np
 
 from .errors import InputError
 
+
 def _each(names: str, unit: str, frame: str) -> dict[str, tuple[str, str]]:
     return dict.fromkeys(names.split(), (unit, frame))
 
