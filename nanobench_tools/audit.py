@@ -1,0 +1,114 @@
+"""The audit of one recording: what is wrong with it, where it may be used, whose clock is late, what really flew.
+
+``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, one file each) over one shared
+``Context`` and collects the verdict. Nothing here looks at a name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .clock.offset import read_clocks
+from .clock.reading import ClockReading
+from .content.airborne import airborne_spans
+from .content.context import Context
+from .content.controller import controller_of
+from .content.rates import RateReading, rates_of
+from .faults.copy import copies
+from .flight import Fault, Flight, Span, merge_spans, subtract_spans
+from .registry import load_all
+
+CUTTING_KINDS = frozenset({
+    "dead_stream", "frozen_stream", "gap", "backward_time", "unit", "sign", "axis_swap", "spike", "saturated_sensor",
+    "mocap_occlusion", "mocap_jump", "quaternion_order", "estimator_reset", "crash", "checksum", "bad_cell",
+})
+"""Kinds whose span must not be used. The clock kinds are corrected rather than cut; a missing column takes no time
+away (whoever needs it gets an InputError that names it); a copy is dropped as a whole by the protocols; the rest is
+information."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Verdict on one recording; all times in seconds from its first row.
+
+    controller ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``; airborne: first to last crossing of
+    5 cm above the resting height; clean: the recording without the cutting faults of any stream; clock and rates per
+    stream.
+    """
+
+    flight: str
+    path: str
+    sha256: str
+    controller: str
+    airborne: tuple[Span, ...]
+    clean: tuple[Span, ...]
+    faults: tuple[Fault, ...]
+    clock: dict[str, ClockReading]
+    rates: dict[str, RateReading]
+    span: Span
+
+    def clean_for(self, streams: Iterable[str], kinds: Iterable[str] = CUTTING_KINDS) -> tuple[Span, ...]:
+        """Spans of the recording without a fault of ``kinds`` in ``streams``; not intersected with airborne.
+
+        A fault without a stream of its own (``stream`` empty) counts for every stream.
+        """
+        streams, kinds = {*streams, ""}, set(kinds)
+        return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
+
+    def to_json(self) -> dict[str, Any]:
+        """The flight's entry of ``nanobench audit --json``; numbers that do not exist are None."""
+        return {
+            "flight": self.flight, "path": self.path, "sha256": self.sha256, "controller": self.controller,
+            "span": [self.span.start_s, self.span.end_s],
+            "airborne": [[s.start_s, s.end_s] for s in self.airborne],
+            "clean": [[s.start_s, s.end_s] for s in self.clean],
+            "faults": [{"kind": f.kind, "stream": f.stream, "columns": list(f.columns), "start_s": f.start_s,
+                        "end_s": f.end_s, "size": _number(f.size), "unit": f.unit, "evidence": f.evidence,
+                        "minimum_detectable": _number(f.minimum_detectable)} for f in self.faults],
+            "clock": {name: reading.to_json() for name, reading in self.clock.items()},
+            "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
+        }
+
+    @classmethod
+    def from_json(cls, body: Mapping[str, Any]) -> Audit:
+        """The inverse of ``to_json``."""
+        return cls(
+            flight=body["flight"], path=body["path"], sha256=body["sha256"], controller=body["controller"],
+            airborne=tuple(Span(*s) for s in body["airborne"]), clean=tuple(Span(*s) for s in body["clean"]),
+            faults=tuple(Fault(f["kind"], f["stream"], tuple(f["columns"]), f["start_s"], f["end_s"], _nan(f["size"]),
+                               f["unit"], f["evidence"], _nan(f.get("minimum_detectable"))) for f in body["faults"]),
+            clock={name: ClockReading.from_json(r) for name, r in body["clock"].items()},
+            rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
+            span=Span(*body["span"]))
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _nan(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def audit(flight: Flight) -> Audit:
+    """Everything that can be said about one recording from its own content. Pure; about 0.2 s for 42 s of flight."""
+    context = Context(flight)
+    clock = read_clocks(context)
+    faults: list[Fault] = []
+    for module in load_all("faults").values():
+        faults.extend(module.find(flight, context))
+    faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
+    cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
+    return Audit(
+        flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
+        controller=controller_of(context), airborne=airborne_spans(context),
+        clean=subtract_spans([flight.span], cuts), faults=tuple(faults), clock=clock, rates=rates_of(context),
+        span=flight.span)
+
+
+def find_copies(flights: Sequence[Flight]) -> list[list[str]]:
+    """Groups of two or more flights with the same numbers, by name, in the order given (see ``faults.copy``)."""
+    return [[flights[i].name for i in group] for group in copies(flights)]

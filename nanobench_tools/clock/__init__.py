@@ -1,0 +1,1 @@
+"""Whose clock is late against the motion capture, by how much, and how sure that is."""

@@ -1,0 +1,1 @@
+"""What a recording's own numbers say, whatever its name or its sheet claim."""
