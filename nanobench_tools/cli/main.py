@@ -1,0 +1,124 @@
+"""``nanobench VERB``: one file per verb, loaded when it is called; every error is one line.
+
+Exit codes: 0 done; 1 done, but items failed (listed); 2 bad usage or input; 130 interrupted, resumable.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import os
+import sys
+import traceback
+import warnings
+
+import click
+
+from ..errors import NanobenchError
+from ..version import __version__
+
+VERBS: dict[str, tuple[str, str]] = {
+    "run": ("The main job: audit, the three tasks and the report.", "nanobench run --out results"),
+    "audit": ("Find the faults of recordings and the spans that are clean.",
+              "nanobench audit --data FLIGHTS --json audit.json"),
+    "estimate": ("Task 3: where was it? Scores of state estimators.", "nanobench estimate --protocol as-published"),
+    "sysid": ("Task 1: what will it do? Scores of predictive models.", "nanobench sysid --json sysid.json"),
+    "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
+    "simulate": ("Write practice flights through the whole logging chain.",
+                 "nanobench simulate --flights 20 --out practice"),
+    "convert": ("Recordings into another format.", "nanobench convert --data LOGS --to parquet --out DIR"),
+    "report": ("One HTML page from the result files of a folder.", "nanobench report --out results"),
+}
+"""Verb -> one line of help, an example. Help is printed from here, so that no verb is loaded for it."""
+
+DONE, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
+
+
+class Verbs(click.Group):
+    """A group that knows the names of its commands and loads one when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in VERBS:
+            return None
+        command = getattr(importlib.import_module(f"nanobench_tools.cli.{cmd_name}"), cmd_name)
+        command.epilog = command.epilog or f"Example: {VERBS[cmd_name][1]}"
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]):
+        if args[0] not in VERBS:
+            near = difflib.get_close_matches(args[0], VERBS, n=1, cutoff=0.4)
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(VERBS)}"
+            raise click.UsageError(f"no verb {args[0]!r}; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl([(name, text) for name, (text, _) in VERBS.items()])
+        with formatter.section("Examples"), formatter.indentation():
+            for _, example in VERBS.values():
+                formatter.write_text(example)
+
+
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+             no_args_is_help=False, invoke_without_command=True)
+@click.version_option(__version__, "--version", prog_name="nanobench")
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Recordings of a small quadrotor in, honest scores out.
+
+    Where was it really, how would another controller fly it, what physics does it obey: from recordings, with the
+    faults of the data found and left out. "nanobench VERB --help" tells more.
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line ``argv`` (default: of this process) and returns the exit code."""
+    warnings.showwarning = _warn
+    try:
+        code = cli.main(args=argv, prog_name="nanobench", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else DONE
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except click.UsageError as error:
+        return _complain(_usage_line(error), BAD)
+    except click.ClickException as error:
+        return _complain(f"nanobench: {error.format_message()}", BAD)
+    except NanobenchError as error:
+        return _complain(f"nanobench: {error}", BAD)
+    except (KeyboardInterrupt, click.Abort):
+        return _complain("nanobench: interrupted; run the same command again to resume", INTERRUPTED)
+    except BrokenPipeError:
+        # The reader (head, less) has what it wanted; Python must not complain again when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except Exception as error:  # a bug of ours; the user still gets one line
+        if os.environ.get("NANOBENCH_DEBUG"):
+            traceback.print_exc()
+            return BAD
+        text = f"nanobench: {type(error).__name__}: {error}; this is a bug; NANOBENCH_DEBUG=1 shows where"
+        return _complain(text, BAD)
+
+
+def _usage_line(error: click.UsageError) -> str:
+    place = error.ctx.command_path if error.ctx else "nanobench"
+    return f"{place}: {error.format_message().rstrip('.')}; see {place} --help"
+
+
+def _complain(text: str, code: int) -> int:
+    print(" ".join(text.split()), file=sys.stderr)
+    return code
+
+
+def _warn(message, category, filename, lineno, file=None, line=None) -> None:
+    """Warnings as one line, without source."""
+    print(" ".join(f"nanobench: warning: {message}".split()), file=file or sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,193 @@
+"""Options that verbs share, what they mean, and the steps around every verb: load, run, write, say, exit code."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from ..flight import Flight
+    from ..harness import Item, Progress, RunResult
+
+PATH = click.Path(path_type=Path)
+
+
+@dataclass
+class Options:
+    """What the shared options say. ``failed`` gathers the failures of reading and of items: [{item, file, error}]."""
+
+    data: tuple[Path, ...] = ()
+    out: Path | None = None
+    json: Path | None = None
+    jobs: int = 1
+    scheduler: str | None = None
+    seed: int = 0
+    columns: Path | None = None
+    quiet: bool = False
+    failed: list[dict[str, str]] = field(default_factory=list)
+    flights: list[Flight] = field(default_factory=list)
+    started: float = field(default_factory=time.time)
+
+    @property
+    def progress(self) -> Progress:
+        from ..harness import Progress
+
+        return Progress(quiet=self.quiet)
+
+    @property
+    def store(self) -> Path | None:
+        """Where finished items are kept for resuming: below ``--out``; without it nothing is kept."""
+        return self.out / ".store" if self.out else None
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any flight that was read is simulated."""
+        return any(flight.provenance.synthetic for flight in self.flights)
+
+    def places(self) -> list[Path]:
+        """``--data``, else the default places; UsageError when there is nothing to read, InputError for a bad path."""
+        from ..sources.discover import default_data
+
+        for path in self.data:
+            if not path.exists():
+                raise InputError(f"--data {path}", "does not exist")
+        places = list(self.data) or default_data()
+        if not places:
+            raise UsageError("no recordings in $NANOBENCH_DATA, ./data or ../shared/data/nanobench; give --data DIR, "
+                             "or make practice flights with: nanobench simulate --out DIR")
+        return list(places)
+
+    def load(self, data: Sequence[Path] | None = None) -> list[Flight]:
+        """Reads ``--data`` (or ``data``), says what was read and from where, and keeps the failures.
+
+        Raises InputError naming the first file when nothing at all could be read.
+        """
+        from ..sources.discover import load_recordings
+
+        places = list(data) if data else self.places()
+        before = time.perf_counter()
+        loaded = load_recordings(places, columns=self.columns, jobs=self.jobs)
+        failed = [{"item": "read", "file": str(f["path"]), "error": f["error"]} for f in loaded.failed]
+        where = ", ".join(map(str, places))
+        if not loaded.flights:
+            if failed:
+                more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
+                raise InputError(failed[0]["file"], f"no recording could be read: {failed[0]['error']}{more}")
+            raise InputError(where, "no recording found")
+        self.flights += loaded.flights
+        self.failed += failed
+        elapsed = time.perf_counter() - before
+        self.say(f"{_kinds(loaded.flights)} from {where} in {elapsed:.1f} s"
+                 + (f", {len(failed)} files failed" if failed else ""))
+        return loaded.flights
+
+    def run(self, items: Sequence[Item], title: str) -> RunResult:
+        """Runs items as the options say; failures are kept for the result file and the exit code."""
+        from ..harness import run_items
+
+        result = run_items(items, self.store, self.jobs, self.scheduler, self.progress, title)
+        self.failed += result.failed
+        return result
+
+    def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
+        from ..harness import manifest
+
+        return manifest(self.flights if inputs is None else inputs, self.seed, started=self.started)
+
+    def envelope(self, schema: str, body: Mapping[str, Any]) -> dict[str, Any]:
+        """The whole content of a result file of this run."""
+        from ..harness import envelope
+
+        return envelope(schema, body, self.synthetic, self.manifest(), self.failed)
+
+    def finish(self, schema: str, body: Mapping[str, Any]) -> int:
+        """Writes ``--json`` and ``--out``/SCHEMA.json, lists what failed, gives the exit code.
+
+        ``--json -`` prints the result on stdout; tables are then not shown.
+        """
+        from ..harness import write_json
+        from ..harness.results import to_text
+
+        content = self.envelope(schema, body)
+        if self.json is not None and str(self.json) == "-":
+            click.echo(to_text(content), nl=False)
+        elif self.json is not None:
+            write_json(self.json, content)
+        if self.out is not None:
+            write_json(self.out / f"{schema}.json", content)
+        return self.exit_code()
+
+    def exit_code(self) -> int:
+        """0, or 1 after listing on stderr what failed."""
+        for failure in self.failed:
+            print(f"failed: {failure['item']}: {failure['error']}", file=sys.stderr)
+        return 1 if self.failed else 0
+
+    def say(self, text: str) -> None:
+        """A line on stderr for a person, unless ``--quiet``."""
+        if not self.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+    def show(self, table: Any) -> None:
+        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``."""
+        if self.quiet or str(self.json) == "-":
+            return
+        from rich.console import Console
+
+        Console(width=None if sys.stdout.isatty() else 140, highlight=False).print(table)
+
+
+def _kinds(flights: Sequence[Flight]) -> str:
+    synthetic = sum(flight.provenance.synthetic for flight in flights)
+    counts = [(len(flights) - synthetic, "REAL"), (synthetic, "SYNTHETIC")]
+    return " and ".join(f"{n} {kind} recording{'s' * (n > 1)}" for n, kind in counts if n)
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+OPTIONS: dict[str, Callable] = {
+    "data": click.option("--data", multiple=True, type=PATH, metavar="PATH",
+                         help="Folder (read recursively) or file; may repeat. Default: $NANOBENCH_DATA, ./data, "
+                              "../shared/data/nanobench."),
+    "out": click.option("--out", type=PATH, metavar="DIR",
+                        help="Folder for results; a killed run that is started again goes on from what is there."),
+    "json": click.option("--json", type=click.Path(path_type=Path, allow_dash=True), metavar="FILE",
+                         help="Write the result as JSON; - prints it."),
+    "jobs": click.option("--jobs", type=click.IntRange(min=1), default=cores, show_default="all cores", metavar="N",
+                         help="Processes; the result is the same for any number."),
+    "scheduler": click.option("--scheduler", metavar="tcp://HOST:PORT",
+                              help="Dask scheduler of a cluster instead of --jobs."),
+    "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
+                         help="Seed of everything random."),
+    "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
+    "quiet": click.option("--quiet", is_flag=True, help="Nothing but errors."),
+}
+
+
+def shared_options(*leave_out: str) -> Callable[[Callable], Callable]:
+    """Gives a verb the shared options (all but ``leave_out``) as one argument ``options: Options``."""
+
+    def decorate(function: Callable) -> Callable:
+        @functools.wraps(function)
+        def with_options(**kwargs: Any) -> Any:
+            shared = {name: kwargs.pop(name) for name in OPTIONS if name in kwargs}
+            return function(Options(**shared), **kwargs)
+
+        for name in reversed([name for name in OPTIONS if name not in leave_out]):
+            with_options = OPTIONS[name](with_options)
+        return with_options
+
+    return decorate

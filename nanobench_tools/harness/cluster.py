@@ -1,0 +1,53 @@
+"""Items on a cluster: a Dask scheduler hands them to workers anywhere; values come back and are stored here.
+
+Workers need the same packages and see the input files under the same paths.
+"""
+
+from __future__ import annotations
+
+import logging
+
+from ..errors import MissingExtraError, UsageError
+from .runner import Item, Outcome, Results, execute
+from .store import Store
+
+CONNECT_S = 5.0
+"""How long an address may stay silent before it is called wrong."""
+
+
+def run_on_cluster(pending: list[Item], store: Store | None, address: str) -> Results:
+    """Yields (item, outcome) as they come. An item whose worker is lost is given to another by the scheduler."""
+    try:
+        from distributed import as_completed
+    except ImportError as error:
+        raise MissingExtraError("distributed", "cluster") from error
+    client = _connect(address)
+    try:
+        futures = {client.submit(execute, item, None, key=f"nanobench-{item.key}", pure=False): item
+                   for item in pending}
+        for future in as_completed(futures):
+            item = futures[future]
+            try:
+                outcome: Outcome = future.result()
+            except Exception as error:  # lost with its workers, or not to be sent
+                outcome = Outcome(error=" ".join(f"{type(error).__name__}: {error}".split()))
+            if store is not None and outcome.value is not None:
+                store.put(item.key, outcome.value, item.label)
+            future.release()
+            yield item, outcome
+    finally:
+        client.close(timeout=CONNECT_S)
+
+
+def _connect(address: str):
+    """A client of the scheduler at ``address``; UsageError on one line within ``CONNECT_S`` when nobody answers."""
+    from distributed import Client
+
+    for name in ("distributed", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+    except Exception as error:  # distributed raises OSError, TimeoutError, ValueError or its own
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from error
+    return client

@@ -1,0 +1,54 @@
+"""Items on the cores of this machine: fresh processes from joblib's loky, one numerical thread each."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import Future, as_completed
+
+from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky.process_executor import BrokenProcessPool
+
+from .runner import Item, Outcome, Results, execute
+from .store import Store
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+"""Processes already fill the cores; and sums then have one order, whatever the number of processes."""
+
+
+def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
+    """Yields (item, outcome) as they come. The worker stores a value before this process hears of it.
+
+    When a worker dies (killed, crashed, out of memory) the pool is lost with it. What was not finished is then done
+    one item at a time, so that the one that kills its worker is known and fails alone.
+    """
+    left = {item.key: item for item in pending}
+    for item, outcome in _round(pending, store, jobs):
+        left.pop(item.key)
+        yield item, outcome
+    for item in left.values():
+        alone = list(_round([item], store, 1))
+        yield alone[0] if alone else (item, Outcome(error="the worker process died (killed, crashed or out of memory)"))
+
+
+def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
+    """As many results as there are before the pool breaks."""
+    pool = ProcessPoolExecutor(max_workers=jobs, initializer=_ignore_interrupt, env=ONE_THREAD)
+    finished = False
+    try:
+        futures: dict[Future, Item] = {pool.submit(execute, item, store): item for item in items}
+        for future in as_completed(futures):
+            try:
+                outcome = future.result()
+            except BrokenProcessPool:
+                continue
+            except Exception as error:  # the arguments cannot be sent to another process
+                outcome = Outcome(error=" ".join(f"{type(error).__name__}: {error}".split()))
+            yield futures[future], outcome
+        finished = True
+    finally:
+        pool.shutdown(wait=True, kill_workers=not finished)
+
+
+def _ignore_interrupt() -> None:
+    """Ctrl-C reaches the whole group of processes; only the first one answers, and ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,113 @@
+"""Result files: one envelope, plain JSON numbers, written whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..version import __version__
+
+
+def envelope(schema: str, body: Mapping[str, Any], synthetic: bool, manifest: Mapping[str, Any],
+             failed: list[dict[str, str]]) -> dict[str, Any]:
+    """What every result file holds: ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
+    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``."""
+    name = schema if "/" in schema else f"nanobench-{schema}/1"
+    return {"schema": name, "version": __version__, "synthetic": bool(synthetic), "manifest": dict(manifest),
+            "failed": list(failed), **body}
+
+
+def plain(value: Any, nan: Any = None) -> Any:
+    """``value`` as JSON types: numpy to lists and numbers, dataclasses to objects, paths to text, keys to text.
+
+    A float that is not finite becomes ``nan`` (default ``None``, JSON's null); with ``nan=float`` it is kept.
+    Raises TypeError for anything else, with its type.
+    """
+    if value is None or isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, (float, np.floating)):
+        return float(value) if nan is float or math.isfinite(value) else nan
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist(), nan)
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, nan) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, nan) for item in value]
+    if isinstance(value, (set, frozenset)):
+        return [plain(item, nan) for item in sorted(value)]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name), nan) for field in dataclasses.fields(value)}
+    raise TypeError(f"a {type(value).__module__}.{type(value).__qualname__} has no place in a JSON file")
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Writes ``path`` whole or not at all: a temporary file beside it, flushed to the disk, then renamed.
+
+    The temporary name holds the process id, so that ``sweep`` can tell one that nobody finishes any more.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be written ({error.strerror or error})") from error
+
+
+def to_text(value: Mapping[str, Any]) -> str:
+    """``value`` as indented JSON; nan and inf become null."""
+    return json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Writes ``value`` as UTF-8 JSON, whole or not at all; nan and inf become null."""
+    write_bytes(Path(path), to_text(value).encode())
+
+
+def read_json(path: Path, schema: str | None = None) -> dict[str, Any]:
+    """Reads a result file; InputError with file and line when it is unreadable, broken, or of another schema."""
+    try:
+        value = json.loads(Path(path).read_bytes())
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start}", "is not UTF-8 text") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}", f"is not JSON ({error.msg})") from error
+    if not isinstance(value, dict):
+        raise InputError(str(path), "holds no JSON object", "a result file of nanobench is one")
+    if schema is not None:
+        wanted = schema if "/" in schema else f"nanobench-{schema}/1"
+        if value.get("schema") != wanted:
+            raise InputError(str(path), f"schema is {value.get('schema')!r}", f"{wanted!r} is needed here")
+    return value
+
+
+def sweep(folder: Path) -> None:
+    """Removes temporary files in ``folder`` whose writer is gone (killed in the middle of a write)."""
+    for part in Path(folder).glob(".*.part"):
+        pid = part.name.split(".")[-2]
+        try:
+            os.kill(int(pid), 0)
+        except (ProcessLookupError, ValueError, OverflowError):
+            part.unlink(missing_ok=True)
+        except PermissionError:
+            continue

@@ -1,0 +1,143 @@
+"""Runs items (method x flight): in process, on the cores of this machine, or on a cluster; the same result each time.
+
+A finished item is in the store before the next is counted, so a killed run goes on where it was. One failing item
+is reported and does not stop the others.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import NanobenchError
+from ..flight import Flight
+from .identity import item_key
+from .progress import Progress
+from .store import Store, encode
+
+
+@dataclass(frozen=True)
+class Item:
+    """One piece of work: a module-level ``function`` that turns ``kwargs`` into a JSON-able dict.
+
+    key: ``item_key``; label: what a person calls it; file: the input it is about (found in ``kwargs`` if empty).
+    """
+
+    key: str
+    function: Callable[..., dict]
+    kwargs: Mapping[str, Any]
+    label: str
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """values: key -> result, in the order of the items, failed ones left out; failed: [{item, file, error}] in the
+    same order; executed: how many were not answered from the store."""
+
+    values: dict[str, dict]
+    failed: list[dict[str, str]]
+    executed: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one item: a value, or one line of error."""
+
+    value: dict | None = None
+    error: str | None = None
+
+
+Results = Iterator[tuple[Item, Outcome]]
+
+
+def make_item(function: Callable[..., dict], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
+              file: str = "") -> Item:
+    """An Item with its key. ``inputs``: content hashes of the files that ``kwargs`` only names."""
+    return Item(item_key(function, kwargs, inputs), function, kwargs, label, file)
+
+
+def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
+              progress: Progress | None = None, title: str = "items") -> RunResult:
+    """Runs ``items`` and gives values and failures in the order of the items, whatever ran first.
+
+    jobs: processes on this machine, 1 is this process. scheduler: address of a Dask scheduler (tcp://host:port),
+    then ``jobs`` does not count. store_dir: finished items are looked up and written there. Raises
+    MissingExtraError or UsageError for a scheduler that cannot be used; KeyboardInterrupt passes through, and what
+    was finished is kept.
+    """
+    store = Store(store_dir) if store_dir is not None else None
+    unique = {item.key: item for item in items}
+    values: dict[str, dict] = {}
+    for key in unique if store else ():
+        value = store.get(key)
+        if value is not None:
+            values[key] = value
+    pending = [item for key, item in unique.items() if key not in values]
+    errors: dict[str, str] = {}
+    with (progress or Progress(quiet=True)).task(title, len(unique)) as step, \
+            closing(_results(pending, store, jobs, scheduler)) as results:
+        step(len(values))
+        for item, outcome in results:
+            if outcome.error is not None:
+                errors[item.key] = outcome.error
+            else:
+                values[item.key] = outcome.value
+            step(len(values) + len(errors), len(errors))
+    failed = [{"item": item.label, "file": _file_of(item), "error": errors[key]}
+              for key, item in unique.items() if key in errors]
+    return RunResult({key: values[key] for key in unique if key in values}, failed, len(pending))
+
+
+def _results(pending: list[Item], store: Store | None, jobs: int, scheduler: str | None) -> Results:
+    """Picks who does the work. Modules of the pools are loaded only when used: they cost more than small runs."""
+    if scheduler is not None:
+        from .cluster import run_on_cluster
+
+        return run_on_cluster(pending, store, scheduler)
+    if jobs > 1 and len(pending) > 1:
+        from .pool import run_on_pool
+
+        return run_on_pool(pending, store, min(jobs, len(pending)))
+    return ((item, execute(item, store)) for item in pending)
+
+
+def execute(item: Item, store: Store | None) -> Outcome:
+    """Does one item, here, and stores its value at once."""
+    try:
+        value = encode(item.function(**item.kwargs))
+        if store is not None:
+            store.put(item.key, value, item.label)
+        return Outcome(value=value)
+    except NanobenchError as error:
+        return Outcome(error=str(error))
+    except Exception as error:  # a method is anybody's code: whatever it raises concerns this item alone
+        if os.environ.get("NANOBENCH_DEBUG"):
+            traceback.print_exc()
+        return Outcome(error=describe(error))
+
+
+def describe(error: BaseException) -> str:
+    """Type, message and place of an exception on one line."""
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" (in {frames[-1].name}, {Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    return " ".join(f"{type(error).__name__}: {error}".split()) + where
+
+
+def _file_of(item: Item) -> str:
+    """The input an item is about: what it says, else the first argument that is a flight or a path."""
+    if item.file:
+        return item.file
+    for value in item.kwargs.values():
+        if isinstance(value, Flight):
+            return value.provenance.path
+        if isinstance(value, Path):
+            return str(value)
+        if isinstance(getattr(value, "path", None), (str, Path)):
+            return str(value.path)
+    return ""

@@ -1,0 +1,51 @@
+"""Finished items on disk: one file per item, named by its key, whole or absent."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .identity import sha256_of
+from .results import plain, sweep, write_bytes
+
+
+class Store:
+    """A folder of finished items. A file is two lines: a header with the hash of the second, and the value.
+
+    A file that is broken in any way counts as absent and is written anew.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(str(folder), f"is no folder that can be written to ({error.strerror or error})") from error
+        sweep(self.folder)
+
+    def path(self, key: str) -> Path:
+        return self.folder / f"{key}.json"
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """The value of a finished item, or None."""
+        try:
+            header, _, body = self.path(key).read_bytes().partition(b"\n")
+            known = json.loads(header)
+            if known["key"] == key and known["sha256"] == sha256_of(body):
+                return json.loads(body)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return None
+
+    def put(self, key: str, value: dict[str, Any], label: str = "") -> None:
+        """Writes a value (as ``encode`` gives it); nan is kept."""
+        body = json.dumps(value).encode()
+        header = json.dumps({"key": key, "label": label, "sha256": sha256_of(body)}).encode()
+        write_bytes(self.path(key), header + b"\n" + body)
+
+
+def encode(value: Any) -> dict[str, Any]:
+    """A value as it comes back from the store, so that fresh and stored ones are equal; nan is kept."""
+    return plain(value, nan=float)
