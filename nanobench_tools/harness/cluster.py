@@ -10,6 +10,7 @@ import logging
 from ..errors import MissingExtraError, UsageError
 from .runner import Item, Outcome, Results, execute
 from .store import Store
+from .threads import one_thread
 
 CONNECT_S = 5.0
 """How long an address may stay silent before it is called wrong."""
@@ -23,7 +24,7 @@ def run_on_cluster(pending: list[Item], store: Store | None, address: str) -> Re
         raise MissingExtraError("distributed", "cluster") from error
     client = _connect(address)
     try:
-        futures = {client.submit(execute, item, None, key=f"nanobench-{item.key}", pure=False): item
+        futures = {client.submit(_execute, item, key=f"nanobench-{item.key}", pure=False): item
                    for item in pending}
         for future in as_completed(futures):
             item = futures[future]
@@ -37,6 +38,12 @@ def run_on_cluster(pending: list[Item], store: Store | None, address: str) -> Re
             yield item, outcome
     finally:
         client.close(timeout=CONNECT_S)
+
+
+def _execute(item: Item) -> Outcome:
+    """One item on a worker. A worker may have several threads, so its limit is set once and never lifted."""
+    one_thread()
+    return execute(item, None)
 
 
 def _connect(address: str):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
+import time
 from concurrent.futures import Future, as_completed
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -12,7 +15,9 @@ from .runner import Item, Outcome, Results, execute
 from .store import Store
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-"""Processes already fill the cores; and sums then have one order, whatever the number of processes."""
+"""Processes already fill the cores."""
+
+WATCH_PERIOD_S = 0.5
 
 
 def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
@@ -32,7 +37,8 @@ def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
 
 def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
     """As many results as there are before the pool breaks."""
-    pool = ProcessPoolExecutor(max_workers=jobs, initializer=_ignore_interrupt, env=ONE_THREAD)
+    pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
+                               initargs=(os.getpid(),))
     finished = False
     try:
         futures: dict[Future, Item] = {pool.submit(execute, item, store): item for item in items}
@@ -41,14 +47,24 @@ def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
                 outcome = future.result()
             except BrokenProcessPool:
                 continue
-            except Exception as error:  # the arguments cannot be sent to another process
-                outcome = Outcome(error=" ".join(f"{type(error).__name__}: {error}".split()))
+            except Exception as error:  # the arguments cannot be sent to another process; the cause says why
+                reason = error.__cause__ or error
+                text = str(reason).strip().splitlines()[-1:]  # loky puts a whole traceback into the cause
+                outcome = Outcome(error=f"cannot be sent to another process: {' '.join(text) or type(reason).__name__}")
             yield futures[future], outcome
         finished = True
     finally:
         pool.shutdown(wait=True, kill_workers=not finished)
 
 
-def _ignore_interrupt() -> None:
-    """Ctrl-C reaches the whole group of processes; only the first one answers, and ends the others."""
+def _start_worker(parent: int) -> None:
+    """Ctrl-C reaches the whole group of processes: only the first one answers, and ends the others. A worker whose
+    first process is gone (killed) ends by itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH_PERIOD_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -19,6 +19,7 @@ from ..flight import Flight
 from .identity import item_key
 from .progress import Progress
 from .store import Store, encode
+from .threads import one_thread
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,8 @@ def _results(pending: list[Item], store: Store | None, jobs: int, scheduler: str
 def execute(item: Item, store: Store | None) -> Outcome:
     """Does one item, here, and stores its value at once."""
     try:
-        value = encode(item.function(**item.kwargs))
+        with one_thread():
+            value = encode(item.function(**item.kwargs))
         if store is not None:
             store.put(item.key, value, item.label)
         return Outcome(value=value)
