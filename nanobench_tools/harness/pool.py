@@ -6,7 +6,8 @@ import os
 import signal
 import threading
 import time
-from concurrent.futures import Future, as_completed
+from collections import deque
+from concurrent.futures import FIRST_COMPLETED, wait
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -36,25 +37,37 @@ def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
 
 
 def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
-    """As many results as there are before the pool breaks."""
-    pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
-                               initargs=(os.getpid(),))
+    """As many results as there are before the pool breaks. Two items per worker wait in the pool, so that an
+    interrupt finds nothing else queued."""
+    pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker, initargs=(os.getpid(),))
+    queue, running = deque(items), {}
     finished = False
     try:
-        futures: dict[Future, Item] = {pool.submit(execute, item, store): item for item in items}
-        for future in as_completed(futures):
+        while queue or running:
             try:
-                outcome = future.result()
+                while queue and len(running) < 2 * jobs:
+                    running[pool.submit(execute, queue[0], store)] = queue[0]
+                    queue.popleft()
             except BrokenProcessPool:
-                continue
-            except Exception as error:  # the arguments cannot be sent to another process; the cause says why
-                reason = error.__cause__ or error
-                text = str(reason).strip().splitlines()[-1:]  # loky puts a whole traceback into the cause
-                outcome = Outcome(error=f"cannot be sent to another process: {' '.join(text) or type(reason).__name__}")
-            yield futures[future], outcome
+                queue.clear()
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                item = running.pop(future)
+                try:
+                    outcome = future.result()
+                except BrokenProcessPool:
+                    continue
+                except Exception as error:
+                    outcome = Outcome(error=f"cannot be sent to another process: {_reason(error)}")
+                yield item, outcome
         finished = True
     finally:
         pool.shutdown(wait=True, kill_workers=not finished)
+
+
+def _reason(error: Exception) -> str:
+    """The line of a pickling error that says why; loky puts it at the end of a traceback in the cause."""
+    lines = [line for line in str(error.__cause__ or error).splitlines() if line.strip(' "')]
+    return lines[-1].strip() if lines else type(error).__name__
 
 
 def _start_worker(parent: int) -> None:

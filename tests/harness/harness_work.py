@@ -1,0 +1,44 @@
+"""Small items for the tests of the runner, importable by worker processes; run as a script it is a run to be killed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from nanobench_tools import InputError
+from nanobench_tools.harness import Item, make_item, run_items
+
+
+def score(seed: int, log: str = "", pause_s: float = 0.0) -> dict:
+    """Numbers whose last digit depends on the order of sums, nan and nested types included."""
+    if log:
+        with open(log, "a") as file:
+            file.write(f"{seed}\n")
+    time.sleep(pause_s)
+    values = np.random.default_rng(seed).normal(size=20_000)
+    return {"mean": values.mean(), "norm": np.linalg.norm(values), "gram": values[:300] @ values[300:600],
+            "nan": float("nan"), "n": np.int64(len(values)), "span": (0.0, seed), "by": {seed: values[:3]}}
+
+
+def fail(path: Path, how: str) -> dict:
+    if how == "input":
+        raise InputError(str(path), "holds\nno numbers", "give another")
+    if how == "type":
+        return {"value": object()}
+    if how == "die":
+        os._exit(9)
+    return {"value": 1 / 0}
+
+
+def scores(n: int, **kwargs) -> list[Item]:
+    return [make_item(score, {"seed": seed, **kwargs}, f"score {seed}") for seed in range(n)]
+
+
+if __name__ == "__main__":
+    store, log, jobs = sys.argv[1:]
+    result = run_items(scores(20, log=log, pause_s=0.1), Path(store), jobs=int(jobs))
+    print(result.executed, len(result.values))

@@ -1,0 +1,181 @@
+"""The runner: the same result for any number of processes and order, failures that stay alone, nothing lost."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_work import fail, score, scores
+
+from nanobench_tools.harness import Progress, make_item, run_items
+from nanobench_tools.harness.store import Store
+
+
+def as_text(result) -> str:
+    return repr((list(result.values.items()), result.failed))
+
+
+def test_values_are_those_of_the_function_as_json_types():
+    item = make_item(score, {"seed": 3}, "score 3")
+    value = run_items([item]).values[item.key]
+    expected = score(3)
+    assert value["mean"] == expected["mean"]
+    assert value["by"] == {"3": expected["by"][3].tolist()}
+    assert np.isnan(value["nan"])
+    assert value["span"] == [0.0, 3]
+
+
+def test_same_result_for_any_number_of_processes_and_order(tmp_path):
+    items = [*scores(8), make_item(fail, {"path": Path("a.csv"), "how": "input"}, "bad")]
+    alone = run_items(items)
+    shuffled = random.Random(1).sample(items, len(items))
+    pool = run_items(shuffled, tmp_path, jobs=2)
+    again = run_items(items, tmp_path, jobs=2)
+    assert {k: repr(v) for k, v in pool.values.items()} == {k: repr(v) for k, v in alone.values.items()}
+    assert as_text(again) == as_text(alone)
+    assert (alone.executed, pool.executed, again.executed) == (9, 9, 1)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_one_failure_is_one_line_and_the_others_go_on(jobs, tmp_path):
+    bad = [make_item(fail, {"path": Path("bad.csv"), "how": how}, how) for how in ("input", "other", "type")]
+    result = run_items([*scores(2), *bad, *scores(2, pause_s=0.0)], tmp_path, jobs=jobs)
+    assert len(result.values) == 4
+    assert [(f["item"], f["file"]) for f in result.failed] == [("input", "bad.csv"), ("other", "bad.csv"),
+                                                               ("type", "bad.csv")]
+    assert result.failed[0]["error"] == "bad.csv: holds no numbers; give another"
+    assert result.failed[1]["error"].startswith("ZeroDivisionError: division by zero (in fail, harness_work.py:")
+    assert "builtins.object" in result.failed[2]["error"]
+    assert all("\n" not in f["error"] for f in result.failed)
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_an_item_that_kills_its_process_fails_alone(tmp_path):
+    killer = make_item(fail, {"path": Path("x.csv"), "how": "die"}, "killer")
+    result = run_items([*scores(3), killer, *scores(6)[3:]], tmp_path, jobs=2)
+    assert len(result.values) == 6
+    assert [f["item"] for f in result.failed] == ["killer"]
+    assert "died" in result.failed[0]["error"]
+
+
+def test_arguments_that_cannot_travel_are_a_failure_of_their_item():
+    unsendable = make_item(score, {"seed": 1}, "generator")
+    unsendable = type(unsendable)("k", score, {"seed": (i for i in ())}, "generator")
+    result = run_items([unsendable, *scores(2)], jobs=2)
+    assert len(result.values) == 2
+    assert "generator" in result.failed[0]["error"]
+
+
+@pytest.mark.parametrize("damage", [b"", b"{}", b"\xff\xfe", b'{"key": 1}\n{}', None, "flip", "cut"])
+def test_a_corrupt_store_file_is_done_again(tmp_path, damage):
+    items = scores(2)
+    first = run_items(items, tmp_path)
+    path = Store(tmp_path).path(items[0].key)
+    data = path.read_bytes()
+    if damage is None:
+        path.unlink()
+        path.mkdir()
+        path.rmdir()
+    else:
+        path.write_bytes({"flip": data.replace(b"20000", b"20001"), "cut": data[:-20]}.get(damage, damage)
+                         if isinstance(damage, str) else damage)
+    second = run_items(items, tmp_path)
+    assert second.executed == 1
+    assert as_text(second) == as_text(first)
+    assert path.read_bytes() == data
+
+
+def stored(folder: Path) -> list[str]:
+    return [path.stem for path in folder.glob("*.json")]
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_kill_9_loses_no_finished_item_and_leaves_nothing_half_written(tmp_path, jobs):
+    store, log = tmp_path / "store", tmp_path / "log"
+    log.touch()
+    command = [sys.executable, str(Path(__file__).with_name("harness_work.py")), str(store), str(log), jobs]
+    process = subprocess.Popen(command, start_new_session=True, cwd=Path(__file__).parent)
+    deadline = time.monotonic() + 30
+    while len(stored(store)) < 5 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    finished = stored(store)
+    assert 5 <= len(finished) < 20
+    assert all(Store(store).get(key) is not None for key in finished)
+    before = log.read_text().split()
+    resumed = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent, check=True)
+    assert resumed.stdout.split() == [str(20 - len(finished)), "20"]
+    after = log.read_text().split()
+    assert len(after) - len(before) == 20 - len(finished)
+    assert set(map(int, after)) == set(range(20))
+    assert sorted(p.suffix for p in store.iterdir()) == [".json"] * 20
+
+
+def living(group: int) -> list[str]:
+    """Processes of a group that still run (one that ended and is not yet collected does not count)."""
+    fields = [path.read_text().rpartition(")")[2].split() for path in Path("/proc").glob("[0-9]*/stat")]
+    return [f[0] for f in fields if int(f[2]) == group and f[0] not in "ZX"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_workers_end_when_only_the_first_process_is_killed(tmp_path):
+    store, log = tmp_path / "store", tmp_path / "log"
+    command = [sys.executable, str(Path(__file__).with_name("harness_work.py")), str(store), str(log), "2"]
+    process = subprocess.Popen(command, start_new_session=True, cwd=Path(__file__).parent, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 30
+    while len(stored(store)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    deadline = time.monotonic() + 10
+    while (alive := living(process.pid)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not alive
+    assert all(Store(store).get(key) is not None for key in stored(store))
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_ends_the_run_and_keeps_what_was_done(tmp_path, jobs):
+    store = tmp_path / "store"
+    log = tmp_path / "log"
+    command = [sys.executable, str(Path(__file__).with_name("harness_work.py")), str(store), str(log), jobs]
+    process = subprocess.Popen(command, start_new_session=True, cwd=Path(__file__).parent, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 30
+    while len(stored(store)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGINT)
+    _, stderr = process.communicate(timeout=10)
+    assert process.returncode != 0
+    assert stderr.strip().endswith(b"KeyboardInterrupt")
+    assert stderr.count(b"Traceback") == 1
+    assert 3 <= len(stored(store)) < 20
+
+
+def test_progress_counts_and_is_silent_when_asked(capsys):
+    run_items(scores(3, pause_s=0.01), progress=Progress(period_s=0.0), title="scores")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith("scores: 3 of 3, about 0:00 left")
+    run_items(scores(3), progress=Progress(quiet=True))
+    out = capsys.readouterr()
+    assert out.err == out.out == ""
+
+
+def test_progress_on_a_terminal_shows_count_and_time_left():
+    import io
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    with Progress(file=terminal).task("flights", 4) as step:
+        step(3, 1)
+    assert "flights" in terminal.getvalue()
+    assert "3/4" in terminal.getvalue()
+    assert "1 failed" in terminal.getvalue()
