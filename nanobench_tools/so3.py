@@ -56,10 +56,12 @@ def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 def geodesic_angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Angle of the rotation between (..., 4) quaternions [rad, 0..pi]; q and -q are the same rotation.
 
-    Uses atan2 of vector and scalar part, exact to rounding also for tiny angles, where arccos is not.
+    Uses atan2 of vector and scalar part, exact to rounding also for tiny angles, where arccos is not. The vector part
+    is summed in pairs that cancel, so that equal rotations have an angle of exactly 0.
     """
-    d = multiply(conjugate(a), b)
-    return 2.0 * np.arctan2(np.linalg.norm(d[..., :3], axis=-1), np.abs(d[..., 3]))
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    vector = a[..., 3:] * b[..., :3] - b[..., 3:] * a[..., :3] - np.cross(a[..., :3], b[..., :3])
+    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=-1), np.abs(np.sum(a * b, axis=-1)))
 
 
 def make_continuous(quaternion: np.ndarray) -> np.ndarray:

@@ -1,0 +1,95 @@
+"""Rigid alignment of two point sets: which rotation and shift lay an estimated path onto the true one.
+
+Sources: Umeyama, "Least-squares estimation of transformation parameters between two point patterns" (1991),
+eqs. 34-43, without scale (then equal to Horn 1987 and Kabsch 1976); Zhang and Scaramuzza, "A tutorial on
+quantitative trajectory evaluation" (2018), section III, for position and yaw.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import NanobenchError
+
+MODES = ("se3", "yaw", "none")
+"""``se3``: any rotation and shift; ``yaw``: rotation about the vertical and shift; ``none``: as it is."""
+
+_RANK_TOLERANCE = 1e-12  # of the larger spread; rounding of coordinates leaves about 1e-16
+
+
+class AlignmentError(NanobenchError, ValueError):
+    """The points do not determine the rotation: they are too few, one point, or on one line."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """x -> rotation x + translation_m; rotation (3, 3), translation_m (3,) m."""
+
+    rotation: np.ndarray
+    translation_m: np.ndarray
+
+    def apply(self, points_m: np.ndarray) -> np.ndarray:
+        """(n, 3) m -> (n, 3) m."""
+        return points_m @ self.rotation.T + self.translation_m
+
+    @property
+    def angle_rad(self) -> float:
+        """Angle of the rotation [rad, 0..pi]."""
+        sine = np.linalg.norm([self.rotation[2, 1] - self.rotation[1, 2], self.rotation[0, 2] - self.rotation[2, 0],
+                               self.rotation[1, 0] - self.rotation[0, 1]])
+        return float(np.arctan2(sine, np.trace(self.rotation) - 1.0))
+
+
+def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3") -> Alignment:
+    """The rigid motion (R, t) that minimises sum |R estimate_i + t - truth_i|^2 over rows.
+
+    estimate_m, truth_m (n, 3) m, row by row at the same times; mode one of MODES. Raises AlignmentError when the
+    rotation is not determined (a single point, or for ``se3`` a straight line), ValueError on shapes or NaN.
+
+    >>> square = np.array([[0., 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> align(square, square + [0, 0, 2]).translation_m.round(9).tolist()
+    [0.0, 0.0, 2.0]
+    """
+    estimate, truth = checked_pair(estimate_m, truth_m)
+    if mode not in MODES:
+        raise ValueError(f"unknown alignment {mode!r}; known: {', '.join(MODES)}")
+    if mode == "none":
+        return Alignment(np.eye(3), np.zeros(3))
+    mean_e, mean_t = estimate.mean(axis=0), truth.mean(axis=0)
+    e, t = estimate - mean_e, truth - mean_t
+    covariance = t.T @ e / len(e)
+    spread = max(np.mean(np.sum(e * e, axis=1)), np.mean(np.sum(t * t, axis=1)))
+    rotation = _best_rotation(covariance, spread) if mode == "se3" else _best_yaw(covariance, spread)
+    return Alignment(rotation, mean_t - rotation @ mean_e)
+
+
+def checked_pair(estimate: np.ndarray, truth: np.ndarray, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Both as float (n, width) arrays; ValueError unless they have the same shape, rows and no NaN."""
+    a, b = np.asarray(estimate, float), np.asarray(truth, float)
+    if a.shape != b.shape or a.ndim != 2 or a.shape[1] != width:
+        raise ValueError(f"estimate {a.shape} and truth {b.shape} must both be (n, {width})")
+    if not len(a):
+        raise ValueError("no rows to compare")
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        raise ValueError("not a number among the rows to compare")
+    return a, b
+
+
+def _best_rotation(covariance: np.ndarray, spread: float) -> np.ndarray:
+    """Umeyama eqs. 38-40; the sign keeps it a rotation where the best orthogonal matrix would mirror."""
+    u, singular, vt = np.linalg.svd(covariance)
+    if not singular[1] > _RANK_TOLERANCE * spread:
+        raise AlignmentError("the paths do not determine a rotation: one of them is a point or a straight line")
+    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    return u @ np.diag([1.0, 1.0, sign]) @ vt
+
+
+def _best_yaw(covariance: np.ndarray, spread: float) -> np.ndarray:
+    """Maximises trace(Rz(yaw)^T C): tan yaw = (C10 - C01) / (C00 + C11)."""
+    sine, cosine = covariance[1, 0] - covariance[0, 1], covariance[0, 0] + covariance[1, 1]
+    if not np.hypot(sine, cosine) > _RANK_TOLERANCE * spread:
+        raise AlignmentError("the paths do not determine a yaw: one of them has no horizontal extent")
+    yaw = np.arctan2(sine, cosine)
+    return np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])

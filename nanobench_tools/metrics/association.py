@@ -1,0 +1,57 @@
+"""Truth at an estimator's own stamps: interpolated, never extrapolated, never across a hole in the truth.
+
+Moving the truth to the estimate (not the other way) keeps the estimate as it was given; nothing is matched
+to a nearest neighbour, so no truth row can be used twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import so3
+
+MAXIMUM_GAP_S = 0.1
+"""Truth is not interpolated over longer holes: at 1 m/s and 10 m/s^2 a line over 0.1 s is off by up to 12 mm."""
+
+
+@dataclass(frozen=True)
+class Association:
+    """Truth at the kept stamps: kept (n,) bool over the estimate's rows; position_m (k, 3) m; quaternion (k, 4);
+    velocity_m_s (k, 3) m/s or None; dropped = number of stamps left out."""
+
+    kept: np.ndarray
+    position_m: np.ndarray
+    quaternion: np.ndarray
+    velocity_m_s: np.ndarray | None
+
+    @property
+    def dropped(self) -> int:
+        return int(np.sum(~self.kept))
+
+
+def associate(time_s: np.ndarray, truth_time_s: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray,
+              velocity_m_s: np.ndarray | None = None, maximum_gap_s: float = MAXIMUM_GAP_S) -> Association:
+    """Truth at ``time_s`` (n,) s: position and velocity linear, attitude by slerp between neighbouring rows.
+
+    truth_time_s (m,) s, strictly rising; position_m (m, 3) m; quaternion (m, 4); velocity_m_s (m, 3) m/s or None.
+    A stamp equal to a truth row gets that row exactly. Stamps outside the truth's span, inside a hole longer than
+    maximum_gap_s, or not finite are dropped. Raises ValueError if the truth is not strictly rising.
+    """
+    at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
+    if len(t) < 2 or not (np.diff(t) > 0.0).all():
+        raise ValueError("the truth needs at least two rows with strictly rising stamps")
+    after = np.clip(np.searchsorted(t, at, side="left"), 1, len(t) - 1)
+    on_a_row = (t[after] == at) | (t[after - 1] == at)
+    kept = (at >= t[0]) & (at <= t[-1]) & ((t[after] - t[after - 1] <= maximum_gap_s) | on_a_row)
+    inside = at[kept]
+
+    def linear(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(inside, t, column) for column in np.asarray(values, float).T], axis=1)
+
+    if np.array_equal(inside, t):  # the same stamps: nothing to interpolate
+        attitude = np.array(quaternion, float)
+    else:
+        attitude = so3.interpolate(t, quaternion, inside)
+    return Association(kept, linear(position_m), attitude, None if velocity_m_s is None else linear(velocity_m_s))

@@ -1,0 +1,66 @@
+"""Is the covariance an estimator states the size of its real error? NEES and NIS with chi-square bands.
+
+Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section 5.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Mean normalised squared error, expected to be ``dimension``; band = where it lies with ``probability`` if the
+    filter is consistent and the n errors are independent; share_inside = single values in their own band (should
+    be ``probability``)."""
+
+    mean: float
+    dimension: int
+    n: int
+    band: tuple[float, float]
+    share_inside: float
+    probability: float
+
+    @property
+    def verdict(self) -> str:
+        """``consistent``, ``overconfident`` (error larger than stated) or ``underconfident``."""
+        if self.mean > self.band[1]:
+            return "overconfident"
+        return "underconfident" if self.mean < self.band[0] else "consistent"
+
+
+def normalised_squared(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(n,): e^T P^-1 e; error (n, k) in any units, covariance (n, k, k) or (k, k) in their squares.
+
+    NEES when e is the state error and P its covariance, NIS when e is the innovation and P its covariance S.
+    Attitude errors enter as rotation vectors (log of R^T R_est). Raises ValueError if P is not positive definite.
+    """
+    e, p = np.asarray(error, float), np.asarray(covariance, float)
+    if e.ndim != 2 or p.shape[-2:] != (e.shape[1], e.shape[1]) or (p.ndim == 3 and len(p) != len(e)):
+        raise ValueError(f"errors {e.shape} and covariances {p.shape} do not fit")
+    try:
+        factor = np.linalg.cholesky(p)
+    except np.linalg.LinAlgError:
+        raise ValueError("a covariance is not positive definite") from None
+    white = np.linalg.solve(np.broadcast_to(factor, (len(e), *factor.shape[-2:])), e[..., None])[..., 0]
+    return np.sum(white * white, axis=1)
+
+
+def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 0.95) -> Consistency:
+    """Average NEES (or NIS) with its chi-square band: n mean ~ chi2(n k) if consistent and independent in time.
+
+    Errors of one filter run are correlated in time; then the band is too narrow, and the mean over flights of
+    thinned rows is the honest input.
+    """
+    values = normalised_squared(error, covariance)
+    n, k = np.asarray(error).shape
+    if n == 0:
+        raise ValueError("no errors given")
+    tails = np.array([0.5 * (1.0 - probability), 0.5 * (1.0 + probability)])
+    low, high = chi2.ppf(tails, n * k) / n
+    one_low, one_high = chi2.ppf(tails, k)
+    inside = float(np.mean((values >= one_low) & (values <= one_high)))
+    return Consistency(float(values.mean()), k, n, (float(low), float(high)), inside, probability)

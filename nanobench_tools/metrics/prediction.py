@@ -1,0 +1,56 @@
+"""Multi-horizon prediction errors: mean absolute error h = 1..H steps after a window's start.
+
+Source: Busetto et al., "Nonlinear System Identification Nano-drone Benchmark" (2025), eqs. of MAE_h, with two
+mends: windows never cross a flight boundary, and q and -q are the same attitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import so3
+from ..methods import Prediction
+
+QUANTITIES = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate_mae_rad_s")
+HORIZONS = (1, 10, 50)
+
+
+def window_starts(lengths: Sequence[int], horizon: int, every: int = 1) -> np.ndarray:
+    """First rows of all windows in an array of stretches laid end to end; ``lengths`` are their numbers of rows.
+
+    A window has its start row and ``horizon`` rows after it, all in one stretch: none crosses a boundary. Windows
+    start at the first row of each stretch and every ``every`` rows.
+
+    >>> window_starts([4, 2, 3], horizon=2).tolist()
+    [0, 1, 6]
+    """
+    first = np.cumsum([0, *lengths[:-1]]) if len(lengths) else []
+    parts = [f + np.arange(0, max(n - horizon, 0), every) for f, n in zip(first, lengths, strict=True)]
+    return np.concatenate(parts) if parts else np.empty(0, int)
+
+
+def window_errors(predicted: Prediction, true: Prediction) -> dict[str, np.ndarray]:
+    """Errors of n windows at steps 1..H, each (n, H): |p - p| m, |v - v| m/s, geodesic angle rad, |w - w| rad/s.
+
+    Both Predictions hold position_m, velocity_m_s, rate_rad_s (n, H, 3) and quaternion (n, H, 4). A prediction that
+    is not finite counts as nan, not as good. Raises ValueError when shapes differ.
+    """
+    for name in ("position_m", "velocity_m_s", "quaternion", "rate_rad_s"):
+        found, wanted = getattr(predicted, name).shape, getattr(true, name).shape
+        if found != wanted:
+            raise ValueError(f"{name} has shape {found} where {wanted} is needed")
+    return {"position_mae_m": np.linalg.norm(predicted.position_m - true.position_m, axis=2),
+            "velocity_mae_m_s": np.linalg.norm(predicted.velocity_m_s - true.velocity_m_s, axis=2),
+            "attitude_mae_rad": so3.geodesic_angle(true.quaternion, predicted.quaternion),
+            "rate_mae_rad_s": np.linalg.norm(predicted.rate_rad_s - true.rate_rad_s, axis=2)}
+
+
+def multi_horizon(mean_errors: np.ndarray, horizons: Sequence[int] = HORIZONS) -> dict[str, float]:
+    """{"1": MAE_1, "10": ..., "50": ..., "sum": MAE_1 + ... + MAE_H} from the mean error per step (H,).
+
+    MAE_h = mean over windows of the error h steps after the start; horizons beyond H are left out.
+    """
+    at = {str(h): float(mean_errors[h - 1]) for h in horizons if h <= len(mean_errors)}
+    return {**at, "sum": float(np.sum(mean_errors))}

@@ -1,0 +1,84 @@
+"""Where a position error points, along or across the track, and what one constant delay explains of it.
+
+A time error dt of a vehicle at speed v looks like a position error v dt along the track; the error across
+the track is the part that no time error can make or hide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+
+from .alignment import checked_pair
+from .trajectory import rms
+
+MINIMUM_SPEED_M_S = 0.1
+"""Below this the direction of the track is noise, and rows are left out of along and across."""
+
+
+@dataclass(frozen=True)
+class TrackErrors:
+    """RMS along and across the true track [m] over the ``n`` rows that move."""
+
+    along_rmse_m: float
+    across_rmse_m: float
+    n: int
+
+
+def along_across(estimate_m: np.ndarray, truth_m: np.ndarray, velocity_m_s: np.ndarray,
+                 minimum_speed_m_s: float = MINIMUM_SPEED_M_S) -> TrackErrors:
+    """Splits p_est - p into e.u (along) and |e - (e.u) u| (across), u = v/|v| the true direction.
+
+    estimate_m, truth_m (n, 3) m; velocity_m_s (n, 3) m/s of the truth. nan when nothing moves.
+    """
+    estimate, truth = checked_pair(estimate_m, truth_m)
+    velocity = checked_pair(velocity_m_s, truth)[0]
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = speed > minimum_speed_m_s
+    if not moving.any():
+        return TrackErrors(float("nan"), float("nan"), 0)
+    error = (estimate - truth)[moving]
+    direction = velocity[moving] / speed[moving, None]
+    along = np.sum(error * direction, axis=1)
+    return TrackErrors(rms(along), rms(np.linalg.norm(error - along[:, None] * direction, axis=1)), int(moving.sum()))
+
+
+@dataclass(frozen=True)
+class Delay:
+    """The one constant delay that fits best: delay_s [s], positive when the estimate is late, the RMS position error
+    [m] without and with it removed, and the rows (indices) both were computed on."""
+
+    delay_s: float
+    rmse_before_m: float
+    rmse_after_m: float
+    rows: np.ndarray
+    truth_m: np.ndarray
+    velocity_m_s: np.ndarray
+
+
+def constant_delay(time_s: np.ndarray, estimate_m: np.ndarray, truth_time_s: np.ndarray, truth_m: np.ndarray,
+                   limit_s: float = 0.25) -> Delay:
+    """Finds d in [-limit_s, limit_s] that minimises sum |p_est(t) - p(t - d)|^2, p a cubic spline through the truth.
+
+    time_s (n,) s and estimate_m (n, 3) m; truth_time_s (m,) s rising and truth_m (m, 3) m. Rows nearer than limit_s to
+    the ends of the truth are left out, so that every d is judged on the same rows. Raises ValueError when none is left.
+    """
+    time_s, estimate = np.asarray(time_s, float), np.asarray(estimate_m, float)
+    spline = CubicSpline(truth_time_s, truth_m)
+    rows = np.flatnonzero((time_s - limit_s >= truth_time_s[0]) & (time_s + limit_s <= truth_time_s[-1]))
+    if not len(rows):
+        raise ValueError(f"no row lies {limit_s:g} s inside the span of the truth")
+    t, e = time_s[rows], estimate[rows]
+
+    def cost(delay: float) -> float:
+        return rms(np.linalg.norm(e - spline(t - delay), axis=1))
+
+    grid = np.linspace(-limit_s, limit_s, 21)  # coarse first: the cost of a periodic path has more than one dip
+    best = grid[int(np.argmin([cost(d) for d in grid]))]
+    step = grid[1] - grid[0]
+    bounds = (max(best - step, -limit_s), min(best + step, limit_s))
+    found = float(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-5}).x)
+    return Delay(found, cost(0.0), cost(found), rows, spline(t - found), spline(t - found, 1))
