@@ -53,7 +53,7 @@ def _connect(address: str):
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+        client = Client(address, timeout=CONNECT_S)
     except Exception as error:  # distributed raises OSError, TimeoutError, ValueError or its own
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from error

@@ -1,0 +1,93 @@
+"""Result files: plain JSON, whole or absent, and one line for anything wrong with them."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nanobench_tools import InputError, __version__
+from nanobench_tools.harness import envelope, manifest, read_json, write_json
+from nanobench_tools.harness.manifest import portable
+from nanobench_tools.harness.results import plain, sweep
+
+
+@dataclass(frozen=True)
+class Reading:
+    offset_s: float
+    path: Path
+
+
+def test_numbers_become_plain_json(tmp_path):
+    value = {"a": np.float32(0.5), "b": np.arange(3), "c": float("nan"), "d": [np.inf, -np.inf], "e": np.bool_(True),
+             "f": Reading(np.float64(1), Path("x/y")), 7: (1, 2), "g": {"β"}, "h": np.array([[1.0, np.nan]]), "i": None}
+    write_json(tmp_path / "deep" / "r.json", value)
+    found = read_json(tmp_path / "deep" / "r.json")
+    assert found == {"a": 0.5, "b": [0, 1, 2], "c": None, "d": [None, None], "e": True,
+                     "f": {"offset_s": 1.0, "path": "x/y"}, "7": [1, 2], "g": ["β"], "h": [[1.0, None]], "i": None}
+    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["r.json"]
+
+
+def test_floats_keep_every_digit(tmp_path):
+    numbers = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-100, 100)
+    write_json(tmp_path / "n.json", {"n": numbers})
+    assert read_json(tmp_path / "n.json")["n"] == numbers.tolist()
+
+
+def test_what_has_no_place_in_json_is_named():
+    with pytest.raises(TypeError, match=r"builtins\.complex"):
+        plain({"z": 1j})
+
+
+def test_a_failing_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "r.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(TypeError):
+        write_json(path, {"a": object()})
+    assert read_json(path) == {"a": 1}
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_json(tmp_path / "file" / "r.json", {})
+
+
+@pytest.mark.parametrize(("content", "says"), [
+    (None, "cannot be read"), (b"", "line 1: is not JSON"), (b'{"a": 1,\n "b"}', "line 2: is not JSON"),
+    (b"[1]", "holds no JSON object"), (b'{"a": "\xff"}', "byte 7: is not UTF-8"),
+    (b'{"schema": "other"}', "schema is 'other'; 'nanobench-audit/1' is needed")])
+def test_a_broken_file_is_one_line_that_names_it(tmp_path, content, says):
+    path = tmp_path / "r.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=says) as caught:
+        read_json(path, "audit")
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_sweep_takes_only_what_nobody_writes_any_more(tmp_path):
+    own, dead = tmp_path / f".r.json.{os.getpid()}.part", tmp_path / ".r.json.4194305.part"
+    for path in (own, dead, tmp_path / ".odd.part", tmp_path / "r.json"):
+        path.touch()
+    sweep(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([own.name, "r.json"])
+
+
+def test_envelope_holds_what_every_file_holds():
+    content = envelope("audit", {"flights": []}, np.bool_(False), {"seed": 1}, [])
+    assert list(content) == ["schema", "version", "synthetic", "manifest", "failed", "flights"]
+    assert (content["schema"], content["version"], content["synthetic"]) == ("nanobench-audit/1", __version__, False)
+
+
+def test_manifest_names_versions_inputs_and_no_folder_of_this_machine(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    inputs = [("/somewhere/else/b.csv", "22"), (str(tmp_path / "data" / "a.csv"), "11")]
+    content = manifest(inputs, seed=3, argv=["audit", "--data", "/somewhere/else", "--out", str(tmp_path / "o")])
+    assert content["inputs"] == [{"file": "b.csv", "sha256": "22"}, {"file": "data/a.csv", "sha256": "11"}]
+    assert content["argv"] == ["nanobench", "audit", "--data", "else", "--out", "o"]
+    assert content["versions"]["numpy"] == np.__version__
+    assert content["seed"] == 3
+    assert content["elapsed_s"] >= 0
+    assert "/somewhere" not in json.dumps(content)
+    assert portable("--jobs") == "--jobs"
