@@ -1,0 +1,49 @@
+"""Files that lie beside recordings and are none: sheets apart, licences, read-mes, configurations, results."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+
+from .sheets import looks_like_sheet
+
+FEWEST_WORDS = 30
+"""Shorter texts prove nothing: a file of three words may as well be a recording that was lost."""
+
+_WORD = re.compile(r"[^\W\d_]{2,}[.,;:)]?")
+_USD_CONFIG = re.compile(r"^\s*on:\w+", re.MULTILINE)
+
+
+def companion(data: bytes) -> str | None:
+    """What kind of known companion a file is, by its content, or None: ``sheet`` ``usd config`` ``toml`` ``json`` ``prose``."""
+    if b"\x00" in data[:4096]:
+        return None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError:
+        return None
+    if looks_like_sheet(data):
+        return "sheet"
+    if _USD_CONFIG.search(text) and any(line.split("#")[0].strip().isdigit() for line in text.splitlines()):
+        return "usd config"
+    if text.lstrip()[:1] in ("{", "["):
+        try:
+            if isinstance(json.loads(text), dict):
+                return "json"
+        except (ValueError, RecursionError):
+            pass
+    if "=" in text:
+        try:
+            if tomllib.loads(text):
+                return "toml"
+        except (tomllib.TOMLDecodeError, RecursionError):
+            pass
+    return "prose" if _is_prose(text) else None
+
+
+def _is_prose(text: str) -> bool:
+    """Sentences, not a table: many words between blanks, and most pieces are words."""
+    pieces = text.split()
+    words = sum(bool(_WORD.fullmatch(p.strip("\"'`*_([<>])"))) for p in pieces)
+    return words >= FEWEST_WORDS and 2 * words > len(pieces)

@@ -1,0 +1,238 @@
+"""Finds the recordings in files and folders by their content, and reads them, cached by content hash.
+
+``load_recordings`` is the short way; ``find_recordings`` and ``read`` are its two halves, for workers that read one
+recording each.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import joblib
+
+from ..errors import InputError, NanobenchError
+from ..flight import Flight
+from ..registry import load_all
+from . import cache as store
+from .base import Source, SheetSource, text_fault
+from .companions import companion
+from .payload import digest, head, read_file, unpack
+from .sheets import Sheet, choose_sheet, looks_like_sheet, may_hold, parse_sheet
+from .table import TableSource
+
+PACKED_SUFFIXES = (".xz", ".gz")
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A file that a source recognised. ``name`` labels it and is unique in its set; ``sheets`` are those that may
+    belong to it by time."""
+
+    path: Path
+    source: str
+    name: str
+    sheets: tuple[Sheet, ...] = ()
+    columns: Path | None = None
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Flights in the order of their paths; ``failed`` names every file that is no recording, with one line why."""
+
+    flights: list[Flight]
+    failed: list[dict[str, str]]
+
+
+def default_data() -> list[Path] | None:
+    """Where recordings are looked for: $NANOBENCH_DATA, ./data, ../shared/data/nanobench; None when there are none."""
+    if place := os.environ.get("NANOBENCH_DATA"):
+        return [Path(p) for p in place.split(os.pathsep) if p]
+    for folder in (Path("data"), Path("..") / "shared" / "data" / "nanobench"):
+        if folder.is_dir():
+            return [folder]
+    return None
+
+
+def sources(columns: Path | None = None) -> dict[str, Source]:
+    """Registered sources by name; with a column map the user's own table is asked first."""
+    found = {name: (kind() if isinstance(kind, type) else kind) for name, kind in load_all("sources").items()}
+    return {"table": TableSource(columns), **found} if columns is not None else found
+
+
+def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Path]:
+    """Every file below ``paths``, sorted, each once. Raises InputError for a path that is not there.
+
+    Entries whose name starts with a dot are left out, unless given themselves.
+    """
+    seen: set[str] = set()
+
+    def refuse(error: OSError) -> None:
+        failed.append({"path": str(error.filename), "error": f"{error.filename}: cannot be listed ({error.strerror}); "
+                                                             "check its permissions"})
+
+    for place in paths:
+        if not place.exists():
+            raise InputError(str(place), "there is no such file or folder", "check the path")
+        if place.is_dir():
+            found = [Path(folder) / name
+                     for folder, folders, names in _walk(place, refuse) for name in names if not name.startswith(".")]
+        else:
+            found = [place]
+        for path in sorted(found, key=lambda p: p.parts):
+            real = os.path.realpath(path)
+            if real not in seen:
+                seen.add(real)
+                yield path
+
+
+def _walk(place: Path, refuse: Callable[[OSError], None]) -> Iterator[tuple[str, list[str], list[str]]]:
+    for folder, folders, names in os.walk(place, onerror=refuse):
+        folders[:] = sorted(f for f in folders if not f.startswith("."))
+        yield folder, folders, names
+
+
+def find_recordings(paths: Sequence[Path | str], columns: Path | None = None) -> tuple[list[Recording], list[dict[str, str]]]:
+    """Which files below ``paths`` are recordings, of what source, with which sheets. Sorted by path.
+
+    Raises InputError for a place that does not exist or holds nothing at all. A file that nobody recognises and that
+    is no known companion (sheet, licence, configuration, ...) is listed in ``failed``.
+    """
+    failed: list[dict[str, str]] = []
+    places = [Path(p) for p in paths]
+    known = sources(columns)
+    found: list[tuple[Path, str, bytes]] = []
+    sheets: list[Sheet] = []
+    for path in files_in(places, failed):
+        try:
+            start = head(path)
+            if looks_like_sheet(start):
+                sheets.append(parse_sheet(str(path), unpack(read_file(path), str(path)).data))
+                continue
+            name = next((n for n, s in known.items() if s.recognises(path, start)), None)
+            if name is not None:
+                found.append((path, name, start))
+            elif (why := _stranger(path)) is not None:
+                failed.append({"path": str(path), "error": f"{path}: {why}"})
+        except NanobenchError as error:
+            failed.append({"path": str(path), "error": str(error)})
+    if not found and not failed:
+        raise InputError(", ".join(map(str, places)) or "no path", "no recording in it", "give a folder with recordings")
+    names = _labels([path for path, _, _ in found])
+    return [Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
+            for (path, source, start), label in zip(found, names, strict=True)], failed
+
+
+def _candidates(source: Source, sheets: Sequence[Sheet], path: Path, start: bytes) -> tuple[Sheet, ...]:
+    """Sheets whose time fits the first row (all that could when it cannot be read)."""
+    if not sheets or not isinstance(source, SheetSource):
+        return ()
+    first_s = source.start_unix_s(start)
+    return tuple(s for s in sheets if may_hold(s, path, first_s))
+
+
+def _stranger(path: Path) -> str | None:
+    """Why a file is no recording, or None for a known companion."""
+    stored = read_file(path)
+    if not stored:
+        return "the file is empty"
+    if companion(unpack(stored, str(path)).data) is not None:
+        return None
+    return "not a recording of any known format"
+
+
+def _labels(paths: Sequence[Path]) -> list[str]:
+    """File names without suffixes; where two are the same, folders are put in front until they differ."""
+    parts = [(*p.parent.parts, _stem(p.name)) for p in map(Path.absolute, paths)]
+    depth = [1] * len(parts)
+    while True:
+        labels = [".".join(p.strip("/") for p in q[-d:] if p != "/") for q, d in zip(parts, depth, strict=True)]
+        count = Counter(labels)
+        again = [i for i, label in enumerate(labels) if count[label] > 1 and depth[i] < len(parts[i])]
+        if not again:
+            break
+        for i in again:
+            depth[i] += 1
+    twice = Counter(labels)
+    for i, label in enumerate(labels):  # same folder and stem, other suffix
+        if twice[label] > 1:
+            labels[i] = f"{label}{''.join(paths[i].suffixes)}"
+    return labels
+
+
+def _stem(name: str) -> str:
+    for suffix in PACKED_SUFFIXES:
+        name = name.removesuffix(suffix)
+    stem, dot, suffix = name.rpartition(".")
+    return stem if dot and stem and suffix.isalnum() and not suffix.isdigit() and len(suffix) <= 8 else name
+
+
+def read(recording: Recording, cache: bool = True) -> Flight:
+    """The flight of a recording. Raises InputError that names the file."""
+    path = recording.path
+    source = sources(recording.columns)[recording.source]
+    stored = read_file(path)
+    sha256 = digest(stored)
+    entry = store.entry_path(sha256, source.name, source.version)
+    flight = store.fetch(entry, str(path), sha256) if cache else None
+    if flight is None:
+        payload = unpack(stored, str(path))
+        if not payload.data.strip(b"\x00 \r\n\t"):
+            raise InputError(str(path), "the file is empty", payload.broken or "take another copy")
+        flight = source.read(path, payload.data)
+        flight = _with_break(flight, payload.broken)
+        if cache:
+            store.store(entry, flight)
+    provenance = replace(flight.provenance, path=str(path), sha256=sha256, source=source.name)
+    flight = replace(flight, name=recording.name, provenance=provenance)
+    if recording.sheets and flight.streams:
+        time_s = max(flight.streams.values(), key=len).time_s
+        sheet, own = choose_sheet(recording.sheets, path, flight.epoch_s + time_s, flight.metadata.get("rows_in_file"))
+        if sheet is not None:
+            flight = source.with_sheet(flight, sheet, own)
+    return flight
+
+
+def _with_break(flight: Flight, broken: str) -> Flight:
+    """Notes an archive that ended early."""
+    if not broken:
+        return flight
+    end = flight.span.end_s
+    fault = text_fault("truncated", "", (), broken, (end, end))
+    return replace(flight, provenance=replace(flight.provenance, findings=(*flight.provenance.findings, fault)))
+
+
+def _attempt(recording: Recording, cache: bool) -> Flight | dict[str, str]:
+    try:
+        return read(recording, cache)
+    except NanobenchError as error:
+        return {"path": str(recording.path), "error": str(error)}
+    except Exception as error:  # a source may come from outside; one file must not take the others with it
+        return {"path": str(recording.path),
+                "error": f"{recording.path}: source {recording.source} failed, {type(error).__name__}: {error}"}
+
+
+def load_recordings(paths: Sequence[Path | str], columns: Path | None = None, cache: bool = True,
+                    progress: Progress | None = None, jobs: int = 1) -> Loaded:
+    """Read every recording below ``paths``; the result does not depend on ``jobs`` or on the file system.
+
+    ``columns`` is a column map for the user's own tables. ``progress(done, all, path)`` is called after each file.
+    Raises InputError for a place that does not exist, holds nothing, or a bad column map; a file that cannot be read
+    is listed in ``failed``.
+    """
+    recordings, failed = find_recordings(paths, columns)
+    results = joblib.Parallel(n_jobs=jobs, backend="threading", return_as="generator")(
+        joblib.delayed(_attempt)(recording, cache) for recording in recordings)
+    flights: list[Flight] = []
+    for done, (recording, result) in enumerate(zip(recordings, results, strict=True), start=1):
+        if isinstance(result, Flight):
+            flights.append(result)
+        else:
+            failed.append(result)
+        if progress is not None:
+            progress(done, len(recordings), str(recording.path))
+    return Loaded(flights, sorted(failed, key=lambda f: f["path"]))

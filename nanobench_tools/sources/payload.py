@@ -1,0 +1,86 @@
+"""Bytes of a file: plain, gzip or xz, recognised by their first bytes; one that ends early is read up to its end."""
+
+from __future__ import annotations
+
+import hashlib
+import lzma
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError
+
+HEAD_BYTES = 8192
+"""Enough for the header of every format; only this much is unpacked to recognise a file."""
+
+GZIP_MAGIC, XZ_MAGIC = b"\x1f\x8b", b"\xfd7zXZ\x00"
+_GZIP_WINDOW = 16 + zlib.MAX_WBITS
+
+
+@dataclass(frozen=True)
+class Payload:
+    """Unpacked bytes of a file. ``broken`` is one sentence about an archive that ended early, else empty."""
+
+    data: bytes
+    broken: str = ""
+
+
+def read_file(path: Path, limit: int | None = None) -> bytes:
+    """The bytes as stored. Raises InputError that names the path."""
+    try:
+        with open(path, "rb") as file:
+            return file.read() if limit is None else file.read(limit)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror or error})", "check the path and its permissions") from None
+
+
+def digest(stored: bytes) -> str:
+    """SHA-256 of the bytes as stored, hexadecimal."""
+    return hashlib.sha256(stored).hexdigest()
+
+
+def _unpack_members(stored: bytes, new_decoder, place: str) -> Payload:
+    """All members of an archive, one after the other. One that only ends early is kept up to its end.
+
+    A member that fails its check is refused as a whole: what the decoder made of it before it noticed may be
+    made-up digits.
+    """
+    parts: list[bytes] = []
+    rest = stored
+    while rest.strip(b"\x00"):  # zero padding may follow
+        decoder = new_decoder()
+        try:
+            parts.append(decoder.decompress(rest))
+        except (lzma.LZMAError, zlib.error) as error:
+            if parts:
+                return Payload(b"".join(parts), f"bytes after the archive cannot be unpacked ({error})")
+            raise InputError(place, f"the archive is damaged ({error})", "take another copy of the file") from None
+        if not decoder.eof:
+            return Payload(b"".join(parts), "the archive ends early; read up to the break")
+        rest = decoder.unused_data
+    return Payload(b"".join(parts))
+
+
+def unpack(stored: bytes, place: str = "archive") -> Payload:
+    """Unpack gzip or xz by their magic; anything else is returned as it is.
+
+    Raises InputError at ``place`` when the archive fails its own check.
+    """
+    if stored.startswith(XZ_MAGIC):
+        return _unpack_members(stored, lzma.LZMADecompressor, place)
+    if stored.startswith(GZIP_MAGIC):
+        return _unpack_members(stored, lambda: zlib.decompressobj(_GZIP_WINDOW), place)
+    return Payload(stored)
+
+
+def head(path: Path) -> bytes:
+    """The first HEAD_BYTES of the unpacked content (less when the archive is damaged)."""
+    stored = read_file(path, HEAD_BYTES)
+    try:
+        if stored.startswith(XZ_MAGIC):
+            return lzma.LZMADecompressor().decompress(stored, HEAD_BYTES)
+        if stored.startswith(GZIP_MAGIC):
+            return zlib.decompressobj(_GZIP_WINDOW).decompress(stored, HEAD_BYTES)
+    except (lzma.LZMAError, zlib.error):
+        return b""
+    return stored

@@ -1,0 +1,155 @@
+"""The metadata sheet of a recording (YAML): what it says, normalised, and which recording it belongs to.
+
+A sheet belongs to a recording by time, not by name: the recording starts in the second the sheet names as its
+start. A slice of a recording lies inside the interval of its sheet, and takes everything from it but the counts.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ..errors import InputError
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+MARKS = ("row_counts", "trajectory_type", "trajectory_id", "recording_start_utc", "recording_end_utc", "crazyflie_id")
+"""Keys that make a YAML mapping a sheet; two of them are enough."""
+
+SLACK_S = 1.5
+"""The sheet's times are whole seconds; a recording may reach this far beyond them."""
+
+SPEEDS = ("slow", "medium", "fast")
+_MARK_LINE = re.compile(rb"^\s*(" + "|".join(MARKS).encode() + rb")\s*:", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """``content`` as found (frozen text is ``path``); start_s and end_s Unix seconds, whole, or None."""
+
+    path: str
+    content: Mapping[str, Any]
+    start_s: float | None
+    end_s: float | None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """row_counts: stream name of the sheet -> packets; entries that are no counts are left out."""
+        found = self.content.get("row_counts")
+        if not isinstance(found, Mapping):
+            return {}
+        return {str(k): int(v) for k, v in found.items() if isinstance(v, int) and not isinstance(v, bool) and v >= 0}
+
+
+def looks_like_sheet(head: bytes) -> bool:
+    """At least two of the MARKS stand at the start of a line."""
+    return len(set(_MARK_LINE.findall(head))) >= 2
+
+
+def parse_sheet(path: str, data: bytes) -> Sheet:
+    """Parse a sheet. Raises InputError with the line of the fault."""
+    try:
+        content = yaml.load(data.decode("utf-8"), Loader=_LOADER)  # noqa: S506 - a safe loader, C or Python
+    except UnicodeDecodeError as error:
+        raise InputError(path, f"not UTF-8 text at byte {error.start}", "mend the sheet") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{path}: line {mark.line + 1}" if mark else path
+        raise InputError(place, f"bad YAML ({getattr(error, 'problem', None) or str(error)[:80]})",
+                         "mend the sheet; the recording is read without it") from None
+    if not isinstance(content, Mapping):
+        raise InputError(path, f"a sheet holds keys and values, this holds a {type(content).__name__}", "mend the sheet")
+    content = {str(k): v for k, v in content.items()}
+    return Sheet(path, content, unix_time(content.get("recording_start_utc")), unix_time(content.get("recording_end_utc")))
+
+
+@functools.lru_cache(maxsize=1024)
+def unix_time(text: object) -> float | None:
+    """``20260305T054711Z`` (or ISO 8601) -> Unix seconds; None for anything else."""
+    if isinstance(text, datetime.datetime):
+        moment = text
+    else:
+        try:
+            moment = datetime.datetime.fromisoformat(str(text))
+        except ValueError:
+            return None
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=datetime.UTC)
+    return moment.timestamp()
+
+
+def utc_text(unix_s: float) -> str:
+    """Unix seconds -> ``20260305T054711Z``, the second it lies in. Inverse of ``unix_time`` for whole seconds."""
+    return datetime.datetime.fromtimestamp(int(unix_s // 1), datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def normalised(sheet: Sheet) -> dict[str, Any]:
+    """The sheet's own keys and the ones every flight has: family, speed, reference_speed_m_s, duration_s, ..."""
+    params = sheet.content.get("params")
+    params = params if isinstance(params, Mapping) else {}
+    words = re.split(r"[^A-Za-z0-9]+", str(sheet.content.get("trajectory_id", "")).lower())
+    family = sheet.content.get("trajectory_type")
+    return {
+        **sheet.content,
+        "family": str(family) if isinstance(family, str) and family else None,
+        "speed": next((s for s in SPEEDS if s in words), None),
+        "reference_speed_m_s": _number(params.get("speed_mps")),
+        "duration_s": _number(params.get("duration_s")),
+        "start_unix_s": sheet.start_s,
+        "end_unix_s": sheet.end_s,
+    }
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def may_hold(sheet: Sheet, path: Path, first_s: float | None) -> bool:
+    """Whether ``sheet`` can be about a recording at ``path`` whose first row is at ``first_s`` (Unix s, None: unknown).
+
+    A sheet without times can only be the one beside its CSV.
+    """
+    if sheet.start_s is None:
+        return _beside(sheet, path)
+    return first_s is None or (sheet.start_s - SLACK_S <= first_s and (sheet.end_s is None or first_s <= sheet.end_s + SLACK_S))
+
+
+def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray, rows: int | None) -> tuple[Sheet | None, bool]:
+    """The sheet of a recording with these times (n,) [Unix s], and whether it is its own or that of a longer recording.
+
+    It is its own when the recording starts in the second the sheet gives (or the sheet gives none and lies beside
+    the CSV). The middle 90 % of the rows must lie in the interval, so that single bad stamps do not matter. Among
+    several the number of rows decides, then the later start; only then where the sheet lies.
+    """
+    if not len(time_unix_s):
+        return None, False
+    first, (low, high) = float(time_unix_s[0]), np.quantile(time_unix_s, (0.05, 0.95))
+    fits: list[tuple[tuple, Sheet, bool]] = []
+    for sheet in sheets:
+        if sheet.start_s is None:
+            own = True
+        elif sheet.start_s - SLACK_S <= low and (sheet.end_s is None or high <= sheet.end_s + SLACK_S):
+            own = -0.5 <= first - sheet.start_s < 1.5
+        else:
+            continue
+        beside, near = _beside(sheet, path), Path(sheet.path).parent == path.parent
+        order = (not own, sheet.counts.get("vicon") != rows, -(sheet.start_s or 0.0), not beside, not near, sheet.path)
+        fits.append((order, sheet, own))
+    if not fits:
+        return None, False
+    _, sheet, own = min(fits, key=lambda fit: fit[0])
+    return sheet, own
+
+
+def _beside(sheet: Sheet, path: Path) -> bool:
+    """``x_metadata.yaml`` in the folder of ``x.csv``."""
+    other = Path(sheet.path)
+    stem = other.name.rpartition(".")[0].removesuffix("_metadata")
+    return other.parent == path.parent and path.name.startswith(f"{stem}.")
