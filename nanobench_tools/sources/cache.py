@@ -62,7 +62,7 @@ def store(entry: Path, flight: Flight) -> None:
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(table, temporary, compression="none", use_dictionary=False, write_statistics=False,
-                       write_page_checksum=True, row_group_size=max(rows, 1), store_schema=False)
+                       write_page_checksum=True, row_group_size=max(rows, 1))
         os.replace(temporary, entry)
     except OSError:
         with contextlib.suppress(OSError):

@@ -246,7 +246,7 @@ def _describe(cell: str) -> str:
     return f"text '{shown}' where a number belongs"
 
 
-def _number(cell: str, decimal: str) -> float:
+def parse_number(cell: str, decimal: str = ".") -> float:
     """The number in a cell, or NaN. Stricter than float(): no underscores, no digits of other scripts."""
     if decimal == ",":
         if "." in cell:
@@ -288,7 +288,7 @@ def _exact(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str],
         if all(c in EMPTY_CELLS for c in cells):
             grid.empty.append(name)
             continue
-        values = np.array([_number(c, dialect.decimal) for c in cells])
+        values = np.array([parse_number(c, dialect.decimal) for c in cells])
         wrong = np.flatnonzero(np.isnan(values))
         if name not in numeric and 2 * sum(cells[i] not in EMPTY_CELLS for i in wrong) > len(cells):
             grid.text.append(name)

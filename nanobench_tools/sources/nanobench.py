@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream
 from .base import cell_faults, text_fault
-from .cells import Grid, LostRow, header_of, read_grid
+from .cells import Grid, LostRow, header_of, normalise_text, parse_number, read_grid, split_line
 from .describe import describe
 from .kinks import Packets, count_packets
 from .nanobench_columns import COLUMN_NAMES, ROW_COUNT_KEYS, STREAMS, scales_of, units_of
@@ -58,11 +58,13 @@ class NanoBench:
 
     def start_unix_s(self, head: bytes) -> float | None:
         """Time of the first row, None when it cannot be read from the head."""
-        lines = head.split(b"\n", 1)
-        try:
-            return float(read_grid(lines[0] + b"\n" + lines[1].split(b"\n", 1)[0] + b"\n", "").columns["t"][0])
-        except (InputError, KeyError, IndexError):
+        names, dialect = header_of(head)
+        lines = normalise_text(head).lstrip(b"\n").split(b"\n", 2)
+        if "t" not in names or len(lines) < 2:
             return None
+        cells = split_line(lines[1].decode("utf-8", errors="replace"), dialect.delimiter)
+        time = parse_number(cells[names.index("t")]) if len(cells) == len(names) else float("nan")
+        return time if np.isfinite(time) else None
 
     def with_sheet(self, flight: Flight, sheet: Sheet, own: bool) -> Flight:
         return with_sheet(flight, sheet, own)
