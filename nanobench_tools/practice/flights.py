@@ -1,0 +1,102 @@
+"""Practice flights as recordings: what ``nanobench run`` uses when there are none, and what the checks are tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..flight import Flight, Provenance
+from ..sources.nanobench import write_nanobench
+from .flying import Flown, flight_rngs, fly
+from .logging_chain import LoggingChain, record
+from .onboard import CONTROLLERS
+from .references import FAMILIES, PathSpec, path_spec
+
+EPOCH_S = 1_700_000_000.0
+"""Unix time of flight 0; flights of one seed follow each other at MINUTES_APART."""
+SECONDS_APART = 120.0
+SEED_SECONDS = 10_000_000.0
+"""Flights of different seeds lie on different days, so that no two sheets claim the same time."""
+BATCH = 100
+"""Vehicles flown at once: keeps memory below 1 GB."""
+MELLINGER_SHARE = 23 / 79
+"""Share of the published flights that flew this controller."""
+
+
+def practice_flight(seed: int, family: str = "circle", speed: str = "medium", *, speed_m_s: float | None = None,
+                    controller: str = "pid", chain: LoggingChain | None = None, spread: float = 1.0, index: int = 0,
+                    **params: Any) -> Flight:
+    """One practice flight; ``params`` are those of the family's sheet (radius_m, duration_s ...).
+
+    The same arguments give bit-identical flights. Raises UsageError for unknown names.
+    """
+    spec = path_spec(family, speed, speed_m_s=speed_m_s, **params)
+    return _fly_all([(index, spec, controller)], seed, chain or LoggingChain(), spread)[0]
+
+
+def practice_flights(n: int, seed: int = 0, *, families: Sequence[str] | None = None, chain: LoggingChain | None = None,
+                     controllers: Sequence[str] = ("pid", "mellinger"), duration_s: float | None = None,
+                     spread: float = 1.0, progress: Callable[[int, int], None] | None = None) -> list[Flight]:
+    """n practice flights: all families and speeds in turn, about a third behind the Mellinger controller.
+
+    Flight i depends on ``seed`` and i alone. ``duration_s`` shortens every path. ``progress(done, n)`` is called
+    after every batch.
+    """
+    families = tuple(families or FAMILIES)
+    plan = []
+    for i in range(n):
+        rng = np.random.default_rng([seed, i, 77])
+        family = families[i % len(families)]
+        speed = ("slow", "medium", "fast")[(i // len(families)) % 3]
+        which = controllers[0] if len(controllers) == 1 or rng.uniform() > MELLINGER_SHARE else controllers[1]
+        params = {} if duration_s is None else {"duration_s": duration_s}
+        plan.append((i, path_spec(family, speed, **params), which))
+    return _fly_all(plan, seed, chain or LoggingChain(), spread, progress)
+
+
+def _fly_all(plan: list[tuple[int, PathSpec, str]], seed: int, chain: LoggingChain, spread: float,
+             progress: Callable[[int, int], None] | None = None) -> list[Flight]:
+    flights: dict[int, Flight] = {}
+    for name, controller in CONTROLLERS.items():
+        group = sorted((p for p in plan if p[2] == name), key=lambda p: p[1].duration_s)
+        for start in range(0, len(group), BATCH):
+            batch = group[start:start + BATCH]
+            flown = fly(controller(), [spec for _, spec, _ in batch], seed=seed, indices=[i for i, _, _ in batch], spread=spread)
+            for row, (i, spec, _) in enumerate(batch):
+                flights[i] = _recording(flown, row, i, spec, seed, chain)
+            if progress:
+                progress(len(flights), len(plan))
+    unknown = {p[2] for p in plan} - set(CONTROLLERS)
+    if unknown:
+        from ..errors import UsageError
+        raise UsageError(f"unknown controller {sorted(unknown)[0]!r}; known: {', '.join(CONTROLLERS)}")
+    return [flights[i] for i, _, _ in plan]
+
+
+def _recording(flown: Flown, row: int, index: int, spec: PathSpec, seed: int, chain: LoggingChain) -> Flight:
+    rngs = flight_rngs(seed, index, 9)[6:]
+    recorded = record(flown, row, chain, rngs)
+    name = f"practice_{spec.trajectory_id}_s{seed}_{index:03d}"
+    battery = recorded.streams["battery"]["vbat"]
+    metadata = {
+        "trajectory_type": spec.family, "trajectory_id": spec.trajectory_id, "category": "practice", "repetition": 1,
+        "crazyflie_id": "simulated", "firmware_version": "simulated", "params": dict(spec.params),
+        "battery_voltage_start": float(battery[0]), "battery_voltage_end": float(battery[-1]), "synthetic": True,
+        "practice": {"seed": seed, "index": index, "controller": flown.controller, "clock_offset_s": chain.offset_s,
+                     "clock_drift": chain.drift, "clock_wander_sd_s": chain.wander_sd_s,
+                     "tail_s": float(recorded.tail_s), "tilt_rad": [float(x) for x in recorded.tilt_rad]},
+        "family": spec.family, "speed": None if spec.family == "linear_ramp" else spec.speed,
+        "reference_speed_m_s": float(spec.params["speed_mps"]) if "speed_mps" in spec.params else None,
+        "duration_s": spec.duration_s,
+    }
+    epoch = EPOCH_S + SEED_SECONDS * (seed % 100) + SECONDS_APART * index + 0.5
+    return Flight(name, recorded.streams, metadata, Provenance(f"{name}.csv", "", "practice", synthetic=True), epoch_s=epoch)
+
+
+def write_practice(out_dir: Path | str, n: int, seed: int = 0, *, suffix: str = ".csv", **options: Any) -> list[Path]:
+    """Writes n practice flights as NanoBench CSV and sheet into ``out_dir``; ``options`` go to ``practice_flights``."""
+    return [write_nanobench(flight, Path(out_dir) / f"{flight.name}{suffix}")
+            for flight in practice_flights(n, seed, **options)]

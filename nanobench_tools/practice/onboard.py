@@ -1,0 +1,196 @@
+"""The two onboard controllers of the vehicle, batched over n vehicles in double precision.
+
+Sources: crazyflie-firmware 2025.12.1: controller_pid.c, position_controller_pid.c, attitude_pid_controller.c,
+controller_mellinger.c, power_distribution_quadrotor.c, stabilizer.c; gains of platform_defaults_cf2.h. Left out
+against the firmware: float32, the 1 kHz output hold, and the filters that do nothing at the default gains.
+Angles inside the PID cascade are degrees with the firmware's legacy pitch (nose up positive), as its gains are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import so3
+from ..methods import Reference, VehicleState
+from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
+from .thrust_curve import compensated_ratio
+
+PERIOD_S = 0.002
+POSITION_EVERY = 5
+"""The position and velocity loops run at every fifth attitude step: 100 Hz."""
+BATTERY_FILTER_S = 0.0995
+"""Time constant of the battery voltage used in the compensation (stabilizer.c: 0.01 per millisecond)."""
+BATTERY_FILTER_START_V = 4.2
+
+
+@dataclass(frozen=True)
+class ControllerLog:
+    """What the log group ``controller`` shows: desired roll, pitch, yaw (n, 3) rad FLU, cmd_thrust (n,) ratio."""
+
+    attitude_rad: np.ndarray
+    cmd_thrust: np.ndarray
+
+
+class MotorOutput:
+    """Mixer, battery compensation and cap shared by both controllers (power_distribution_quadrotor.c, motors.c)."""
+
+    def __init__(self, n: int) -> None:
+        self.filtered_V = np.full(n, BATTERY_FILTER_START_V)
+        self._share = 1.0 - np.exp(-PERIOD_S / BATTERY_FILTER_S)
+
+    def __call__(self, thrust, roll, pitch, yaw, battery_V: np.ndarray) -> np.ndarray:
+        """Counts (n,), legacy signs, battery (n,) V -> PWM ratios (n, 4). Roll and pitch are halved, yaw is not."""
+        self.filtered_V = self.filtered_V + self._share * (battery_V - self.filtered_V)
+        r, p = np.trunc(roll / 2.0), np.trunc(pitch / 2.0)
+        command = np.stack([thrust - r + p + yaw, thrust - r - p - yaw, thrust + r - p + yaw, thrust + r + p - yaw])
+        counts = np.trunc(PWM_FULL_SCALE * compensated_ratio(np.trunc(command) / PWM_FULL_SCALE, self.filtered_V))
+        counts -= np.maximum(counts.max(axis=0) - PWM_FULL_SCALE, 0.0)
+        return (np.maximum(counts, 0.0) / PWM_FULL_SCALE).T
+
+
+class _Pid:
+    """The firmware's PID block on k axes of n vehicles: derivative on the measurement, integral clamped, no anti-windup."""
+
+    def __init__(self, n: int, dt_s: float, kp, ki, kd=0.0, integral_limit=5000.0, output_limit=np.inf) -> None:
+        self.dt_s, self.kp, self.ki, self.kd = dt_s, *(np.reshape(np.asarray(g, float), (-1, 1)) for g in (kp, ki, kd))
+        self.integral_limit, self.output_limit = (np.reshape(np.asarray(x, float), (-1, 1))
+                                                  for x in (integral_limit, output_limit))
+        self.integral = np.zeros((self.kp.shape[0], n))
+        self.previous: np.ndarray | None = None
+
+    def __call__(self, error: np.ndarray, measured: np.ndarray | None = None, wrap=None) -> np.ndarray:
+        """error, measured (k, n) -> output (k, n); ``wrap`` maps differences of angles into one turn."""
+        self.integral = np.clip(self.integral + error * self.dt_s, -self.integral_limit, self.integral_limit)
+        out = self.kp * error + self.ki * self.integral
+        if measured is not None:
+            change = np.zeros_like(measured) if self.previous is None else measured - self.previous
+            self.previous = measured
+            out = out - self.kd * (change if wrap is None else wrap(change)) / self.dt_s
+        return np.clip(out, -self.output_limit, self.output_limit)
+
+
+def _wrap_deg(angle: np.ndarray) -> np.ndarray:
+    return (angle + 180.0) % 360.0 - 180.0
+
+
+class PidCascade:
+    """Position -> velocity -> attitude -> rate -> motors, as in controller_pid.c. Uses position setpoints only."""
+
+    name = "pid"
+    information = "as flown"
+    period_s = PERIOD_S
+    thrust_base, thrust_min = 36000.0, 20000.0
+
+    def reset(self, n: int) -> None:
+        slow = POSITION_EVERY * PERIOD_S
+        self._position = _Pid(n, slow, (2.0, 2.0, 2.0), (0.0, 0.0, 0.5), output_limit=1.1)
+        self._velocity = _Pid(n, slow, (25.0, 25.0, 25.0), (1.0, 1.0, 15.0), output_limit=(22.0, 22.0, 32.767))
+        self._attitude = _Pid(n, PERIOD_S, (6.0, 6.0, 6.0), (3.0, 3.0, 1.0), (0.0, 0.0, 0.35), (20.0, 20.0, 360.0))
+        self._rate = _Pid(n, PERIOD_S, (250.0, 250.0, 120.0), (500.0, 500.0, 16.7), (2.5, 2.5, 0.0), (33.3, 33.3, 166.7),
+                          32767.0)
+        self._output = MotorOutput(n)
+        self._count = 0
+        self._desired = np.zeros((3, n))
+        self._thrust = np.zeros(n)
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4). ``time_s`` is not used: like the firmware it counts its own steps."""
+        attitude = np.degrees(so3.euler_zyx(state.quaternion).T)
+        attitude[1] = -attitude[1]
+        if self._count % POSITION_EVERY == 0:
+            self._outer(state, reference, np.radians(attitude[2]))
+        self._count += 1
+        error = self._desired - attitude
+        error[2] = _wrap_deg(error[2])
+        rate = np.degrees(state.rate_rad_s.T)
+        rate[1] = -rate[1]
+        roll, pitch, yaw = np.trunc(self._rate(self._attitude(error, attitude, _wrap_deg) - rate, rate))
+        return self._output(self._thrust, roll, pitch, -yaw, state.battery_V)
+
+    def _outer(self, state: VehicleState, reference: Reference, yaw: np.ndarray) -> None:
+        """Position and velocity loops in the yaw frame; no thrust compensation for tilt, no feed-forward."""
+        c, s = np.cos(yaw), np.sin(yaw)
+
+        def in_yaw_frame(world: np.ndarray) -> np.ndarray:
+            x, y, z = world.T
+            return np.stack([c * x + s * y, c * y - s * x, z])
+
+        wanted = self._position(in_yaw_frame(reference.position_m - state.position_m))
+        out = self._velocity(wanted - in_yaw_frame(state.velocity_m_s))
+        self._desired = np.stack([np.clip(-out[1], -20.0, 20.0), np.clip(-out[0], -20.0, 20.0),
+                                  np.degrees(reference.yaw_rad)])
+        self._thrust = np.trunc(np.clip(1000.0 * out[2] + self.thrust_base, self.thrust_min, PWM_FULL_SCALE))
+
+    @property
+    def log(self) -> ControllerLog:
+        """What the last command wanted."""
+        angles = np.radians(self._desired.T)
+        angles[:, 1] = -angles[:, 1]
+        return ControllerLog(angles, self._thrust / PWM_FULL_SCALE)
+
+
+class MellingerLike:
+    """controller_mellinger.c: force from position and velocity errors, attitude by rotation-matrix error.
+
+    Uses the reference's velocity and acceleration when they are given. Believes in 0.029 kg: the vehicle hangs low.
+    """
+
+    name = "mellinger"
+    information = "as flown"
+    period_s = PERIOD_S
+    mass_kg, mass_thrust = 0.029, 132000.0
+    kp, kd, ki = (np.array(g)[:, None] for g in ((0.4, 0.4, 1.25), (0.2, 0.2, 0.4), (0.05, 0.05, 0.05)))
+    i_range = np.array([2.0, 2.0, 0.4])[:, None]
+    k_r, k_w, k_i_z, i_range_m_z = (70000.0, 70000.0, 60000.0), (20000.0, 20000.0, 12000.0), 500.0, 1500.0
+    kd_omega = 200.0
+
+    def reset(self, n: int) -> None:
+        self._integral = np.zeros((3, n))
+        self._integral_m = np.zeros(n)
+        self._previous = np.zeros((2, n))
+        self._output = MotorOutput(n)
+        self._yaw = np.zeros(n)
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4)."""
+        error = (reference.position_m - state.position_m).T
+        self._integral = np.clip(self._integral + error * PERIOD_S, -self.i_range, self.i_range)
+        wanted = reference.acceleration_m_s2.T + np.array([[0.0], [0.0], [GRAVITY_M_S2]])
+        force = (self.mass_kg * wanted + self.kp * error + self.kd * (reference.velocity_m_s - state.velocity_m_s).T
+                 + self.ki * self._integral)
+        r = np.moveaxis(so3.matrix(state.quaternion), 0, -1)
+        thrust = self.mass_thrust * _dot(force, r[:, 2])
+        z = force / np.sqrt(_dot(force, force))
+        heading = np.stack([np.cos(reference.yaw_rad), np.sin(reference.yaw_rad), np.zeros_like(reference.yaw_rad)])
+        y = np.cross(z, heading, axis=0)
+        y = y / np.sqrt(_dot(y, y))
+        x = np.cross(y, z, axis=0)
+        # e = vee(Rd^T R - R^T Rd) without the textbook's one half; the y part is negated for the legacy frame
+        e_r = np.stack([_dot(z, r[:, 1]) - _dot(y, r[:, 2]), _dot(z, r[:, 0]) - _dot(x, r[:, 2]),
+                        _dot(y, r[:, 0]) - _dot(x, r[:, 1])])
+        rate = state.rate_rad_s.T * np.array([[1.0], [-1.0], [1.0]])
+        change = -(rate[:2] - self._previous) / PERIOD_S
+        self._previous = rate[:2]
+        self._integral_m = np.clip(self._integral_m - e_r[2] * PERIOD_S, -self.i_range_m_z, self.i_range_m_z)
+        moment = [-k * e - w * rate_axis for k, e, w, rate_axis in zip(self.k_r, e_r, self.k_w, rate, strict=True)]
+        roll, pitch = (np.trunc(np.clip(m + self.kd_omega * d, -32000.0, 32000.0))
+                       for m, d in zip(moment[:2], change, strict=True))
+        yaw = np.trunc(np.clip(-(moment[2] + self.k_i_z * self._integral_m), -32000.0, 32000.0))
+        flying = thrust > 0.0
+        return self._output(np.trunc(np.maximum(thrust, 0.0)), roll * flying, pitch * flying, yaw * flying, state.battery_V)
+
+    @property
+    def log(self) -> ControllerLog | None:
+        """None: the log group ``controller`` is not written by this controller."""
+        return None
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Column dot products (3, n), (3, n) -> (n,), summed in a fixed order."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+CONTROLLERS = {"pid": PidCascade, "mellinger": MellingerLike}
+"""The controllers of the vehicle by the name the audit gives them."""
