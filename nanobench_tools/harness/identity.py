@@ -6,10 +6,11 @@ the source of this package and the versions of the numerical libraries.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import functools
 import hashlib
-import inspect
+import importlib.util
 import os
 import pickle
 import struct
@@ -52,9 +53,9 @@ def package_hash() -> str:
 def method_identity(method: Any) -> str:
     """Qualified name, ``version`` attribute and, from outside this package, the source it is made of.
 
-    ``method`` is a class, a function or an instance (whose attributes count too). The source of an outside method is
-    its module's file and those of the modules it uses, installed libraries left out; one without a file (typed at a
-    prompt) gets a name of its own each time, so that it is never answered from the store.
+    ``method`` is a class, a function or an instance (whose attributes count too). Of a method from outside everything
+    counts that it imports; one without a file (typed at a prompt) gets a name of its own each time, so that it is
+    never answered from the store. A file that a method reads by itself does not count: raise its ``version`` then.
     """
     kind = method if isinstance(method, (type, types.FunctionType, types.BuiltinFunctionType)) else type(method)
     text = f"{kind.__module__}:{kind.__qualname__} {getattr(method, 'version', '')}"
@@ -121,33 +122,62 @@ def _feed(digest, value: Any) -> None:
 
 @functools.cache
 def _source_hash(module_name: str) -> str:
-    """Hash of the files of ``module_name`` and of what it uses outside the standard library and installed packages."""
+    """Hash of what an outside method is made of: its module or package, the own modules it imports anywhere in its
+    text, and the names and versions of all installed distributions."""
     module = sys.modules.get(module_name)
-    if module is None or not getattr(module, "__file__", None):
+    if not getattr(module, "__file__", None):
         return uuid.uuid4().hex
-    digest, seen, queue = hashlib.sha256(), set(), [module]
+    digest = hashlib.sha256("\0".join(_distributions()).encode())
+    seen: set[str] = set()
+    queue = [module_name.partition(".")[0]]
     while queue:
-        current = queue.pop()
-        file = getattr(current, "__file__", None)
-        if current.__name__ in seen or not file:
+        name = queue.pop()
+        if name in seen or name in PACKAGES or name in sys.stdlib_module_names:
             continue
-        seen.add(current.__name__)
-        if current is not module and not _is_own(current, module):
-            continue
-        digest.update(Path(file).read_bytes())
-        used = {getattr(value, "__module__", None) for value in vars(current).values()}
-        names = {name for name in used if isinstance(name, str)}
-        names |= {value.__name__ for value in vars(current).values() if inspect.ismodule(value)}
-        queue += [sys.modules[name] for name in sorted(names - seen, reverse=True) if name in sys.modules]
+        seen.add(name)
+        own = len(seen) == 1
+        for path in _files_of(name, installed_too=own) or ([Path(module.__file__)] if own else []):
+            digest.update(path.name.encode())
+            if path.suffix == ".py":
+                text = path.read_bytes()
+                digest.update(text)
+                queue += sorted(_imported(text), reverse=True)
+            else:  # data beside the source: size and date, it may be large
+                digest.update(repr((path.stat().st_size, path.stat().st_mtime_ns)).encode())
     return digest.hexdigest()
 
 
-def _is_own(module: types.ModuleType, method_module: types.ModuleType) -> bool:
-    """Whether ``module`` belongs to the method: same package, or not a part of Python, an installed library or us."""
-    top = module.__name__.partition(".")[0]
-    if top in PACKAGES:
-        return False
-    if top == method_module.__name__.partition(".")[0]:
-        return True
-    places = {sysconfig.get_paths()[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
-    return not any(Path(module.__file__ or "").is_relative_to(place) for place in places)
+def _files_of(name: str, installed_too: bool) -> list[Path]:
+    """The file of a top-level module or all files of a package; none for what was installed, unless asked."""
+    try:
+        spec = importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return []
+    places = [*(spec.submodule_search_locations or [])] if spec else []
+    found = [Path(place) for place in places or ([spec.origin] if spec and spec.has_location else [])]
+    installed = [Path(sysconfig.get_path(key)) for key in ("purelib", "platlib")]
+    if not installed_too and any(path.is_relative_to(place) for path in found for place in installed):
+        return []
+    return [file for path in found for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
+            if file.is_file() and "__pycache__" not in file.parts]
+
+
+def _imported(text: bytes) -> set[str]:
+    """Top-level names of everything a source imports, also inside functions."""
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError):
+        return set()
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module)
+    return {name.partition(".")[0] for name in names}
+
+
+@functools.cache
+def _distributions() -> list[str]:
+    """Folder names (distribution and version) of everything installed."""
+    return sorted(path.name for place in {*sys.path} if place for path in Path(place).glob("*.dist-info"))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +17,19 @@ from .results import plain, sweep, write_bytes
 class Store:
     """A folder of finished items. A file is two lines: a header with the hash of the second, and the value.
 
-    A file that is broken in any way counts as absent and is written anew.
+    A file that is broken in any way counts as absent and is written anew. ``keep_days`` is for a folder that nobody
+    else tidies up: files not asked for that long are removed.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, keep_days: float | None = None) -> None:
         self.folder = Path(folder)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(str(folder), f"is no folder that can be written to ({error.strerror or error})") from error
         sweep(self.folder)
+        if keep_days is not None:
+            self._forget(time.time() - keep_days * 86400.0)
 
     def path(self, key: str) -> Path:
         return self.folder / f"{key}.json"
@@ -34,10 +40,18 @@ class Store:
             header, _, body = self.path(key).read_bytes().partition(b"\n")
             known = json.loads(header)
             if known["key"] == key and known["sha256"] == sha256_of(body):
-                return json.loads(body)
+                value = json.loads(body)
+                os.utime(self.path(key))
+                return value
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return None
+
+    def _forget(self, before_s: float) -> None:
+        for path in self.folder.glob("*.json"):
+            with contextlib.suppress(OSError):
+                if path.stat().st_mtime < before_s:
+                    path.unlink()
 
     def put(self, key: str, value: dict[str, Any], label: str = "") -> None:
         """Writes a value (as ``encode`` gives it); nan is kept."""

@@ -62,8 +62,8 @@ def outside(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "gains_of_mine.py").write_text("GAIN = 1.0\n")
     (tmp_path / "method_of_mine.py").write_text(
-        "import numpy as np\nimport gains_of_mine\nclass Mine:\n    name = 'mine'\n"
-        "    def __init__(self, k=1):\n        self.k = k\n")
+        "import numpy as np\nclass Mine:\n    name = 'mine'\n    def __init__(self, k=1):\n        self.k = k\n"
+        "    def gain(self):\n        from gains_of_mine import GAIN\n        return GAIN\n")
 
     def load(file=None, text=None):
         if file:
@@ -96,6 +96,23 @@ def test_attributes_and_version_of_a_method_count(outside):
     before = method_identity(mine(1))
     mine.version = "2"
     assert method_identity(mine(1)) != before
+
+
+def test_every_file_of_an_outside_package_counts(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    package = tmp_path / "package_of_mine"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "method.py").write_text("class Mine:\n    name = 'mine'\n")
+    (package / "part.py").write_text("A = 1\n")
+    (package / "weights.bin").write_bytes(b"1")
+    mine = importlib.import_module("package_of_mine.method").Mine
+    found = {method_identity(mine)}
+    for name, content in (("part.py", b"A = 2\n"), ("weights.bin", b"12")):
+        (package / name).write_bytes(content)
+        identity._source_hash.cache_clear()
+        found.add(method_identity(mine))
+    assert len(found) == 3
 
 
 def test_a_method_without_a_file_is_never_the_same():
