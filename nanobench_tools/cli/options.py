@@ -16,6 +16,7 @@ import click
 from ..errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    from ..audit import Audit
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
 
@@ -46,8 +47,10 @@ class Options:
 
     @property
     def store(self) -> Path | None:
-        """Where finished items are kept for resuming: below ``--out``; without it nothing is kept."""
-        return self.out / ".store" if self.out else None
+        """Where finished items are kept for resuming: below ``--out``, else in the cache folder of the user."""
+        from ..harness.store import user_store
+
+        return self.out / ".store" if self.out else user_store()
 
     @property
     def synthetic(self) -> bool:
@@ -76,7 +79,9 @@ class Options:
 
         places = list(data) if data else self.places()
         before = time.perf_counter()
-        loaded = load_recordings(places, columns=self.columns, jobs=self.jobs)
+        with self.progress.task("read", 1) as step:
+            loaded = load_recordings(places, columns=self.columns, jobs=self.jobs,
+                                     progress=lambda done, total, path: step(done, total=total))
         failed = [{"item": "read", "file": str(f["path"]), "error": f["error"]} for f in loaded.failed]
         where = ", ".join(map(str, places))
         if not loaded.flights:
@@ -98,6 +103,14 @@ class Options:
         result = run_items(items, self.store, self.jobs, self.scheduler, self.progress, title)
         self.failed += result.failed
         return result
+
+    def audit(self, flights: Sequence[Flight]) -> tuple[dict[str, Audit], list[list[str]]]:
+        """Audits by flight name, and groups of names of copies; failures are kept. Done once, then from the store."""
+        from ..harness.audits import audit_flights
+
+        result = audit_flights(flights, self.store, self.jobs, self.scheduler, self.progress)
+        self.failed += result.failed
+        return result.audits, result.copies
 
     def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
         from ..harness import manifest

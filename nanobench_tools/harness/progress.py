@@ -13,9 +13,9 @@ PLAIN_PERIOD_S = 10.0
 
 
 class Task(Protocol):
-    """One bar: call it with the number done so far and how many of these failed."""
+    """One bar: call it with the number done so far, how many of these failed, and the total if it became known."""
 
-    def __call__(self, done: int, failed: int = 0) -> None: ...
+    def __call__(self, done: int, failed: int = 0, total: int | None = None) -> None: ...
 
 
 class Progress:
@@ -28,7 +28,7 @@ class Progress:
     def task(self, label: str, total: int) -> Iterator[Task]:
         """A bar of ``total`` steps, gone or finished when the block ends."""
         if self.quiet or total == 0:
-            yield lambda done, failed=0: None
+            yield lambda done, failed=0, total=None: None
         elif self.file.isatty():
             with self._live(label, total) as task:
                 yield task
@@ -46,16 +46,17 @@ class Progress:
         with RichProgress(*columns, console=Console(file=self.file), transient=True) as bars:
             bar = bars.add_task(label, total=total, failures="")
 
-            def step(done: int, failed: int = 0) -> None:
-                bars.update(bar, completed=done, failures=f"{failed} failed" if failed else "")
+            def step(done: int, failed: int = 0, total: int | None = None) -> None:
+                bars.update(bar, completed=done, total=total, failures=f"{failed} failed" if failed else "")
 
             yield step
 
-    def _plain(self, label: str, total: int) -> Task:
+    def _plain(self, label: str, all_steps: int) -> Task:
         started = last = time.monotonic()
 
-        def step(done: int, failed: int = 0) -> None:
+        def step(done: int, failed: int = 0, total: int | None = None) -> None:
             nonlocal last
+            total = total or all_steps
             now = time.monotonic()
             if now - last < self.period_s or not done:
                 return

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..sources.cache import cache_folder
 from .identity import sha256_of
 from .results import plain, sweep, write_bytes
 
@@ -63,3 +64,17 @@ class Store:
 def encode(value: Any) -> dict[str, Any]:
     """A value as it comes back from the store, so that fresh and stored ones are equal; nan is kept."""
     return plain(value, nan=float)
+
+
+USER_STORE_DAYS = 30.0
+
+
+def user_store() -> Path | None:
+    """A folder for runs that name none: below the cache folder, tidied of what nobody asked for in a month. None when
+    it cannot be made."""
+    folder = cache_folder() / "items"
+    try:
+        Store(folder, keep_days=USER_STORE_DAYS)
+    except InputError:
+        return None
+    return folder

@@ -49,7 +49,7 @@ def test_a_worker_killed_in_the_middle_costs_no_item(cluster, tmp_path):
             def opened():
                 state = {"killed": False}
 
-                def step(done, failed=0):
+                def step(done, failed=0, total=None):
                     if done >= 4 and not state["killed"]:
                         os.kill(pid, signal.SIGKILL)
                         state["killed"] = True

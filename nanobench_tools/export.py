@@ -1,0 +1,76 @@
+"""Recordings into formats of other tools. (Back to the NanoBench format: ``sources.nanobench_writer``.)"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .errors import InputError
+from .flight import Flight
+from .harness.results import plain, write_bytes
+
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+
+
+def tum_text(time_s: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray) -> str:
+    """A trajectory as TUM lines ``t x y z qx qy qz qw``: time_s (n,) Unix s, position_m (n, 3), quaternion (n, 4)."""
+    text = io.StringIO()
+    np.savetxt(text, np.column_stack([time_s, position_m, quaternion]), fmt="%.9f")
+    return text.getvalue()
+
+
+def write_tum(flight: Flight, path: Path) -> Path:
+    """The motion-capture trajectory of a flight in absolute time. InputError when it has none."""
+    missing = [name for name in POSE if name not in flight["mocap"]]
+    if missing:
+        raise InputError(flight.provenance.path, f"mocap has no {', '.join(missing)}", "TUM needs them")
+    mocap = flight["mocap"]
+    pose = mocap[POSE]
+    write_bytes(path, tum_text(flight.epoch_s + mocap.time_s, pose[:, :3], pose[:, 3:]).encode())
+    return path
+
+
+def write_parquet(flight: Flight, path: Path) -> Path:
+    """One Parquet file per stream in the folder ``path``, because streams keep their own clocks.
+
+    Columns: ``time_s`` (s from the first row) and the quantities in SI. The schema's metadata hold name, epoch_s,
+    unit and frame of each column, samples and the recording's sheet as JSON.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    for name, stream in flight.streams.items():
+        fields = [pa.field("time_s", pa.float64(), metadata={"unit": "s"})]
+        fields += [pa.field(quantity, pa.float64(), metadata={"unit": unit, "frame": stream.frame, "column": column})
+                   for quantity, unit, column in zip(stream.quantities, stream.unit, stream.columns, strict=True)]
+        about = {"flight": flight.name, "stream": name, "epoch_s": flight.epoch_s, "samples": stream.samples,
+                 "synthetic": flight.provenance.synthetic, "sha256": flight.provenance.sha256,
+                 "metadata": plain(flight.metadata)}
+        schema = pa.schema(fields, metadata={"nanobench": json.dumps(about)})
+        buffer = pa.BufferOutputStream()
+        columns = [pa.array(stream.time_s), *map(pa.array, stream.values.T)]
+        pq.write_table(pa.Table.from_arrays(columns, schema=schema), buffer)
+        write_bytes(path / f"{name}.parquet", buffer.getvalue().to_pybytes())
+    return path
+
+
+def write_csv(flight: Flight, path: Path) -> Path:
+    """NanoBench CSV with its sheet."""
+    from .sources.nanobench_writer import write_nanobench
+
+    return write_nanobench(flight, path)
+
+
+FORMATS: dict[str, tuple[Callable[[Flight, Path], Path], str]] = {
+    "nanobench": (write_csv, ".csv"), "parquet": (write_parquet, ""), "tum": (write_tum, ".tum")}
+"""Name of a format -> (writer, suffix)."""
+
+
+def export(flight: Flight, out_dir: Path, to: str) -> Path:
+    """Writes a flight into ``out_dir`` under its name; returns the file (a folder for ``parquet``)."""
+    write, suffix = FORMATS[to]
+    return write(flight, Path(out_dir) / f"{flight.name}{suffix}")

@@ -1,0 +1,37 @@
+"""The audit of many flights through the runner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..audit import Audit, audit, find_copies
+from ..flight import Flight
+from .progress import Progress
+from .runner import make_item, run_items
+
+
+@dataclass(frozen=True)
+class Audited:
+    """audits: name of the flight -> verdict, failed ones left out; copies: groups of names of equal recordings;
+    failed: [{item, file, error}]."""
+
+    audits: dict[str, Audit]
+    copies: list[list[str]]
+    failed: list[dict[str, str]]
+
+
+def audit_item(flight: Flight) -> dict:
+    """One audit as JSON."""
+    return audit(flight).to_json()
+
+
+def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs: int = 1,
+                  scheduler: str | None = None, progress: Progress | None = None) -> Audited:
+    """Audits ``flights`` (names unique) as ``run_items`` does; the same result for any ``jobs``."""
+    items = [make_item(audit_item, {"flight": flight}, f"audit {flight.name}") for flight in flights]
+    result = run_items(items, store_dir, jobs, scheduler, progress, "audit")
+    audits = {flight.name: Audit.from_json(result.values[item.key])
+              for flight, item in zip(flights, items, strict=True) if item.key in result.values}
+    return Audited(audits, find_copies(flights), result.failed)
