@@ -1,0 +1,32 @@
+"""The estimator that goes on as it was going: a straight line from the last poses given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools.flight import Flight
+from nanobench_tools.methods import Estimate
+
+from .stamps import densest_stamps
+
+SLOPE_S = 0.1
+"""The velocity is the slope of the poses over this time: 11 poses at 100 Hz give it to about 1 mm/s."""
+
+
+class ConstantVelocity:
+    """Keeps the velocity (slope of the last SLOPE_S of poses) and the attitude it had when the poses ended."""
+
+    name = "constant_velocity"
+    causal = True
+
+    def estimate(self, flight: Flight) -> Estimate:
+        mocap = flight["mocap"]
+        time_s = densest_stamps(flight)
+        given, position = mocap.time_s, mocap["px", "py", "pz"]
+        last = np.clip(np.searchsorted(given, time_s, side="right") - 1, 0, None)
+        first = np.minimum(np.searchsorted(given, given[last] - SLOPE_S), last)
+        span = given[last] - given[first]
+        velocity = (position[last] - position[first]) / np.where(span > 0.0, span, np.inf)[:, None]
+        ahead = np.maximum(time_s - given[last], 0.0)
+        return Estimate(time_s, position[last] + velocity * ahead[:, None],
+                        mocap["qx", "qy", "qz", "qw"][last], velocity)

@@ -1,0 +1,78 @@
+"""Parts of a flight found from content: motors on, the phase in which a path is streamed, a piece cut to the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..flight import Flight, Span, intersect_spans, mask_of
+from ..units import PWM_FULL_SCALE
+
+MOTOR_ON = 1000.0 / PWM_FULL_SCALE
+"""PWM ratio of motor 1 above which the published protocol takes a row for flown."""
+
+MOVING_M_S = 0.02
+PAUSE_S = 0.6
+LANDING_JUMP_S = 0.4
+SHORTEST_S = 5.0
+"""A streamed path moves faster than MOVING_M_S (slowest known: 0.1 m/s), its radio gaps are shorter than PAUSE_S, it
+lasts SHORTEST_S or more; its last LANDING_JUMP_S hold the jump to the landing place, smeared over a radio gap."""
+
+
+def motors_on(flight: Flight) -> np.ndarray:
+    """(n,) bool over the rows of the motor stream: motor 1 above MOTOR_ON."""
+    return flight["motor"]["m1"] > MOTOR_ON
+
+
+def is_cut(flight: Flight) -> bool:
+    """Whether the recording is a piece already cut to the flight: its motors run from the first rows on.
+
+    A whole recording starts on the ground with the motors off.
+    """
+    on = motors_on(flight)
+    return len(on) > 0 and bool(on[:10].all())
+
+
+def flown_spans(flight: Flight, airborne: Iterable[Span]) -> tuple[Span, ...]:
+    """Where a recording is scored: airborne, or for a piece cut to the flight all its rows with motors on.
+
+    A cut piece has no rest to measure a height above.
+    """
+    if not is_cut(flight):
+        return tuple(airborne)
+    time_s, on = flight["motor"].time_s, np.flatnonzero(motors_on(flight))
+    return (Span(float(time_s[on[0]]), float(time_s[on[-1]])),)
+
+
+def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span | None:
+    """The stretch in which a path was streamed to the vehicle, between hover and landing; None if there is none.
+
+    From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jump to the
+    landing place at its end. Planned take-off and landing hold x and y still. valid: spans in which the setpoints are
+    to be trusted; a log that stopped is followed only up to its stop.
+    """
+    setpoint = flight["setpoint"]
+    rows = np.ones(len(setpoint), bool) if valid is None else mask_of(valid, setpoint.time_s)
+    time_s, xy = setpoint.time_s[rows], setpoint["x", "y"][rows]
+    if len(time_s) < 2:
+        return None
+    dt = np.diff(time_s)
+    speed = np.linalg.norm(np.diff(xy, axis=0), axis=1) / np.where(dt > 0.0, dt, np.inf)
+    moving = np.flatnonzero(speed > MOVING_M_S)
+    if not len(moving):
+        return None
+    pauses = np.flatnonzero(np.diff(time_s[moving]) > PAUSE_S)
+    starts = time_s[np.concatenate([moving[:1], moving[pauses + 1]])]
+    ends = time_s[np.concatenate([moving[pauses], moving[-1:]]) + 1]
+    longest = int(np.argmax(ends - starts))
+    # A path that runs into the last valid row has no landing jump to take off.
+    jump = 0.0 if ends[longest] >= time_s[-1] else LANDING_JUMP_S
+    phase = Span(float(starts[longest]), float(ends[longest]) - jump)
+    return phase if phase.duration_s >= SHORTEST_S else None
+
+
+def tracking_spans(flight: Flight, valid: tuple[Span, ...]) -> tuple[Span, ...]:
+    """``streamed_phase`` where ``valid``; empty if there is none."""
+    phase = streamed_phase(flight, valid)
+    return () if phase is None else intersect_spans([phase], valid)

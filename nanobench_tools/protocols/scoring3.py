@@ -1,0 +1,70 @@
+"""Scores of one estimate on one flight: the published formulas as they were, and the full clean set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import so3
+from ..flight import Span
+from ..metrics import alignment, attitude, timing, trajectory
+
+NAN = float("nan")
+
+
+def published_metrics(estimate_m: np.ndarray, truth_m: np.ndarray, estimate_m_s: np.ndarray | None,
+                      truth_m_s: np.ndarray) -> dict[str, float]:
+    """The published position and velocity metrics of one file, all (n, 3) m and m/s: SE(3) ATE, RTE over 1 m, velocity.
+
+    nan where one is not defined: no rotation to align, a path shorter than 1 m, no velocity given.
+    """
+    try:
+        absolute = trajectory.ate(estimate_m, truth_m)
+        rmse_m, mean_m = absolute.rmse_m, absolute.mean_m
+    except alignment.AlignmentError:
+        rmse_m = mean_m = NAN
+    return {"ate_rmse_m": rmse_m, "ate_mean_m": mean_m, "rte_1m_m": trajectory.rte_published(estimate_m, truth_m),
+            "velocity_rmse_m_s": NAN if estimate_m_s is None else trajectory.velocity_rmse(estimate_m_s, truth_m_s)}
+
+
+def attitude_metrics(estimate_q: np.ndarray, truth_q: np.ndarray) -> dict[str, float]:
+    """Attitude errors of (n, 4) quaternions [deg]: Euler over three axes and per axis, geodesic, and geodesic without
+    the one constant rotation between the two body frames."""
+    errors = np.degrees(attitude.euler_errors(so3.euler_zyx(estimate_q), so3.euler_zyx(truth_q)))
+    per_axis = {f"{axis}_rmse_deg": trajectory.rms(errors[:, i]) for i, axis in enumerate(("roll", "pitch", "yaw"))}
+    turned = attitude.without_constant_rotation(estimate_q, truth_q)
+    return {"attitude_rmse_deg": trajectory.rms(errors), **per_axis,
+            "attitude_geodesic_rmse_deg": float(np.degrees(attitude.geodesic_rmse(estimate_q, truth_q))),
+            "attitude_frame_removed_rmse_deg": float(np.degrees(attitude.geodesic_rmse(turned, truth_q)))}
+
+
+def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.ndarray, truth_m: np.ndarray,
+                    truth_q: np.ndarray, truth_m_s: np.ndarray, spans: Sequence[Span]) -> dict[str, float]:
+    """What the published table leaves out: other alignments, RTE in the start's frame, drift, and time errors.
+
+    ``delay_s`` is the one delay that fits best (positive: estimate late); ``*_delay_removed`` and ``across_track`` are
+    what it leaves. spans: stretches without a break; relative errors and drift keep to one, the others take all rows.
+    """
+    raw = trajectory.ate(estimate_m, truth_m, "none").rmse_m
+    found = {"ate_unaligned_rmse_m": raw, "ate_yaw_rmse_m": NAN, "alignment_deg": NAN}
+    try:
+        found["ate_yaw_rmse_m"] = trajectory.ate(estimate_m, truth_m, "yaw").rmse_m
+        found["alignment_deg"] = float(np.degrees(alignment.align(estimate_m, truth_m).angle_rad))
+    except alignment.AlignmentError:
+        pass
+    longest = max(spans, key=lambda s: s.duration_s).mask(time_s)
+    e, q, p, pq = estimate_m[longest], estimate_q[longest], truth_m[longest], truth_q[longest]
+    found["rte_1m_start_frame_m"] = trajectory.rte(e, q, p, pq)
+    found["drift_percent"] = trajectory.drift_percent(e, p)
+    split = timing.along_across(estimate_m, truth_m, truth_m_s)
+    found |= {"along_track_rmse_m": split.along_rmse_m, "across_track_rmse_m": split.across_rmse_m}
+    names = ("delay_s", "ate_delay_removed_rmse_m", "along_track_delay_removed_rmse_m",
+             "across_track_delay_removed_rmse_m")
+    try:
+        delay = timing.constant_delay(time_s[longest], e, time_s[longest], p)
+    except ValueError:
+        return found | dict.fromkeys(names, NAN)
+    split = timing.along_across(e[delay.rows], delay.truth_m, delay.velocity_m_s)
+    values = (delay.delay_s, delay.rmse_after_m, split.along_rmse_m, split.across_rmse_m)
+    return found | dict(zip(names, values, strict=True))

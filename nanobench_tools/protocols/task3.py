@@ -1,0 +1,220 @@
+"""Task 3, estimation: what each protocol gives to an estimator, which rows are scored, and how.
+
+``as-published``: the published table with its faults. ``as-published-corrected``: the same recordings and formulas
+with the three faults mended (log tails cut, copies dropped, one unit for angles). ``clean``: every distinct
+recording, airborne and free of logging faults. All functions are pure: flights and audits in, dicts out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .. import so3
+from ..audit import CUTTING_KINDS, Audit
+from ..errors import InputError, UsageError
+from ..flight import Flight, Span, intersect_spans, make_stream
+from ..flight import mask_of as inside
+from ..methods import Estimate, Estimator
+from ..metrics.association import associate
+from ..metrics.attitude import published_euler_rmse_deg
+from .describe import family_of, speed_of
+from .phases import MOTOR_ON, flown_spans, is_cut
+from .scoring3 import attitude_metrics, further_metrics, published_metrics
+from .selection import distinct, without_copies
+from .tables import group_order, groups_of, summaries
+
+PROTOCOLS = ("as-published", "as-published-corrected", "clean")
+STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
+"""The streams the task is about."""
+
+LOG_KINDS = frozenset({"dead_stream", "frozen_stream", "backward_time", "checksum", "bad_cell", "unit", "sign",
+                       "axis_swap", "quaternion_order"})
+"""Faults of logging, cut from every protocol but the published one. Jumps and resets of an estimate are its own errors
+and are scored; of the motion capture, which is the truth, every cutting fault is cut."""
+
+GIVEN_S = 0.5
+GIVEN = f"motion capture poses until {GIVEN_S} s after the first scored row, all other streams"
+GIVEN_LOGGED = "as flown: motion capture poses over radio, own sensors"
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+MINIMUM_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording as a protocol uses it: the flight, the spans whose rows are scored, the groups it counts in, and
+    a note on how it was chosen."""
+
+    flight: Flight
+    spans: tuple[Span, ...]
+    groups: tuple[str, ...]
+    note: str = ""
+
+
+def check_protocol(name: str) -> None:
+    """UsageError that lists the protocols there are."""
+    if name not in PROTOCOLS:
+        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(PROTOCOLS)}")
+
+
+def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
+    """The cases of a protocol, in the order of ``flights``; ``audits`` by sha256 of the recording's content.
+
+    Raises InputError when no recording has the streams and rows that are needed.
+    """
+    check_protocol(protocol)
+    usable = [f for f in flights if {"mocap", "estimator", "motor"} <= set(f.streams) and _has_attitude(f)]
+    cases = _clean(usable, audits) if protocol == "clean" else _published(usable, audits, protocol)
+    if not cases:
+        what = "trefoil recording" if protocol != "clean" else "flight"
+        raise InputError(", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data",
+                         f"no {what} with motion capture, estimator, attitude and motor streams for protocol "
+                         f"{protocol!r} among {len(flights)} recordings")
+    return cases
+
+
+def _has_attitude(flight: Flight) -> bool:
+    return "attitude" in flight or "attitude_qw" in flight
+
+
+def _published(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
+    """Trefoil recordings already cut to the flight; without any, the rows with motors on of all recordings."""
+    cut = [f for f in flights if is_cut(f) and family_of(f) == "trefoil" and "attitude" in f]
+    note = ""
+    if not cut:
+        cut = [f for f in flights if "attitude" in f]
+        note = "no recordings cut to the flight in the data: rows with motor 1 above 1000 of all recordings instead"
+    if protocol == "as-published-corrected":
+        cut = without_copies(cut)[0]
+    cases = []
+    for flight in cut:
+        speed = speed_of(flight)
+        motor = flight["motor"]
+        on = motor["m1"] > MOTOR_ON
+        if speed is None or not on.any():
+            continue
+        spans = _runs(motor.time_s, on)
+        if protocol == "as-published-corrected":
+            spans = intersect_spans(spans, _logged(audits[flight.provenance.sha256]))
+        if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
+            cases.append(Case(flight, spans, (speed.capitalize(),), note))
+    return cases
+
+
+def _clean(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> list[Case]:
+    kept, repeats = distinct(flights)
+    note = f"{len(repeats)} copies and slices left out" if repeats else ""
+    cases = []
+    for flight in kept:
+        audit = audits[flight.provenance.sha256]
+        spans = intersect_spans(flown_spans(flight, audit.airborne), _logged(audit))
+        if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
+            cases.append(Case(flight, spans, tuple(groups_of(family_of(flight), speed_of(flight))), note))
+    return cases
+
+
+def _logged(audit: Audit) -> tuple[Span, ...]:
+    """Where truth is good and the estimator's streams hold what it said."""
+    return intersect_spans(audit.clean_for(["mocap"], CUTTING_KINDS), audit.clean_for(STREAMS, LOG_KINDS))
+
+
+def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:
+    """Spans from the first to the last row of each run of True; a single row is a span of no length."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    return tuple(Span(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def given_to(case: Case) -> Flight:
+    """The flight as an estimator gets it: poses until GIVEN_S after the first scored row, nothing after the last."""
+    start, end = case.spans[0].start_s, case.spans[-1].end_s
+    mocap = case.flight["mocap"]
+    early = (mocap.time_s <= start + GIVEN_S) & np.isfinite(mocap[POSE]).all(axis=1)
+    poses = make_stream("mocap", mocap.time_s[early], mocap[POSE][early], POSE, rate_hz=mocap.rate_hz)
+    cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
+    return replace(cut, streams={"mocap": poses, **cut.streams})
+
+
+def checked(estimate: Estimate, method: str, place: str) -> Estimate:
+    """The estimate with float arrays; InputError that names method and recording if it is no trajectory."""
+    try:
+        time_s = np.asarray(estimate.time_s, float)
+        position, quaternion = np.asarray(estimate.position_m, float), np.asarray(estimate.quaternion, float)
+        velocity = getattr(estimate, "velocity_m_s", None)
+        velocity = None if velocity is None else np.asarray(velocity, float)
+    except (AttributeError, TypeError, ValueError) as error:
+        found = f"estimator {method} gave no time_s, position_m (n, 3) and quaternion (n, 4): {error}"
+        raise InputError(place, found) from None
+    n = len(time_s) if time_s.ndim == 1 else -1
+    shapes = (position.shape, quaternion.shape, (n, 3) if velocity is None else velocity.shape)
+    if shapes != ((n, 3), (n, 4), (n, 3)):
+        raise InputError(place, f"estimator {method} gave time_s {time_s.shape} with position_m {position.shape}, "
+                                f"quaternion {quaternion.shape}", "all need the same number of rows")
+    if n and not (np.isfinite(time_s).all() and np.all(np.diff(time_s) > 0.0)):
+        raise InputError(place, f"estimator {method} gave times that do not rise")
+    finite = np.isfinite(position).all(axis=1) & np.isfinite(quaternion).all(axis=1)
+    norm = np.linalg.norm(quaternion, axis=1)
+    if not (finite.all() and np.all(norm > 1e-6)):
+        row = int(np.argmin(finite & (norm > 1e-6)))
+        raise InputError(place, f"estimator {method} gave no pose at {time_s[row]:.3f} s (row {row})")
+    return Estimate(time_s, position, quaternion / norm[:, None], velocity)
+
+
+def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
+    """Raw scores of one estimator on one recording: {metrics: {name: value}, rows, dropped, trajectory: (k, 8)}.
+
+    ``dropped`` counts stamps without truth; ``trajectory`` holds the scored rows: t [s from the first row], position
+    [m], quaternion. nan where a metric is not defined. Raises InputError when nothing can be scored.
+    """
+    place = case.flight.provenance.path
+    logged = getattr(method, "logged_euler", None)
+    flight = case.flight if logged is not None else given_to(case)
+    estimate = checked(method.estimate(flight), method.name, place)
+    rows = inside(case.spans, estimate.time_s)
+    mocap = case.flight["mocap"]
+    truth = associate(estimate.time_s[rows], mocap.time_s, mocap["px", "py", "pz"],
+                      mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
+    rows = np.flatnonzero(rows)[truth.kept]
+    if len(rows) < 3:
+        raise InputError(place, f"estimator {method.name} has {len(rows)} stamps in the scored part of the flight",
+                         "times are seconds from the first row of the recording")
+    t, p, q = estimate.time_s[rows], estimate.position_m[rows], estimate.quaternion[rows]
+    v = None if estimate.velocity_m_s is None else estimate.velocity_m_s[rows]
+    metrics = published_metrics(p, truth.position_m, v, truth.velocity_m_s)
+    if protocol == "as-published":
+        euler = so3.euler_zyx(q) if logged is None else logged(flight)[rows]
+        firmware_deg = np.degrees(euler) * [1.0, -1.0, 1.0]  # the firmware's pitch is positive nose up
+        metrics["attitude_rmse_deg"] = published_euler_rmse_deg(firmware_deg, _mocap_euler(case.flight, t))
+    else:
+        metrics |= attitude_metrics(q, truth.quaternion)
+        metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth.velocity_m_s, case.spans)
+    return {"metrics": metrics, "rows": len(rows), "dropped": truth.dropped,
+            "trajectory": np.column_stack([t, p, q])}
+
+
+def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw of the truth (k, 3) rad; the recording's own columns where it has them and the stamps agree."""
+    mocap = flight["mocap"]
+    names = ("roll", "pitch", "yaw")
+    at = np.searchsorted(mocap.time_s, at_s)
+    if all(n in mocap for n in names) and np.array_equal(mocap.time_s[np.minimum(at, len(mocap) - 1)], at_s):
+        return mocap[names][at]
+    return so3.euler_zyx(so3.interpolate(mocap.time_s, mocap["qx", "qy", "qz", "qw"], at_s))
+
+
+def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
+             seed: int = 0) -> list[dict[str, Any]]:
+    """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric."""
+    rows = []
+    known = hasattr(method, "logged_euler")
+    for group in group_order([g for case, _ in scored for g in case.groups]):
+        members = [(case, value) for case, value in scored if group in case.groups]
+        notes = dict.fromkeys(case.note for case, _ in members if case.note)
+        rows.append({"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
+                     "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
+                     "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", GIVEN), *notes]),
+                     "dropped_stamps": sum(value["dropped"] for _, value in members),
+                     "metrics": summaries([value["metrics"] for _, value in members], seed)})
+    return rows
