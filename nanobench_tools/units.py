@@ -21,7 +21,7 @@ PWM_FULL_SCALE = 65535.0
 SI_FACTOR: dict[str, float] = {
     "1": 1.0, "m": 1.0, "m/s": 1.0, "m/s^2": 1.0, "rad": 1.0, "rad/s": 1.0, "V": 1.0, "N": 1.0, "s": 1.0, "kg": 1.0,
     "N m": 1.0, "A": 1.0,
-    "mm": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "cm/s": 1e-2,
+    "mm": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "cm/s": 1e-2, "mm/s^2": 1e-3,
     "g": GRAVITY_M_S2, "mg": 1e-3 * GRAVITY_M_S2,
     "deg": math.pi / 180.0, "deg/s": math.pi / 180.0, "mrad/s": 1e-3, "mrad": 1e-3,
     "mV": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2,

@@ -6,9 +6,10 @@ is left out and listed; nothing is guessed.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,9 +28,11 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 
 @dataclass
 class BadCells:
-    """Unreadable cells of one column: ``rows`` (m,) indices into the Grid, ``what`` describes the first few by row."""
+    """Cells of one column without a number: ``rows`` (m,) indices into the Grid; ``empty`` (m,) bool: nothing stands
+    there at all; ``what`` describes the first few by row."""
 
     rows: np.ndarray
+    empty: np.ndarray
     what: dict[int, str] = field(default_factory=dict)
 
 
@@ -88,8 +91,9 @@ def split_line(line: str, delimiter: str | None) -> list[str]:
     """Cells of one line, stripped. Quotes never reach beyond a line: noise must not swallow the rows after it."""
     if delimiter is None:
         return line.split()
-    if '"' in line:
-        return [c.strip() for c in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    if '"' in line and "\r" not in line:
+        with contextlib.suppress(csv.Error):
+            return [c.strip() for c in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     return [c.strip() for c in line.split(delimiter)]
 
 
@@ -104,14 +108,49 @@ def header_of(head: bytes) -> tuple[list[str], Dialect]:
     return best
 
 
-def read_grid(data: bytes, place: str, numeric: Collection[str] = ()) -> Grid:
+def read_grid(data: bytes, place: str, numeric: Collection[str] = (), time: str | None = None) -> Grid:
     """Parse a delimited text table with a header line.
 
-    ``numeric`` are names that must hold numbers; other columns may hold text and are then only listed. Raises
-    InputError at ``place`` when there is no header, no row, or no line that fits the header.
+    ``numeric`` are names that must hold numbers; other columns may hold text and are then only listed. The column
+    ``time`` may hold gigantic numbers (stamps in nanoseconds). Raises InputError at ``place`` when there is no
+    header, no row, or no line that fits the header.
     """
-    data = normalise_text(data)
-    data = data.lstrip(b"\n")
+    body, columns, repeated, dialect = _open(data, place)
+    grid = _fast(body, columns, dialect, set(numeric), time)
+    if grid is None:
+        grid = _exact(_split_rows(body, columns, dialect, place), columns, dialect, set(numeric), time)
+        grid.decimals = _decimals_of(body.rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
+    grid.repeated = repeated
+    for name in [n for n in grid.columns if "\x00" in n]:
+        del grid.columns[name]
+        grid.bad.pop(name, None)
+    grid.empty = [n for n in grid.empty if "\x00" not in n]
+    grid.text = [n for n in grid.text if "\x00" not in n]
+    grid.notes += _dialect_notes(dialect)
+    return grid
+
+
+@dataclass(frozen=True)
+class TextRows:
+    """Cells of a table as text, row by row: ``lines`` (n,) of the file, the rest as in Grid."""
+
+    rows: list[list[str]]
+    lines: np.ndarray
+    rows_in_file: int
+    lost: list[LostRow]
+    truncated: str
+
+
+def read_text_columns(data: bytes, place: str, wanted: Collection[str]) -> tuple[dict[str, list[str]], TextRows, Dialect]:
+    """The cells of some columns as text (for cells that hold lists). Raises InputError as ``read_grid`` does."""
+    body, columns, _, dialect = _open(data, place)
+    text = _split_rows(body, columns, dialect, place)
+    return {n: [row[i] for row in text.rows] for i, n in enumerate(columns) if n in wanted}, text, dialect
+
+
+def _open(data: bytes, place: str) -> tuple[bytes, list[str], list[str], Dialect]:
+    """Body, unique column names, repeated names and dialect of a table."""
+    data = normalise_text(data).lstrip(b"\n")
     names, dialect = header_of(data[:1 << 16])
     if len(names) < 2:
         raise InputError(place, "no header line with column names" if data.strip() else "the file is empty",
@@ -120,20 +159,15 @@ def read_grid(data: bytes, place: str, numeric: Collection[str] = ()) -> Grid:
     body = data[first_end + 1:] if first_end >= 0 else b""
     if not body.strip():
         raise InputError(place, "there is a header but no row", "the recording is empty")
-    dialect = _with_decimal(dialect, body)
     columns, repeated = _unique(names)
-    grid = _fast(body, columns, dialect, set(numeric))
-    if grid is None:
-        grid = _exact(body, columns, dialect, set(numeric), place)
-    grid.repeated = repeated
-    for name in repeated:
-        for key in [k for k in grid.columns if k.startswith(f"{name}\x00")]:
-            del grid.columns[key]
-            grid.bad.pop(key, None)
-    if dialect.delimiter != ",":
-        shown = {None: "blanks", "\t": "tab"}.get(dialect.delimiter, repr(dialect.delimiter))
-        grid.notes.append(f"cells are separated by {shown}" + (", decimal comma" if dialect.decimal == "," else ""))
-    return grid
+    return body, columns, repeated, _with_decimal(dialect, body)
+
+
+def _dialect_notes(dialect: Dialect) -> list[str]:
+    if dialect.delimiter == ",":
+        return []
+    shown = {None: "blanks", "\t": "tab"}.get(dialect.delimiter, repr(dialect.delimiter))
+    return [f"cells are separated by {shown}" + (", decimal comma" if dialect.decimal == "," else "")]
 
 
 def _unique(names: list[str]) -> tuple[list[str], list[str]]:
@@ -188,7 +222,8 @@ def _cut_last_line(body: bytes, columns: list[str], dialect: Dialect) -> tuple[b
     return body[:start], f"the last line is cut off: {len(cells)} of {len(columns)} cells"
 
 
-def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str]) -> Grid | None:
+def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str],
+          time: str | None) -> Grid | None:
     """pyarrow; None when the file is not clean enough for it."""
     if b'"' in body or b"\x00" in body or b"\r" in body or dialect.delimiter is None:
         return None
@@ -218,35 +253,36 @@ def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str]) 
             continue
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
             return None  # text somewhere in a column: the exact path tells a bad cell from a column of text
-        _note_unreadable(grid, name, column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), column)
+        _note_unreadable(grid, name, column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), column,
+                         np.inf if name == time else GIGANTIC)
     grid.decimals = _decimals_of(body.rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
     return grid
 
 
-def _note_unreadable(grid: Grid, name: str, values: np.ndarray, column: pa.Array) -> None:
+def _note_unreadable(grid: Grid, name: str, values: np.ndarray, column: pa.Array, limit: float) -> None:
     """Store a column of the fast path; nulls, infinities and gigantic values become NaN and are listed."""
-    wrong = ~(np.abs(values) < GIGANTIC)
+    wrong = ~(np.abs(values) < limit)
     if wrong.any():
         rows = np.flatnonzero(wrong)
-        what = {}
-        for row in rows[:5]:
-            what[int(row)] = "an empty cell" if not column[int(row)].is_valid else _describe(repr(float(values[row])))
+        empty = np.isnan(values[rows])
+        what = {int(r): describe_cell("" if e else repr(float(values[r])))
+                for r, e in zip(rows[:5], empty[:5], strict=True)}
         values = np.where(wrong, np.nan, values)
-        grid.bad[name] = BadCells(rows, what)
+        grid.bad[name] = BadCells(rows, empty, what)
     grid.columns[name] = values
 
 
-def _describe(cell: str) -> str:
+def describe_cell(cell: str) -> str:
     """What stands where a number belongs, printable and short."""
-    if cell.strip() in EMPTY_CELLS or cell.strip() == "nan":
-        return "an empty cell" if not cell.strip() else "no number (nan)"
+    if cell.strip() in EMPTY_CELLS:
+        return "an empty cell" if not cell.strip() else f"no number ({cell.strip()})"
     shown = "".join(c if c.isprintable() else "?" for c in cell[:20]) + ("..." if len(cell) > 20 else "")
-    if _NUMBER.fullmatch(cell.strip()) or cell.strip().lstrip("+-") in ("inf", "Infinity"):
+    if _NUMBER.fullmatch(cell.strip()) or cell.strip().lstrip("+-").lower() in ("inf", "infinity"):
         return f"a value beyond any measurement ({shown})"
     return f"text '{shown}' where a number belongs"
 
 
-def parse_number(cell: str, decimal: str = ".") -> float:
+def parse_number(cell: str, decimal: str = ".", limit: float = GIGANTIC) -> float:
     """The number in a cell, or NaN. Stricter than float(): no underscores, no digits of other scripts."""
     if decimal == ",":
         if "." in cell:
@@ -255,22 +291,30 @@ def parse_number(cell: str, decimal: str = ".") -> float:
     if not _NUMBER.fullmatch(cell):
         return float("nan")
     value = float(cell)
-    return value if abs(value) < GIGANTIC else float("nan")
+    return value if abs(value) < limit else float("nan")
 
 
-def _exact(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], place: str) -> Grid:
-    """Line by line, cell by cell."""
+def numbers(cells: Sequence[str], decimal: str = ".", limit: float = GIGANTIC) -> tuple[np.ndarray, BadCells | None]:
+    """(n,) numbers of a column of text, NaN where there is none, and the list of those cells."""
+    values = np.array([parse_number(c, decimal, limit) for c in cells])
+    wrong = np.flatnonzero(np.isnan(values))
+    if not len(wrong):
+        return values, None
+    empty = np.array([cells[i] in EMPTY_CELLS for i in wrong])
+    return values, BadCells(wrong, empty, {int(i): describe_cell(cells[i]) for i in wrong[:5]})
+
+
+def _split_rows(body: bytes, columns: list[str], dialect: Dialect, place: str) -> TextRows:
+    """Line by line; a line whose number of cells is not that of the header is left out and listed."""
     body, truncated = _cut_last_line(body, columns, dialect)
     rows: list[list[str]] = []
     lines: list[int] = []
     lost: list[LostRow] = []
-    total = 0
     widths: dict[int, int] = {}
     for number, raw in enumerate(body.split(b"\n"), start=2):
         text = raw.decode("utf-8", errors="replace").rstrip("\r")
         if not text.strip():
             continue
-        total += 1
         cells = split_line(text, dialect.delimiter)
         if len(cells) != len(columns):
             widths[len(cells)] = widths.get(len(cells), 0) + 1
@@ -283,18 +327,20 @@ def _exact(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str],
         raise InputError(place, f"no row fits the header: {common} cells in a row, {len(columns)} names in the header"
                          if widths else truncated or "there is a header but no row",
                          "a decimal comma needs another delimiter" if common > len(columns) else "check the delimiter")
-    grid = Grid({}, np.array(lines), total + bool(truncated), lost=lost, truncated=truncated)
-    for name, cells in zip(columns, zip(*rows, strict=True), strict=True):
-        if all(c in EMPTY_CELLS for c in cells):
+    return TextRows(rows, np.array(lines), len(rows) + len(lost) + bool(truncated), lost, truncated)
+
+
+def _exact(text: TextRows, columns: list[str], dialect: Dialect, numeric: set[str], time: str | None) -> Grid:
+    """Cell by cell."""
+    grid = Grid({}, text.lines, text.rows_in_file, lost=text.lost, truncated=text.truncated)
+    for name, cells in zip(columns, zip(*text.rows, strict=True), strict=True):
+        values, bad = numbers(cells, dialect.decimal, np.inf if name == time else GIGANTIC)
+        if bad is not None and bad.empty.sum() == len(cells):
             grid.empty.append(name)
-            continue
-        values = np.array([parse_number(c, dialect.decimal) for c in cells])
-        wrong = np.flatnonzero(np.isnan(values))
-        if name not in numeric and 2 * sum(cells[i] not in EMPTY_CELLS for i in wrong) > len(cells):
+        elif bad is not None and name not in numeric and 2 * (~bad.empty).sum() > len(cells):
             grid.text.append(name)
-            continue
-        grid.columns[name] = values
-        if len(wrong):
-            grid.bad[name] = BadCells(wrong, {int(i): _describe(cells[i]) for i in wrong[:5]})
-    grid.decimals = _decimals_of(body.rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
+        else:
+            grid.columns[name] = values
+            if bad is not None:
+                grid.bad[name] = bad
     return grid

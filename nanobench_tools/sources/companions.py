@@ -43,7 +43,8 @@ def companion(data: bytes) -> str | None:
 
 
 def _is_prose(text: str) -> bool:
-    """Sentences, not a table: many words between blanks, and most pieces are words."""
+    """Sentences, not a table: many words between blanks, and more of them than numbers."""
     pieces = text.split()
     words = sum(bool(_WORD.fullmatch(p.strip("\"'`*_([<>])"))) for p in pieces)
-    return words >= FEWEST_WORDS and 2 * words > len(pieces)
+    numbers = sum(any(c.isdigit() for c in p) for p in pieces)
+    return words >= FEWEST_WORDS and 3 * words > len(pieces) and words > numbers

@@ -18,7 +18,7 @@ from ..errors import InputError, NanobenchError
 from ..flight import Flight
 from ..registry import load_all
 from . import cache as store
-from .base import Source, SheetSource, text_fault
+from .base import SheetSource, Source, text_fault
 from .companions import companion
 from .payload import digest, head, read_file, unpack
 from .sheets import Sheet, choose_sheet, looks_like_sheet, may_hold, parse_sheet

@@ -91,3 +91,16 @@ def count_packets(time_s: np.ndarray, values: np.ndarray, resolution: np.ndarray
         return Packets(int(n - lengths[tail].sum()), end)
     still = int((lengths[~moving] + 2).sum())
     return Packets(int(np.clip(round(packets * (1.0 + still / rows)), 1, n)), end)
+
+
+def count_changes(values: np.ndarray) -> int | None:
+    """How many values a stream holds that was written faster than it changes (last value repeated).
+
+    values (n, k). Rows that repeat the row before count as one value with it; standstills longer than five usual
+    steps tell nothing and count with the rate of the rest. None when nothing ever changes.
+    """
+    steps = np.diff(np.flatnonzero(_moved(values)))
+    if not len(steps):
+        return None
+    usual = steps[steps <= 5 * np.median(steps)]
+    return int(np.clip(round(len(values) / usual.mean()), 1, len(values)))

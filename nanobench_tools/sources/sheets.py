@@ -56,7 +56,7 @@ def looks_like_sheet(head: bytes) -> bool:
 def parse_sheet(path: str, data: bytes) -> Sheet:
     """Parse a sheet. Raises InputError with the line of the fault."""
     try:
-        content = yaml.load(data.decode("utf-8"), Loader=_LOADER)  # noqa: S506 - a safe loader, C or Python
+        content = yaml.load(data.decode("utf-8"), Loader=_LOADER)
     except UnicodeDecodeError as error:
         raise InputError(path, f"not UTF-8 text at byte {error.start}", "mend the sheet") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -1,0 +1,162 @@
+"""The column map of a user's own table (``--columns FILE``): which column is what, in which unit, with which sign.
+
+Everything wrong with it is an InputError that names the key and the line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..flight import STREAM_QUANTITIES
+from ..units import factor
+from .payload import read_file
+
+SCHEMA = "nanobench-columns/1"
+
+UNITS: dict[str, tuple[str, ...]] = {
+    "m": ("m", "mm", "cm"), "1": ("1",), "rad": ("rad", "deg", "mrad"), "m/s": ("m/s", "mm/s", "cm/s"),
+    "rad/s": ("rad/s", "deg/s", "mrad/s", "rpm"), "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"), "V": ("V", "mV"),
+    "N": ("N", "gram_force"), "A": ("A",), "s": ("s", "ms", "us", "ns"),
+}
+"""SI unit of a quantity -> units a table may give it in."""
+
+PWM_UNITS = ("1", "pwm16")
+PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One quantity: ``value_SI = scale * cell`` (or its element ``index``)."""
+
+    stream: str
+    quantity: str
+    column: str
+    index: int | None
+    scale: float
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """``time`` is an Entry of stream ``""``; vehicle as found; ``digest`` of the file's bytes keys the cache."""
+
+    path: str
+    time: Entry
+    entries: tuple[Entry, ...]
+    vehicle: Mapping[str, Any]
+    digest: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the table that are needed, each once."""
+        return tuple(dict.fromkeys((self.time.column, *(e.column for e in self.entries))))
+
+
+class _Reader:
+    """The text of the map, so that an error can name the line."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path, self.lines = str(path), text.splitlines()
+
+    def fail(self, key: str, found: str, advice: str) -> InputError:
+        return InputError(f"{self.path}: line {self._line(key)}, {key}", found, advice)
+
+    def _line(self, key: str) -> int:
+        """Line of a dotted key: the table header it stands under, then the key itself."""
+        section, _, last = key.rpartition(".")
+        here, best = "", 1
+        for number, line in enumerate(self.lines, start=1):
+            if match := re.match(r"\s*\[([^\[\]]+)\]", line):
+                here = match[1].replace(" ", "").replace('"', "")
+                if key == here or key.startswith(f"{here}."):
+                    best = number
+            elif match := re.match(r"\s*([\w.\-\"']+)\s*=", line):
+                full = f"{here}.{match[1]}".strip(".").replace('"', "").replace("'", "")
+                if key == full or key.startswith(f"{full}.") or (here == section and match[1] == last):
+                    best = number
+                    if key == full:
+                        return number
+        return best
+
+
+def read_column_map(path: str | Path) -> ColumnMap:
+    """Parse and check a map. Raises InputError naming key and line."""
+    path = Path(path)
+    data = read_file(path)
+    try:
+        text = data.decode("utf-8")
+        content = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise InputError(str(path), f"not UTF-8 text at byte {error.start}", "mend the file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(path), f"bad TOML: {error}", "mend the line") from None
+    reader = _Reader(path, text)
+    if content.get("schema") != SCHEMA:
+        raise reader.fail("schema", f"schema is {content.get('schema')!r}", f'write schema = "{SCHEMA}"')
+    for key in content:
+        if key not in ("schema", "time", "streams", "vehicle"):
+            raise reader.fail(key, "unknown key", "known: schema, time, streams, vehicle")
+    if "time" not in content:
+        raise reader.fail("time", "the map names no time column", 'write time = {column = "t", unit = "s"}')
+    time = _entry(reader, "time", "", "time", content["time"], "s")
+    streams = content.get("streams", {})
+    if not isinstance(streams, Mapping) or not streams:
+        raise reader.fail("streams", "the map names no stream", "give at least one [streams.NAME]")
+    entries = []
+    for stream, quantities in streams.items():
+        known = STREAM_QUANTITIES.get(stream)
+        if known is None:
+            raise reader.fail(f"streams.{stream}", "unknown stream", f"known: {', '.join(STREAM_QUANTITIES)}")
+        if not isinstance(quantities, Mapping):
+            raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see the example in the README")
+        for quantity, what in quantities.items():
+            key = f"streams.{stream}.{quantity}"
+            if quantity not in known:
+                raise reader.fail(key, "unknown quantity", f"{stream} has {', '.join(known)}")
+            entries.append(_entry(reader, key, stream, quantity, what, known[quantity][0]))
+    _check_once(reader, entries)
+    vehicle = content.get("vehicle", {})
+    if not isinstance(vehicle, Mapping):
+        raise reader.fail("vehicle", "vehicle is a table", "write [vehicle]")
+    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest())
+
+
+def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, si: str) -> Entry:
+    if isinstance(what, str):
+        what = {"column": what}
+    if not isinstance(what, Mapping):
+        raise reader.fail(key, f"{what!r} where a table belongs", 'write {column = "..."}')
+    for name in what:
+        if name not in ("column", "index", "unit", "sign"):
+            raise reader.fail(f"{key}.{name}", "unknown key", "known: column, index, unit, sign")
+    column, index, sign = what.get("column"), what.get("index"), what.get("sign", 1)
+    if not isinstance(column, str) or not column:
+        raise reader.fail(key, "names no column", 'write column = "..."')
+    if index is not None and (not isinstance(index, int) or isinstance(index, bool) or index < 0):
+        raise reader.fail(f"{key}.index", f"index {index!r}", "an index is a whole number from 0")
+    if isinstance(sign, bool) or sign not in (1, -1):
+        raise reader.fail(f"{key}.sign", f"sign {sign!r}", "a sign is 1 or -1")
+    if stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
+        allowed = (*PWM_UNITS, "rpm") if stream == "motor" else PWM_UNITS
+    else:
+        allowed = UNITS[si]
+    unit = what.get("unit", allowed[0])
+    if unit not in allowed:
+        raise reader.fail(f"{key}.unit", f"unit {unit!r}", f"here: {', '.join(allowed)}")
+    if stream == "motor" and unit == "rpm":
+        stream = "rpm"
+    return Entry(stream, quantity, column, index, float(sign) * factor(unit))
+
+
+def _check_once(reader: _Reader, entries: list[Entry]) -> None:
+    seen: set[tuple[str, str]] = set()
+    for entry in entries:
+        if (entry.stream, entry.quantity) in seen:
+            raise reader.fail(f"streams.{entry.stream}.{entry.quantity}", "given twice (motor in rpm is stream rpm)", "keep one")
+        seen.add((entry.stream, entry.quantity))

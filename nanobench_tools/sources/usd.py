@@ -1,0 +1,210 @@
+"""Binary logs of the Crazyflie uSD deck, versions 1 and 2 (firmware ``src/deck/drivers/src/usddeck.c``).
+
+Little endian, no alignment: 0xBC, u16 version, u16 number of event types; per type u16 id, name\\0, u16 number of
+variables, each ``name(T)\\0``; then records of u16 id, time since boot (version 1: u32 ms, version 2: u64 us) and the
+values; at the end CRC-32 over everything before it, missing when the power was cut.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..flight import Fault, Flight, Provenance, Stream, make_stream
+from .base import text_fault
+from .kinks import count_changes
+from .sheets import Sheet
+from .usd_variables import assign
+
+MAGIC = 0xBC
+FIXED_FREQUENCY = "fixedFrequency"
+DTYPES = {"B": "<u1", "b": "<i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4", "e": "<f2"}
+TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
+"""Version -> type of the time stamp and its unit in seconds."""
+
+LARGEST_STEP_S, LARGEST_RETURN_S = 60.0, 1.0
+"""In a log whose checksum fails a record further from the one before is taken for the break."""
+
+
+@dataclass(frozen=True)
+class EventType:
+    """One kind of record: dtype is packed, its first fields are ``id`` and ``time``."""
+
+    name: str
+    variables: tuple[str, ...]
+    dtype: np.dtype
+
+
+@dataclass(frozen=True)
+class Log:
+    """Records per event type as structured arrays (time in stamps), and what is wrong: kind of fault and a sentence."""
+
+    version: int
+    types: dict[int, EventType]
+    records: dict[int, np.ndarray]
+    fault: tuple[str, str] | None
+
+
+class UsdLog:
+    """Source ``usd``."""
+
+    name = "usd"
+    version = 1
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return len(head) >= 5 and head[0] == MAGIC and (
+            struct.unpack_from("<H", head, 1)[0] in TIMES or f"{FIXED_FREQUENCY}\x00".encode() in head)
+
+    def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
+        log = parse_log(data, str(path))
+        unit = TIMES[log.version][1]
+        filled = {i: r for i, r in log.records.items() if len(r)}
+        if not filled:
+            raise InputError(str(path), "a uSD log without any record", "logging was never started, or the card lost it")
+        start = min(int(r["time"][0]) for r in filled.values())
+        streams = _streams(log, filled, start, unit)
+        if not streams:
+            raise InputError(str(path), "a uSD log without any variable", "its configuration named none")
+        end = max(s.span.end_s for s in streams.values())
+        notes = [f"extra: {c} kept as found" for n, s in streams.items() if n.startswith("extra") for c in s.columns]
+        return Flight(
+            path.name, streams,
+            {"family": None, "speed": None, "reference_speed_m_s": None, "clock": "seconds since boot",
+             "usd_version": log.version, "records": {log.types[i].name: len(r) for i, r in log.records.items()}},
+            Provenance(str(path), "", self.name, findings=_faults(log.fault, end), notes=tuple(notes)),
+            epoch_s=start * unit)
+
+
+def parse_log(data: bytes, place: str) -> Log:
+    """Everything in a log. Raises InputError at ``place`` when the header cannot be read."""
+    version, types, body = _header(data, place)
+    whole = len(data) - body >= 4 and zlib.crc32(data[:-4]) == struct.unpack_from("<I", data, len(data) - 4)[0]
+    offsets, stop = _walk(data, body, len(data) - 4 if whole else len(data), types, TIMES[version], trusted=whole)
+    raw = np.frombuffer(data, dtype=np.uint8)
+    records = {}
+    for i, kind in types.items():
+        at = np.array(offsets[i], dtype=np.int64)
+        block = raw[at[:, None] + np.arange(kind.dtype.itemsize)] if len(at) else np.empty((0, kind.dtype.itemsize), np.uint8)
+        records[i] = np.ascontiguousarray(block).view(kind.dtype).reshape(-1)
+    return Log(version, types, records, _verdict(data, stop, whole, types))
+
+
+def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
+    at = 1
+
+    def number() -> int:
+        nonlocal at
+        if at + 2 > len(data):
+            raise InputError(f"{place}: byte {at}", "the header of the uSD log ends early", "take another copy of the file")
+        at += 2
+        return struct.unpack_from("<H", data, at - 2)[0]
+
+    def text() -> str:
+        nonlocal at
+        end = data.find(b"\x00", at, at + 256)
+        if end < 0:
+            raise InputError(f"{place}: byte {at}", "a name in the header of the uSD log has no end", "take another copy of the file")
+        start, at = at, end + 1
+        return data[start:end].decode("latin-1")
+
+    version = number()
+    if version not in TIMES:
+        raise InputError(f"{place}: byte 1", f"uSD log version {version}", "versions 1 and 2 are known")
+    types: dict[int, EventType] = {}
+    for _ in range(number()):
+        key, name = number(), text()
+        fields: list[tuple[str, str]] = [("id", "<u2"), ("time", TIMES[version][0])]
+        names: list[str] = []
+        for _ in range(number()):
+            where = at
+            variable = text()
+            if len(variable) < 4 or variable[-3] != "(" or variable[-1] != ")" or variable[-2] not in DTYPES:
+                shown = "".join(c if c.isprintable() else "?" for c in variable[:40])
+                raise InputError(f"{place}: byte {where}", f"variable '{shown}' of unknown type", "the header is damaged")
+            names.append(variable[:-3])
+            fields.append((f"v{len(names)}", DTYPES[variable[-2]]))
+        if key in types:
+            raise InputError(f"{place}: byte {at}", f"two event types with number {key}", "the header is damaged")
+        types[key] = EventType(name, tuple(names), np.dtype(fields))
+    return version, types, at
+
+
+def _walk(data: bytes, at: int, end: int, types: dict[int, EventType], time: tuple[str, float],
+          trusted: bool) -> tuple[dict[int, list[int]], int]:
+    """Byte offsets of whole records per event type, and where the walk stopped."""
+    sizes = {i: t.dtype.itemsize for i, t in types.items()}
+    offsets: dict[int, list[int]] = {i: [] for i in types}
+    stamp = struct.Struct("<HI" if time[0] == "<u4" else "<HQ")
+    ahead, back = LARGEST_STEP_S / time[1], LARGEST_RETURN_S / time[1]
+    last: int | None = None
+    while at + stamp.size <= end:
+        kind, now = stamp.unpack_from(data, at)
+        size = sizes.get(kind)
+        if size is None or at + size > end or not (trusted or last is None or -back <= now - last <= ahead):
+            break
+        offsets[kind].append(at)
+        last, at = now, at + size
+    return offsets, at
+
+
+def _verdict(data: bytes, stop: int, whole: bool, types: dict[int, EventType]) -> tuple[str, str] | None:
+    left = len(data) - stop
+    if whole:
+        return None if left == 4 else ("checksum", f"the checksum is right, yet byte {stop} begins no known record")
+    head = struct.unpack_from("<H", data, stop)[0] if left >= 2 else None
+    if left == 4 and head not in types:
+        return "checksum", "the CRC-32 at the end does not fit the content; which bytes are wrong is not known"
+    partial = head is None or (head in types and left < types[head].dtype.itemsize)
+    if partial:
+        return "truncated", f"the log ends inside a record, {left} bytes after its last whole one, and has no checksum"
+    return "checksum", f"byte {stop} begins no record and no checksum fits; read up to there, {left} bytes left out"
+
+
+def _faults(fault: tuple[str, str] | None, end: float) -> tuple[Fault, ...]:
+    if fault is None:
+        return ()
+    kind, evidence = fault
+    return (text_fault(kind, "", (), evidence, (0.0 if kind == "checksum" else end, end)),)
+
+
+def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -> dict[str, Stream]:
+    """Every quantity once: a stream comes from the event type that knows most of it, the rest goes to extra."""
+    plans = {i: assign(log.types[i].variables) for i in filled}
+    owner: dict[str, int] = {}
+    for i, plan in plans.items():
+        for stream, quantities in plan.items():
+            best = owner.get(stream)
+            events_first = log.types[i].name != FIXED_FREQUENCY
+            if best is None or (len(quantities), events_first) > (len(plans[best][stream]), log.types[best].name != FIXED_FREQUENCY):
+                owner[stream] = i
+    streams: dict[str, Stream] = {}
+    for i, records in filled.items():
+        kind = log.types[i]
+        fields = {name: f"v{k}" for k, name in reversed(list(enumerate(kind.variables, start=1)))}
+        time_s = (records["time"].astype(np.int64) - start) * unit
+        used: set[str] = set()
+        for stream, quantities in plans[i].items():
+            if owner[stream] != i:
+                continue
+            values = np.stack([records[fields[v.name]].astype(float) * v.scale + v.offset for v in quantities.values()], axis=1)
+            used.update(v.name for v in quantities.values())
+            count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
+            streams[stream] = make_stream(stream, time_s, values, tuple(quantities), [v.name for v in quantities.values()],
+                                          samples=count, rate_hz=_rate(count, time_s))
+        rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
+        if rest:
+            values = np.stack([records[fields[v]].astype(float) for v in rest], axis=1)
+            name = "extra" if kind.name == FIXED_FREQUENCY else f"extra_{kind.name}"
+            streams[name] = Stream(time_s, values, tuple(rest), tuple(rest), ("1",) * len(rest), rate_hz=_rate(len(values), time_s),
+                                   samples=len(values))
+    return dict(sorted(streams.items()))
+
+
+def _rate(samples: int | None, time_s: np.ndarray) -> float:
+    duration = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    return samples / duration if samples and duration > 0.0 else float("nan")
