@@ -86,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
     except click.exceptions.Exit as stop:
         return stop.exit_code
     except click.UsageError as error:
-        return _complain(_usage_line(error), BAD)
+        return _complain(_usage_line(error, sys.argv[1:] if argv is None else argv), BAD)
     except click.ClickException as error:
         return _complain(f"nanobench: {error.format_message()}", BAD)
     except NanobenchError as error:
@@ -105,8 +105,9 @@ def main(argv: list[str] | None = None) -> int:
         return _complain(text, BAD)
 
 
-def _usage_line(error: click.UsageError) -> str:
-    place = error.ctx.command_path if error.ctx else "nanobench"
+def _usage_line(error: click.UsageError, argv: list[str]) -> str:
+    verb = next((word for word in argv if word in VERBS), None)  # click does not always say where it was
+    place = error.ctx.command_path if error.ctx else " ".join(["nanobench", *filter(None, [verb])])
     return f"{place}: {error.format_message().rstrip('.')}; see {place} --help"
 
 

@@ -1,0 +1,35 @@
+"""A small folder of practice recordings and the command line in process."""
+
+from __future__ import annotations
+
+import pytest
+
+from nanobench_tools.cli.main import main
+from nanobench_tools.practice.flights import practice_flights
+from nanobench_tools.sources.nanobench_writer import write_nanobench
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory):
+    """Folder with three short practice recordings (circle, figure eight, helix; SYNTHETIC)."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for flight in practice_flights(3, seed=5, families=("circle", "figure_eight", "helix"), duration_s=8.0):
+        write_nanobench(flight, folder / f"{flight.name}.csv")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    """Nothing is read from or left in the cache of the user."""
+    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def nanobench(capsys):
+    """``nanobench("audit", "--data", folder)`` -> (exit code, stdout, stderr)."""
+    def call(*arguments):
+        code = main([str(a) for a in arguments])
+        out = capsys.readouterr()
+        return code, out.out, out.err
+
+    return call

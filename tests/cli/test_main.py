@@ -1,0 +1,167 @@
+"""The command line itself: exit codes, one line per error, help, imports."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from nanobench_tools.cli.main import VERBS
+from nanobench_tools.version import __version__
+
+COMMAND = str(Path(sys.executable).with_name("nanobench"))
+
+
+def run(*arguments, **kwargs):
+    return subprocess.run([COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=120, **kwargs)
+
+
+def test_help_names_every_verb_with_an_example(nanobench):
+    code, out, err = nanobench("--help")
+    assert (code, err) == (0, "")
+    for verb, (text, example) in VERBS.items():
+        assert text in out
+        assert example in out
+        assert example.startswith(f"nanobench {verb}")
+    assert nanobench() == (0, out, "")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_a_verb_has_an_example_and_explains_every_option(nanobench, verb):
+    code, out, err = nanobench(verb, "--help")
+    assert (code, err) == (0, "")
+    assert "Example: nanobench" in out
+    assert f"Usage: nanobench {verb}" in out
+
+
+def test_version(nanobench):
+    assert nanobench("--version")[1].strip() == f"nanobench, version {__version__}"
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["adit"], "nanobench: no verb 'adit'; did you mean 'audit'?"),
+    (["qqqq"], "there are run, audit"),
+    (["--bogus"], "nanobench: No such option '--bogus'"),
+    (["audit", "--dat", "x"], "nanobench audit: No such option '--dat'"),
+    (["audit", "--jobs", "0"], "nanobench audit: Invalid value for '--jobs'"),
+    (["audit", "--jobs", "two"], "'two' is not a valid integer"),
+    (["audit", "--data"], "nanobench audit: Option '--data' requires an argument"),
+    (["audit", "stray"], "nanobench audit: Got unexpected extra argument"),
+    (["audit", "--data", "/no/such/place"], "/no/such/place"),
+    (["audit", "--data", "{empty}"], "{empty}"),
+    (["audit", "--data", "{data}", "--out", "{file}/x"], "{file}/x"),
+    (["audit", "--data", "{data}", "--json", "{file}/x.json"], "{file}/x.json"),
+    (["audit", "--data", "{data}", "--columns", "/no/such.toml"], "/no/such.toml"),
+    (["audit", "--data", "{file}"], "{file}"),
+    (["convert", "--data", "{data}", "--to", "word", "--out", "{empty}"], "'word' is not one of"),
+    (["convert", "--data", "{data}"], "--out DIR is needed"),
+])
+def test_bad_usage_and_input_is_one_line_and_exit_code_2(nanobench, recordings, tmp_path, arguments, says):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("no recording\n")
+    places = {"empty": tmp_path / "empty", "file": tmp_path / "file", "data": recordings}
+    quiet = ["--quiet"] if "--data" in arguments[:-1] else []
+    code, out, err = nanobench(*[a.format(**places) for a in arguments], *quiet)
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert says.format(**places) in err
+
+
+def test_a_scheduler_nobody_answers_is_one_line(nanobench, recordings):
+    pytest.importorskip("distributed")
+    code, _, err = nanobench("audit", "--data", recordings, "--scheduler", "tcp://127.0.0.1:9", "--quiet", "--out",
+                             recordings / ".." / "nowhere")
+    assert code == 2
+    assert err.startswith("nanobench: --scheduler tcp://127.0.0.1:9: no Dask scheduler answers there")
+    assert err.count("\n") == 1
+
+
+def test_installed_command_ends_with_the_right_codes(recordings, tmp_path):
+    env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
+    good = run("audit", "--data", recordings, "--json", tmp_path / "a.json", "--jobs", 1, env=env)
+    assert good.returncode == 0, good.stderr
+    assert "3 SYNTHETIC recordings" in good.stderr
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "binary.csv").write_bytes(b"\x00\x01\x02" * 100)
+    some = run("audit", "--data", recordings, "--data", broken, "--json", tmp_path / "b.json", "--jobs", 1, env=env)
+    assert some.returncode == 1
+    assert json.loads((tmp_path / "b.json").read_text())["failed"][0]["file"].endswith("binary.csv")
+    assert sum("binary.csv" in line and line.startswith("failed: ") for line in some.stderr.splitlines()) == 1
+    bad = run("audit", "--data", broken, "--quiet", env=env)
+    assert bad.returncode == 2
+    assert bad.stderr.count("\n") == 1
+    assert run("nonsense").returncode == 2
+
+
+def test_interrupt_is_130_and_says_how_to_go_on(recordings, tmp_path):
+    env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    (tmp_path / "sitecustomize.py").write_text(
+        "import time\nimport nanobench_tools.harness.audits as a\n"
+        "def slow(flight):\n    time.sleep(60)\na.audit_item = slow\n")
+    command = [COMMAND, "audit", "--data", str(recordings), "--jobs", "1", "--out", str(tmp_path / "o")]
+    process = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "o" / ".store").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == "nanobench: interrupted; run the same command again to resume"
+    assert "Traceback" not in err
+
+
+def test_a_closed_pipe_is_quiet(recordings, tmp_path):
+    env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(f"{COMMAND} audit --data {recordings} --jobs 1 --details | head -1", shell=True, env=env,
+                          capture_output=True, text=True, timeout=60)
+    assert "Traceback" not in done.stderr
+    assert "Broken" not in done.stderr
+
+
+def test_a_bug_is_one_line_unless_asked(nanobench, recordings, monkeypatch):
+    import nanobench_tools.sources.discover as discover
+
+    monkeypatch.setattr(discover, "load_recordings", lambda *a, **k: 1 / 0)
+    code, _, err = nanobench("audit", "--data", recordings)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "ZeroDivisionError: division by zero" in err
+    assert "NANOBENCH_DEBUG=1" in err
+    monkeypatch.setenv("NANOBENCH_DEBUG", "1")
+    assert "Traceback" in nanobench("audit", "--data", recordings)[2]
+
+
+def seconds(code: str) -> float:
+    """Best of three, processor time of a fresh process in s."""
+    best = float("inf")
+    for _ in range(3):
+        before = os.times()
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+        after = os.times()
+        best = min(best, after.children_user + after.children_system - before.children_user - before.children_system)
+    return best
+
+
+def test_import_budget():
+    assert seconds("import nanobench_tools") < 0.6
+    assert seconds("from nanobench_tools.cli.main import main; main(['--help'])") < 0.5
+
+
+PACKAGES = ("nanobench_tools", "nanobench_tools.harness", "nanobench_tools.cli.main", "estimators", "controllers",
+            "identification")
+HEAVY = ("plotly", "dask", "distributed", "matplotlib", "cflib", "pandas", "evo")
+
+
+@pytest.mark.parametrize("module", [*PACKAGES, *(f"nanobench_tools.cli.{verb}" for verb in VERBS)])
+def test_heavy_and_foreign_packages_are_not_imported_beforehand(module):
+    code = f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.stdout.strip() == "[]"
