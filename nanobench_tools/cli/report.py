@@ -1,0 +1,59 @@
+"""``nanobench report``: the page again, from the result files of a folder."""
+
+from __future__ import annotations
+
+import click
+
+from ..errors import InputError, UsageError
+from .options import Options, shared_options
+
+RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
+"""Result files the page is made from, ``<name>.json``."""
+
+
+@click.command()
+@shared_options("json", "scheduler", "seed")
+def report(options: Options) -> int:
+    """One HTML page from the result files of a folder.
+
+    Reads audit.json, estimate.json, sysid.json, thrust.json and control.json in --out, as far as they are there, and
+    writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights need the recordings:
+    those of --data, else of the default places, that audit.json names by content; without them the page has none.
+    """
+    from ..harness.results import read_json
+    from ..report import write_report
+
+    if options.out is None:
+        raise UsageError("report needs --out DIR, the folder that holds the result files")
+    if not options.out.is_dir():
+        raise InputError(f"--out {options.out}", "is no folder", "give the folder that holds the result files")
+    results = {name: read_json(options.out / f"{name}.json", name) for name in RESULTS
+               if (options.out / f"{name}.json").exists()}
+    if not results:
+        raise InputError(f"--out {options.out}", "holds no result file",
+                         f"one of {', '.join(f'{name}.json' for name in RESULTS)} is needed; nanobench run writes them")
+    flights = recordings(options, results)
+    synthetic = any(body.get("synthetic") for body in results.values())
+    path = write_report(options.out, results, flights, {}, synthetic)
+    options.say(f"{path} ({path.stat().st_size / 1e6:.1f} MB, {len(flights)} recordings)")
+    return options.exit_code()
+
+
+def recordings(options: Options, results: dict) -> list:
+    """The recordings that audit.json names, found by content hash; none when there are no recordings to look at.
+
+    A name is only a label, so it is the audit's: the same file may be called differently beside other files.
+    """
+    from dataclasses import replace
+
+    from ..sources.discover import default_data
+
+    audited = {entry["sha256"]: entry["flight"] for entry in results.get("audit", {}).get("flights", [])}
+    if not audited or not (options.data or default_data()):
+        return []
+    found = {flight.provenance.sha256: flight for flight in options.load()}
+    missing = [name for sha256, name in audited.items() if sha256 not in found]
+    if missing:
+        options.say(f"{len(missing)} of {len(audited)} recordings of audit.json were not found, {missing[0]} for one; "
+                    "the page has no pictures of them")
+    return [replace(found[sha256], name=name) for sha256, name in audited.items() if sha256 in found]

@@ -1,0 +1,87 @@
+"""What the page asks of one recording's audit (its entry in audit.json)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..audit import CUTTING_KINDS
+from ..flight import Span, merge_spans
+
+CLOCK_STREAMS = ("imu", "attitude_qw", "attitude", "estimator")
+"""Streams whose clock offset stands for the recording, the first that there is."""
+
+INFORMATION_KINDS = frozenset({"interpolated", "extra_column"})
+"""Worth knowing, no fault."""
+
+FAULT_GROUPS: dict[str, tuple[str, ...]] = {
+    "lost": ("dead_stream", "frozen_stream", "gap", "truncated", "mocap_occlusion", "missing_column", "checksum"),
+    "value": ("spike", "mocap_jump", "saturated_sensor", "unit", "sign", "axis_swap", "quaternion_order", "bad_cell"),
+    "clock": ("clock_offset", "clock_drift", "clock_wander", "duplicate_time", "backward_time"),
+    "flight": ("estimator_reset", "crash", "never_flew", "copy"),
+}
+"""Kinds of faults by what they do, for the colours of the timeline; everything else is information."""
+
+
+def group_of(kind: str) -> str:
+    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``."""
+    return next((group for group, kinds in FAULT_GROUPS.items() if kind in kinds), "information")
+
+
+def total(spans: Iterable[Iterable[float]] | None) -> float | None:
+    """Seconds covered by [[start, end], ...]; None when there is no such list."""
+    return None if spans is None else sum(s.duration_s for s in merge_spans(Span(*s) for s in spans))
+
+
+def span_of(flight: Mapping[str, Any]) -> Span | None:
+    """First to last stamp; from the ends of everything known when the entry does not say."""
+    if flight.get("span"):
+        return Span(*flight["span"])
+    times = [t for s in [*(flight.get("clean") or []), *(flight.get("airborne") or [])] for t in s]
+    times += [t for f in flight.get("faults") or [] for t in (f["start_s"], f["end_s"])]
+    return Span(0.0, max(times)) if times else None
+
+
+def cut_spans(flight: Mapping[str, Any], stream: str) -> tuple[Span, ...]:
+    """Where ``stream`` must not be used: its cutting faults and those of the whole recording."""
+    return merge_spans(Span(f["start_s"], f["end_s"]) for f in flight.get("faults") or []
+                       if f["kind"] in CUTTING_KINDS and f["stream"] in (stream, ""))
+
+
+def share_valid(flight: Mapping[str, Any], stream: str) -> float | None:
+    """Share of the recording's time in which nothing is known against ``stream`` (0..1)."""
+    span = span_of(flight)
+    if span is None or span.duration_s <= 0:
+        return None
+    return max(0.0, 1.0 - sum(s.duration_s for s in cut_spans(flight, stream)) / span.duration_s)
+
+
+def share_clean(flight: Mapping[str, Any]) -> float | None:
+    """Share of the recording's time that is clean in every stream (0..1)."""
+    span = span_of(flight)
+    clean = total(flight.get("clean"))
+    return None if span is None or clean is None or span.duration_s <= 0 else min(1.0, clean / span.duration_s)
+
+
+def fault_counts(flight: Mapping[str, Any]) -> dict[str, int]:
+    """Number of faults by kind, the most time-consuming kinds first; information is left out."""
+    seconds: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    for fault in flight.get("faults") or []:
+        kind = fault["kind"]
+        if kind not in INFORMATION_KINDS:
+            counts[kind] = counts.get(kind, 0) + 1
+            seconds[kind] = seconds.get(kind, 0.0) + fault["end_s"] - fault["start_s"]
+    return dict(sorted(counts.items(), key=lambda item: (-seconds[item[0]], item[0])))
+
+
+def streams_of(flights: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Every stream that any recording has, in the order met."""
+    found: dict[str, None] = {}
+    for flight in flights:
+        found.update(dict.fromkeys(flight.get("rates") or {}))
+    return list(found)
+
+
+def has_fault(flight: Mapping[str, Any], kind: str) -> bool:
+    return any(f["kind"] == kind for f in flight.get("faults") or [])

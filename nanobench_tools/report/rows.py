@@ -1,0 +1,273 @@
+"""Result files (shape of the JSON contract) into tables: one builder per table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from .audits import CLOCK_STREAMS, fault_counts, share_clean, total
+from .quantities import shown
+from .tables import Cell, Column, Score, Table
+
+PUBLISHED = "as-published"
+SPEEDS = ("slow", "medium", "fast")
+CORRECTED = "as-published-corrected"
+PUBLISHED_METRICS = ("ate_rmse_m", "ate_mean_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg")
+ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_geodesic_rmse_deg",
+                    "attitude_frame_removed_rmse_deg", "delay_s", "across_track_delay_removed_rmse_m",
+                    "end_error_1s_m", "end_error_5s_m", "end_error_10s_m", "end_error_20s_m", "drift_percent", "nees",
+                    "nis")
+"""What the page shows of an estimate; everything else is in the CSV files."""
+
+TITLES = {"clean": "Task 3: every distinct recording, clean and airborne"}
+CONTROL_METRICS = ("rmse_m", "ade_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent", "rmse_lag_removed_m",
+                   "worst_decile_m", "saturated_percent", "solve_p99_ms")
+SYSID_METRICS = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate_mae_rad_s")
+DATA = Column("data", "Data")
+
+
+def data_label(synthetic: bool) -> str:
+    """The word in every row that says what the numbers were made from."""
+    return "SYNTHETIC" if synthetic else "real"
+
+
+def tables_of(results: Mapping[str, Mapping[str, Any]], synthetic: bool) -> list[Table]:
+    """Every table the results allow, in the order of the page; a result that is absent makes none."""
+    tables: list[Table] = []
+    if sysid := results.get("sysid"):
+        tables += [task1(sysid, synthetic), *task1_parameters(sysid, synthetic)]
+    if thrust := results.get("thrust"):
+        tables.append(thrust_maps(thrust, synthetic))
+    if control := results.get("control"):
+        tables += [*task2(control, synthetic), *task2_gate(control, synthetic)]
+    if estimate := results.get("estimate"):
+        tables += task3(estimate, synthetic)
+    if audit := results.get("audit"):
+        tables.append(audit_flights(audit, synthetic))
+    return [table for table in tables if table.rows]
+
+
+def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Rows of ``sysid``: error after h steps of 10 ms and their sum, with the published row under ours."""
+    rows = sysid.get("rows", [])
+    horizons = _horizons(rows)
+    scores = []
+    for metric in SYSID_METRICS:
+        how = shown(metric)
+        for h in horizons:
+            title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
+            scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
+    columns = (Column("model", "Model"), Column("information", "Given"), Column("truth", "Truth"),
+               Column("group", "Group"), Column("n_windows", "Windows", "count"),
+               Column("n_flights", "Flights", "count"), DATA, *scores)
+    lines: list[tuple[Cell, ...]] = []
+    for row in rows:
+        head = (_text(row.get("model")), _text(row.get("information")), _text(row.get("truth")),
+                _text(row.get("group")), _count(row.get("n_windows")), _count(row.get("n_flights")))
+        lines.append((*head, data_label(synthetic), *_horizon_scores(row.get("metrics"), row, horizons)))
+        if published := row.get("published"):
+            lines.append((f"{head[0]} (published)", head[1], head[2], "published table", None, None, "published",
+                          *_horizon_scores(published, {}, horizons)))
+    note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
+    return Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
+                 note).without_empty_columns()
+
+
+def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    found = {str(h) for row in rows for metric in SYSID_METRICS for h in ((row.get("metrics") or {}).get(metric) or {})}
+    return sorted(found, key=lambda h: (not h.isdigit(), int(h) if h.isdigit() else 0))
+
+
+def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str]) -> list[Score]:
+    metrics, intervals = metrics or {}, row.get("ci95") or {}
+    return [Score.of((metrics.get(m) or {}).get(h), (intervals.get(m) or {}).get(h), _reason(row, m))
+            for m in SYSID_METRICS for h in horizons]
+
+
+def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """Fitted or stated parameters with their intervals, if there are any."""
+    columns = (Column("model", "Model"), Column("parameter", "Parameter"), Column("unit", "Unit"), DATA,
+               Column("value", "Value", "score", decimals=4))
+    lines = [(model, name, _text(body.get("unit")), data_label(synthetic), Score.of(body))
+             for model, parameters in (sysid.get("parameters") or {}).items() for name, body in _scalars(parameters)]
+    return [Table("table_task1_parameters", "Task 1: parameters of the models", columns, tuple(lines))] if lines else []
+
+
+def _scalars(parameters: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[str, Mapping[str, Any]]]:
+    """A vector parameter as one row per element."""
+    for name, body in parameters.items():
+        value, interval = body.get("value"), body.get("ci95")
+        if not isinstance(value, (list, tuple)):
+            yield name, body
+            continue
+        for i, element in enumerate(value):
+            pair = interval[i] if isinstance(interval, (list, tuple)) and i < len(interval) else None
+            yield f"{name}[{i}]", {**body, "value": element, "ci95": pair if isinstance(pair, (list, tuple)) else None}
+
+
+def thrust_maps(thrust: Mapping[str, Any], synthetic: bool) -> Table:
+    """Rows of ``thrust``."""
+    scores = tuple(_score_column(name) for name in ("rms_N", "rms_m_s2"))
+    lines = tuple((_text(r.get("model")), _text(r.get("split")), _count(r.get("n")), data_label(synthetic),
+                   *(Score.of(r.get(c.key), reason=_reason(r, c.key)) for c in scores)) for r in thrust.get("rows", []))
+    return Table("table_thrust", "Thrust maps: error of the predicted thrust",
+                 (Column("model", "Model"), Column("split", "Split"), Column("n", "n", "count"), DATA, *scores),
+                 lines).without_empty_columns()
+
+
+def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """Rows of ``control``: real flights in one table, simulated ones (if any) in another."""
+    rows = control.get("rows", [])
+    scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
+    columns = (Column("protocol", "Protocol"), Column("controller", "Controller"), Column("reference", "Reference"),
+               Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("information", "Given"),
+               Column("n", "n", "count"), DATA, *scores)
+    titles = {"real": ("table_task2", "Task 2: tracking of the onboard controllers on logged flights"),
+              "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
+    tables = []
+    for plant, (name, title) in titles.items():
+        lines: list[tuple[Cell, ...]] = []
+        for row in rows:
+            if (row.get("plant") or "real") != plant:
+                continue
+            protocol = _text(row.get("protocol"))
+            digits = 4 if protocol == PUBLISHED else None
+            head = (_text(row.get("controller")), _text(row.get("reference")),
+                    Score.of(row.get("speed_m_s"), reason="no single reference speed"), _text(row.get("information")))
+            lines.append((protocol, *head, _count(row.get("n")), data_label(synthetic),
+                          *_scores(row.get("metrics"), row, scores, digits)))
+            if published := row.get("published"):
+                lines.append(("published table", *head, _count(row.get("published_n")), "published",
+                              *_scores(published, {}, scores, 4)))
+        tables.append(Table(name, title, columns, tuple(lines),
+                            "Mean ± SD over flights and 95 % interval of the mean.").without_empty_columns())
+    return [_drop_blank(table, "protocol") for table in tables if table.rows]
+
+
+def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """How close the simulated plant comes to each logged flight."""
+    gate = control.get("gate") or []
+    scores = tuple(_score_column(name) for name in ("rmse_real_m", "rmse_sim_m", "ratio", "lag_diff_s", "path_gap_m"))
+    lines = tuple((_text(g.get("flight")), _text(g.get("controller")), data_label(synthetic),
+                   "yes" if g.get("pass") else "no", _text(g.get("reason")), *_scores(g, g, scores, None))
+                  for g in gate)
+    columns = (Column("flight", "Flight"), Column("controller", "Controller"), DATA, Column("pass", "Passes"),
+               Column("reason", "Reason"), *scores)
+    title = "Task 2: the plant against the logged flights (its error bar)"
+    return [Table("table_task2_gate", title, columns, lines).without_empty_columns()] if lines else []
+
+
+def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """Rows of ``estimate``: the published recordings, as published and corrected, in one table, every other protocol
+    in its own."""
+    rows = estimate.get("rows", [])
+    protocols = list(dict.fromkeys(str(row.get("protocol")) for row in rows))
+    sets = [(name, title, chosen, known) for name, title, chosen, known in (
+        ("table_task3", "Task 3: the published recordings, as published and corrected",
+         [p for p in (PUBLISHED, CORRECTED) if p in protocols], PUBLISHED_METRICS),
+        *((f"table_task3_{p.replace('-', '_')}", TITLES.get(p, f"Task 3: {p}"), [p], ESTIMATE_METRICS)
+          for p in protocols if p not in (PUBLISHED, CORRECTED))) if chosen]
+    return [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
+            for name, title, chosen, known in sets]
+
+
+def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Sequence[str], synthetic: bool) -> Table:
+    """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
+    scores = tuple(replace(_score_column(metric), aside=metric not in known) for metric in _metrics(rows, known))
+    columns = (Column("group", "Group"), Column("protocol", "Protocol"), Column("method", "Method"),
+               Column("causal", "Causal"), Column("n", "n", "count"), DATA, *scores, Column("given", "Given"))
+    order = {_group(row): _group_rank(_group(row)) for row in rows}
+    lines: list[tuple[Cell, ...]] = []
+    for row in sorted(rows, key=lambda row: order[_group(row)]):
+        protocol, causal = _text(row.get("protocol")), row.get("causal")
+        if published := row.get("published"):
+            lines.append((_group(row), "published table", _text(row.get("method")), "",
+                          _count(row.get("published_n")), "published", *_scores(published, {}, scores, 4), ""))
+        lines.append((_group(row), protocol, _text(row.get("method")),
+                      "" if causal is None else "yes" if causal else "no", _count(row.get("n")), data_label(synthetic),
+                      *_scores(row.get("metrics"), row, scores, 4 if protocol == PUBLISHED else None),
+                      _text(row.get("given"))))
+    note = "Mean ± SD over flights and 95 % interval of the mean."
+    if any(c.aside for c in scores):
+        note += " Further metrics are in the CSV file."
+    return Table(name, title, columns, tuple(lines), note).without_empty_columns()
+
+
+def _group(row: Mapping[str, Any]) -> str:
+    """The group as shown: the published protocol writes speeds with a capital, the others do not."""
+    group = _text(row.get("group"))
+    return group.lower() if group.lower() in SPEEDS else group
+
+
+def _group_rank(group: str) -> tuple[int, str]:
+    """``all``, the speeds, the families, then speed and family together."""
+    order = ("all", *SPEEDS)
+    return (order.index(group), "") if group in order else (len(order) + group.count("/"), group)
+
+
+def audit_flights(audit: Mapping[str, Any], synthetic: bool) -> Table:
+    """One row per recording: what flew, how much of it is usable, what is wrong, how late the clock is."""
+    columns = (Column("flight", "Flight"), Column("controller", "Controller"), DATA,
+               Column("length_s", "Length", "score", "s", 1.0, 1),
+               Column("airborne_s", "Airborne", "score", "s", 1.0, 1),
+               Column("clean_s", "Clean", "score", "s", 1.0, 1), Column("clean_percent", "Clean", "score", "%", 1.0, 1),
+               Column("clock_offset_s", "Clock offset", "score", "ms", 1e3, 1),
+               Column("clock_wander_s", "Clock wander SD", "score", "ms", 1e3, 1), Column("faults", "Faults"),
+               Column("sha256", "SHA-256"))
+    lines = []
+    for flight in audit.get("flights", []):
+        share = share_clean(flight)
+        stream = next((s for s in CLOCK_STREAMS if s in (flight.get("clock") or {})), None)
+        clock = (flight.get("clock") or {}).get(stream) or {}
+        why = clock.get("reason") or "no clock was compared with the motion capture"
+        lines.append((
+            _text(flight.get("flight")), _text(flight.get("controller")), data_label(synthetic),
+            Score.of(total([flight["span"]]) if flight.get("span") else None), Score.of(total(flight.get("airborne"))),
+            Score.of(total(flight.get("clean"))), Score.of(None if share is None else 100 * share),
+            Score.of(clock.get("offset_s") if clock.get("identifiable", True) else None, clock.get("ci95_s"), why),
+            Score.of(clock.get("wander_sd_s"), reason="the wander of the clock is not known"),
+            ", ".join(f"{kind} ×{n}" if n > 1 else kind for kind, n in fault_counts(flight).items()) or "none",
+            _text(flight.get("sha256"))[:12]))
+    return Table("audit_flights", "Data audit: every recording", columns, tuple(lines),
+                 f"Clock offset of {' or '.join(CLOCK_STREAMS[:1])} against motion capture, positive when the stamps "
+                 "are late.")
+
+
+def _score_column(name: str) -> Column:
+    how = shown(name)
+    return Column(name, how.title, "score", how.unit, how.factor, how.decimals)
+
+
+def _metrics(rows: Sequence[Mapping[str, Any]], order: Sequence[str]) -> list[str]:
+    """The metrics in ``rows``: the known ones in their order, then the others as found."""
+    found = dict.fromkeys(name for row in rows for name in (row.get("metrics") or {}))
+    return [name for name in order if name in found] + [name for name in found if name not in order]
+
+
+def _scores(metrics: Any, row: Mapping[str, Any], columns: Sequence[Column], digits: int | None) -> list[Score]:
+    metrics, intervals = metrics or {}, row.get("ci95") or {}
+    return [Score.of(metrics.get(c.key), intervals.get(c.key), _reason(row, c.key), digits) for c in columns]
+
+
+def _reason(row: Mapping[str, Any], metric: str) -> str:
+    reasons = row.get("reasons") or {}
+    return str(reasons.get(metric) or row.get("reason") or Score(None).reason)
+
+
+def _drop_blank(table: Table, key: str) -> Table:
+    """Less the column ``key`` when no row has anything in it."""
+    i = next(k for k, c in enumerate(table.columns) if c.key == key)
+    return table if any(row[i] for row in table.rows) else table.without_column(key)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value))
+    return str(value)
+
+
+def _count(value: Any) -> int | None:
+    return int(value) if isinstance(value, int) and not isinstance(value, bool) else None

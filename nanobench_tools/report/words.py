@@ -1,0 +1,221 @@
+"""What a person is told above each table. Every number is computed from the results that are there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .audits import fault_counts, has_fault, total
+from .quantities import format_duration, format_number, number, shown
+from .rows import CORRECTED, PUBLISHED
+
+Results = Mapping[str, Mapping[str, Any]]
+Words = list[str | list[str]]
+"""Paragraphs; a list among them is a list of points."""
+
+ABSENT = "This run holds no results of this task."
+ALIKE = 0.05
+"""Two values within this share of each other are called unchanged."""
+
+
+def overview(results: Results) -> Words:
+    """What was read and in which state it is, in a few sentences."""
+    flights = (results.get("audit") or {}).get("flights") or []
+    if not flights:
+        return ["No audit of recordings is among the results."]
+    flown = [f for f in flights if f.get("airborne")]
+    lengths = [total([f["span"]]) for f in flights if f.get("span")]
+    airborne = sum(total(f.get("airborne")) or 0.0 for f in flights)
+    lines: Words = [f"{_count(len(flights), 'recording')}"
+             + (f", {format_duration(sum(lengths))} in all" if lengths else "")
+             + f"; {len(flown)} leave the ground and fly for {format_duration(airborne)}."]
+    copies = _copies(results)
+    dead = sum(has_fault(f, "dead_stream") for f in flights)
+    found: dict[str, int] = {}
+    for flight in flights:
+        for kind in fault_counts(flight):
+            found[kind] = found.get(kind, 0) + 1
+    if dead:
+        lines.append(f"In {_count(dead, 'recording')} a stream ends before the file does and is continued by rows that "
+                     "no sensor sent; these spans are cut.")
+    if copies:
+        lines.append(f"{_count(copies, 'recording is a copy', 'recordings are copies')} of another; each counts once "
+                     "in the corrected tables.")
+    if found:
+        kinds = ", ".join(f"{kind} in {n}" for kind, n in sorted(found.items(), key=lambda item: (-item[1], item[0])))
+        lines.append(f"Faults by number of recordings: {kinds}.")
+    else:
+        lines.append("No fault was found.")
+    return lines
+
+
+def task1(results: Results) -> Words:
+    """Predictive models: what was scored, and what the published physics row does."""
+    sysid = results.get("sysid")
+    if not sysid or not sysid.get("rows"):
+        return [ABSENT]
+    rows = sysid["rows"]
+    lines: Words = ["A model gets the state at one moment and the logged motor commands and battery voltage, and "
+                    "predicts the next half second; the table gives its mean error after h steps of 10 ms."]
+    mine = [r for r in rows if r.get("group", "all") == "all"]
+    last = _last_horizon(mine)
+    ranked = _ranked(_one_truth(mine), last)
+    if ranked:
+        best_value, best = ranked[0]
+        naive = next((v for v, r in ranked if "naive" in str(r.get("model"))), None)
+        text = (f"Least position error at h = {last}: {best.get('model')} with {_show('position_mae_m', best_value)}")
+        if naive is not None and best_value < naive:
+            text += f", against {_show('position_mae_m', naive)} of a model that stands still"
+        lines.append(text + ".")
+    points = [point for row in _one_truth(mine) for point in _published_task1(row)]
+    return [*lines, points] if points else lines
+
+
+def _published_task1(row: Mapping[str, Any]) -> list[str]:
+    """What the published numbers of one model say about it, computed from them."""
+    published = row.get("published") or {}
+    velocity = {h: _mean(v) for h, v in (published.get("velocity_mae_m_s") or {}).items()}
+    lines = []
+    ours = _mean(((row.get("metrics") or {}).get("position_mae_m") or {}).get("50"))
+    theirs = _mean((published.get("position_mae_m") or {}).get("50"))
+    if ours is not None and theirs is not None:
+        lines.append(f"{row.get('model')}: position error at h = 50 is {_show('position_mae_m', theirs)} in the "
+                     f"published table and {_show('position_mae_m', ours)} here ({_compared(theirs, ours)}).")
+    if velocity.get("1") and velocity.get("10") and "naive" not in str(row.get("model")):
+        early, late = velocity["1"] / 0.01, velocity["10"] / 0.1
+        if abs(early - late) <= 0.1 * early:
+            lines.append(f"{row.get('model')}: the published velocity error grows in proportion to time, by "
+                         f"{format_number(early, 1)} m/s² from the first step on, {format_number(early / 9.81, 2)} of "
+                         "gravity: a constant error of the thrust, which a right thrust curve takes away, and no limit "
+                         "of physics.")
+    return lines
+
+
+def task2(results: Results) -> Words:
+    """Controllers on logged flights: as published against corrected, and the plant's error bar."""
+    control = results.get("control")
+    if not control or not (control.get("rows") or control.get("gate")):
+        return [ABSENT]
+    rows = [r for r in control.get("rows") or [] if (r.get("plant") or "real") == "real"]
+    lines: Words = []
+    if rows:
+        lines.append("How far the vehicle was from the setpoint it was sent, on logged flights of the onboard "
+                     "controllers.")
+    pairs = _pairs(rows, lambda r: (r.get("controller"), r.get("reference"), number(r.get("speed_m_s"))))
+    if pairs:
+        lines.append("The published rows count take-off, landing and the wait on the ground as tracking, go on after "
+                     "a log has ended, and subtract headings in different units (degrees taken as radians); the "
+                     "corrected rows hold the streamed trajectory only, in one unit.")
+    points = []
+    for (controller, *_), before, after in pairs:
+        parts = [_change(metric, before, after)
+                 for metric in ("rmse_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent")]
+        points.append(f"{controller}: " + "; ".join(filter(None, parts)) + ".")
+    if points:
+        lines.append(points)
+    gate = control.get("gate") or []
+    if gate:
+        passed = sum(bool(g.get("pass")) for g in gate)
+        lines.append(f"The simulated plant passes its gate on {passed} of {len(gate)} logged flights; the gap stands "
+                     "beside every simulated number as its error bar.")
+    return lines or [ABSENT]
+
+
+def task3(results: Results) -> Words:
+    """The onboard estimate: as published against corrected, with the reasons found in the data."""
+    estimate = results.get("estimate")
+    if not estimate or not estimate.get("rows"):
+        return [ABSENT]
+    rows = estimate["rows"]
+    lines: Words = ["How far an estimate of the vehicle's position, velocity and attitude was from the motion capture."]
+    flights = {f.get("flight"): f for f in (results.get("audit") or {}).get("flights") or []}
+    points = []
+    for (_, group), before, after in _pairs(rows, lambda r: (r.get("method"), str(r.get("group")).lower())):
+        parts = [_change(metric, before, after) for metric in ("ate_rmse_m", "attitude_rmse_deg")]
+        text = f"{group.capitalize()}: " + "; ".join(filter(None, parts))
+        names = [n for n in before.get("flights") or [] if n in flights]
+        dead = sum(has_fault(flights[n], "dead_stream") for n in names)
+        if dead:
+            text += (f". In {dead} of its {len(names)} recordings the radio log had ended in the air and the file "
+                     "continues every onboard stream as a straight line to its end; this was scored as the estimate")
+        dropped = (number(before.get("n")) or 0) - (number(after.get("n")) or 0)
+        if dropped > 0:
+            text += f". {_count(int(dropped), 'recording', 'recordings')} fewer, because copies count once"
+        points.append(text + ".")
+    if points:
+        lines.append(points)
+    if any(row.get("protocol") == PUBLISHED for row in rows):
+        lines.append("The published attitude error is a difference between degrees and radians, with the pitch of the "
+                     "firmware (nose up positive) against that of the motion capture (nose down positive); the "
+                     "corrected one is in one unit and one sign.")
+    return lines
+
+
+def _pairs(rows: Sequence[Mapping[str, Any]], key) -> list[tuple[tuple, Mapping[str, Any], Mapping[str, Any]]]:
+    """(key, as-published row, corrected row) wherever there are both; ``clean`` where nothing nearer corrects it."""
+    published = {key(r): r for r in rows if r.get("protocol") == PUBLISHED}
+    protocols = {r.get("protocol") for r in rows}
+    corrected = {key(r): r for r in rows if r.get("protocol") == (CORRECTED if CORRECTED in protocols else "clean")}
+    return [(k, published[k], corrected[k]) for k in published if k in corrected]
+
+
+def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+    a, b = (_mean((row.get("metrics") or {}).get(metric)) for row in (before, after))
+    if a is None or b is None:
+        return ""
+    name = shown(metric).title
+    if abs(a - b) <= ALIKE * max(abs(a), abs(b)):
+        return f"{name} {_show(metric, b)}, unchanged by the correction"
+    return f"{name} {_show(metric, a)} as published, {_show(metric, b)} corrected ({_times(a, b)})"
+
+
+def _compared(theirs: float, ours: float) -> str:
+    """In words, two numbers of which neither need be wrong."""
+    ratio = theirs / ours if ours else float("inf")
+    return "alike" if abs(ratio - 1) <= ALIKE else f"theirs is {format_number(ratio, 2)} of ours"
+
+
+def _times(before: float, after: float) -> str:
+    """In words, how far off ``before`` was."""
+    if after == 0.0:
+        return "the corrected value is zero"
+    ratio = before / after
+    if abs(ratio - 1) <= ALIKE:
+        return "alike"
+    if ratio >= 2:
+        return f"{format_number(ratio, 0 if ratio >= 10 else 1)} times too large"
+    return f"{format_number(abs(ratio - 1) * 100, 0)} % too {'large' if ratio > 1 else 'small'}"
+
+
+def _ranked(rows: Sequence[Mapping[str, Any]], horizon: str | None) -> list[tuple[float, Mapping[str, Any]]]:
+    found = [(_mean(((r.get("metrics") or {}).get("position_mae_m") or {}).get(horizon)), r) for r in rows]
+    return sorted(((v, r) for v, r in found if v is not None), key=lambda pair: pair[0])
+
+
+def _one_truth(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Rows judged by the truth the published table used, or by the only one there is."""
+    truths = list(dict.fromkeys(r.get("truth") for r in rows))
+    chosen = "onboard" if "onboard" in truths else (truths or [None])[0]
+    return [r for r in rows if r.get("truth") == chosen]
+
+
+def _last_horizon(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    found = {h for r in rows for h in ((r.get("metrics") or {}).get("position_mae_m") or {}) if str(h).isdigit()}
+    return max(found, key=int, default=None)
+
+
+def _mean(found: Any) -> float | None:
+    return number(found.get("mean", found.get("value"))) if isinstance(found, Mapping) else number(found)
+
+
+def _show(metric: str, value: float) -> str:
+    how = shown(metric)
+    return f"{format_number(value * how.factor, how.decimals)} {how.unit}".strip()
+
+
+def _copies(results: Results) -> int:
+    return sum(len(group) - 1 for group in (results.get("audit") or {}).get("copies") or [])
+
+
+def _count(n: int, one: str, many: str | None = None) -> str:
+    return f"{n} {one if n == 1 else many or one + 's'}"
