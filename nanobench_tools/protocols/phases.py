@@ -19,6 +19,10 @@ SHORTEST_S = 5.0
 """A streamed path moves faster than MOVING_M_S (slowest known: 0.1 m/s), its radio gaps are shorter than PAUSE_S, it
 lasts SHORTEST_S or more; its last LANDING_JUMP_S hold the jump to the landing place, smeared over a radio gap."""
 
+JUMP_FACTOR = 3.0
+"""The setpoint jumps from hover to the start of the path: first steps this much faster than the median of the path are
+that jump, which is no velocity to be followed."""
+
 
 def motors_on(flight: Flight) -> np.ndarray:
     """(n,) bool over the rows of the motor stream: motor 1 above MOTOR_ON."""
@@ -48,9 +52,9 @@ def flown_spans(flight: Flight, airborne: Iterable[Span]) -> tuple[Span, ...]:
 def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span | None:
     """The stretch in which a path was streamed to the vehicle, between hover and landing; None if there is none.
 
-    From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jump to the
-    landing place at its end. Planned take-off and landing hold x and y still. valid: spans in which the setpoints are
-    to be trusted; a log that stopped is followed only up to its stop.
+    From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jumps to the
+    start of the path and to the landing place. Planned take-off and landing hold x and y still. valid: spans in which
+    the setpoints are to be trusted; a log that stopped is followed only up to its stop.
     """
     setpoint = flight["setpoint"]
     rows = np.ones(len(setpoint), bool) if valid is None else mask_of(valid, setpoint.time_s)
@@ -63,13 +67,22 @@ def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span 
     if not len(moving):
         return None
     pauses = np.flatnonzero(np.diff(time_s[moving]) > PAUSE_S)
-    starts = time_s[np.concatenate([moving[:1], moving[pauses + 1]])]
-    ends = time_s[np.concatenate([moving[pauses], moving[-1:]]) + 1]
-    longest = int(np.argmax(ends - starts))
+    runs = np.split(moving, pauses + 1)
+    run = max(runs, key=lambda r: time_s[r[-1] + 1] - time_s[r[0]])
+    start = run[0] + _jump_rows(speed[run[0]:run[-1]])
     # A path that runs into the last valid row has no landing jump to take off.
-    jump = 0.0 if ends[longest] >= time_s[-1] else LANDING_JUMP_S
-    phase = Span(float(starts[longest]), float(ends[longest]) - jump)
+    jump = 0.0 if run[-1] + 1 == len(time_s) - 1 else LANDING_JUMP_S
+    phase = Span(float(time_s[start]), float(time_s[run[-1] + 1]) - jump)
     return phase if phase.duration_s >= SHORTEST_S else None
+
+
+def _jump_rows(speed: np.ndarray) -> int:
+    """How many rows the jump at the start of a path takes; the first may hold a part of it only. 0 without a jump."""
+    fast = speed > JUMP_FACTOR * np.median(speed)
+    first = int(np.argmax(fast))
+    if first > 1 or not fast[first]:
+        return 0
+    return first + int(np.argmin(fast[first:]))
 
 
 def tracking_spans(flight: Flight, valid: tuple[Span, ...]) -> tuple[Span, ...]:

@@ -61,12 +61,13 @@ def check_protocol(name: str) -> None:
 
 
 def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
-    """The cases of a protocol, in the order of ``flights``; ``audits`` by sha256 of the recording's content.
+    """The cases of a protocol, in the order of ``flights``; ``audits`` by name of the flight.
 
     Raises InputError when no recording has the streams and rows that are needed.
     """
     check_protocol(protocol)
-    usable = [f for f in flights if {"mocap", "estimator", "motor"} <= set(f.streams) and _has_attitude(f)]
+    needed = {"mocap", "estimator", "motor"}
+    usable = [f for f in flights if f.name in audits and needed <= set(f.streams) and _has_attitude(f)]
     cases = _clean(usable, audits) if protocol == "clean" else _published(usable, audits, protocol)
     if not cases:
         what = "trefoil recording" if protocol != "clean" else "flight"
@@ -98,7 +99,7 @@ def _published(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol:
             continue
         spans = _runs(motor.time_s, on)
         if protocol == "as-published-corrected":
-            spans = intersect_spans(spans, _logged(audits[flight.provenance.sha256]))
+            spans = intersect_spans(spans, _logged(audits[flight.name]))
         if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
             cases.append(Case(flight, spans, (speed.capitalize(),), note))
     return cases
@@ -109,7 +110,7 @@ def _clean(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> list[Case]
     note = f"{len(repeats)} copies and slices left out" if repeats else ""
     cases = []
     for flight in kept:
-        audit = audits[flight.provenance.sha256]
+        audit = audits[flight.name]
         spans = intersect_spans(flown_spans(flight, audit.airborne), _logged(audit))
         if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
             cases.append(Case(flight, spans, tuple(groups_of(family_of(flight), speed_of(flight))), note))

@@ -1,0 +1,183 @@
+"""Task 2, control on logged flights (plant ``real``): the published rows, and the flights scored as they should be.
+
+As published: from the first to the last row with a setpoint, take-off, landing and the wait on the ground included, log
+tails not cut, and setpoint degrees taken for radians. Corrected: only the phase in which a path is streamed, where the
+logs are good. Both are ``as flown``: the controllers got position setpoints without derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import so3
+from ..audit import CUTTING_KINDS, Audit
+from ..errors import InputError, UsageError
+from ..flight import Flight, Span, intersect_spans
+from ..flight import mask_of as inside
+from ..metrics import tracking
+from ..metrics.trajectory import rms
+from .describe import UNKNOWN, family_of, speed_of
+from .phases import is_cut, tracking_spans
+from .selection import distinct
+from .tables import summaries
+from .task3 import LOG_KINDS
+
+PROTOCOLS = ("as-published", "clean")
+CONTROLLERS = ("pid", "mellinger")
+PUBLISHED = ("trefoil", "medium")
+"""Family and speed of the published rows."""
+
+SETPOINT_M = 0.05
+DROPPED_ABOVE_M = 1.0
+MINIMUM_S = 5.0
+GATE_NOTE = "no gate yet: it needs a plant that flies the logged setpoints"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording as a protocol uses it. ``spans`` are the streamed phase where logs are good (empty for the
+    published rows); ``reference`` and ``speed`` name the row it counts in."""
+
+    flight: Flight
+    controller: str
+    protocol: str
+    spans: tuple[Span, ...]
+    reference: str
+    speed: str | None
+
+
+def check_protocol(name: str) -> None:
+    """UsageError that lists the protocols there are."""
+    if name not in PROTOCOLS:
+        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(PROTOCOLS)}")
+
+
+def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
+    """The cases of a protocol; ``audits`` by name of the flight. Copies and slices of other recordings are left out.
+
+    as-published: whole recordings of the medium trefoil. clean: every recording in which a path was streamed.
+    Raises InputError when there is none.
+    """
+    check_protocol(protocol)
+    needed = {"mocap", "setpoint", "motor"}
+    usable = [f for f in distinct(flights)[0] if needed <= set(f.streams) and f.name in audits]
+    usable = [f for f in usable if audits[f.name].controller in CONTROLLERS]
+    cases = [case for flight in usable for case in _cases(flight, audits[flight.name], protocol)]
+    if not cases:
+        raise InputError(flights[0].provenance.path if flights else "data",
+                         f"no flight of a known controller with motion capture, setpoint and motor streams for "
+                         f"protocol {protocol!r} among {len(flights)} recordings")
+    return cases
+
+
+def _cases(flight: Flight, audit: Audit, protocol: str) -> list[Case]:
+    if protocol == "as-published":
+        if is_cut(flight) or (family_of(flight), speed_of(flight)) != PUBLISHED:
+            return []
+        return [Case(flight, audit.controller, protocol, (), protocol, speed_of(flight))]
+    logged = audit.clean_for(["setpoint", "motor"], LOG_KINDS)
+    valid = intersect_spans(audit.clean_for(["mocap"], CUTTING_KINDS), logged)
+    spans = tracking_spans(flight, valid)
+    if sum(s.duration_s for s in spans) < MINIMUM_S:
+        return []
+    family = family_of(flight)
+    return [Case(flight, audit.controller, protocol, spans, family if family != UNKNOWN else "path", speed_of(flight))]
+
+
+def score(case: Case) -> dict[str, Any]:
+    """{metrics: {name: value}, rows} of one recording."""
+    return score_published(case.flight) if case.protocol == "as-published" else score_tracking(case)
+
+
+def _rows(flight: Flight) -> tuple[np.ndarray, ...]:
+    """time_s (n,), position, velocity, setpoint (n, 3), yaw, setpoint yaw (n,) at the motion capture's rows, SI."""
+    mocap, setpoint = flight["mocap"], flight["setpoint"]
+    yaw = mocap["yaw"] if "yaw" in mocap else so3.euler_zyx(mocap["qx", "qy", "qz", "qw"])[:, 2]
+    target = setpoint.interpolate(("x", "y", "z"), mocap.time_s)
+    target_yaw = setpoint.interpolate("yaw", mocap.time_s) if "yaw" in setpoint else np.zeros(len(mocap))
+    return mocap.time_s, mocap["px", "py", "pz"], mocap["vx", "vy", "vz"], target, yaw, target_yaw
+
+
+def score_published(flight: Flight) -> dict[str, Any]:
+    """The published formulas with their faults, over the first to the last row with a setpoint."""
+    time_s, position, velocity, setpoint, yaw, setpoint_yaw = _rows(flight)
+    given = np.flatnonzero(np.linalg.norm(setpoint, axis=1) > SETPOINT_M)
+    if len(given) < 2:
+        raise InputError(flight.provenance.path, "has no setpoint away from the origin")
+    k = slice(given[0], given[-1] + 1)
+    errors = tracking.position_errors(position[k], setpoint[k])
+    return {"rows": len(errors), "metrics": {
+        "rmse_m": rms(errors), "ade_m": float(errors.mean()),
+        "velocity_rmse_m_s": tracking.published_velocity_rmse(time_s[k], velocity[k], setpoint[k]),
+        "heading_deg": tracking.published_heading_error_deg(yaw[k], np.degrees(setpoint_yaw[k])),
+        "divergence_percent": tracking.divergence_percent(errors)}}
+
+
+def score_tracking(case: Case) -> dict[str, Any]:
+    """Tracking metrics over the streamed phase, angles in one unit, setpoint velocity without steps.
+
+    ``rmse_lag_removed_m`` is left after the one best shift ``lag_s`` of the reference; ``contour_rmse_m`` is the
+    distance to the path whatever the time; ``z_bias_m`` the mean height error. What needs neighbours is taken over the
+    longest stretch without a break.
+    """
+    time_s, position, velocity, setpoint, yaw, setpoint_yaw = _rows(case.flight)
+    rows = inside(case.spans, time_s)
+    errors = tracking.position_errors(position[rows], setpoint[rows])
+    whole = max(case.spans, key=lambda s: s.duration_s).mask(time_s)
+    target_speed = tracking.setpoint_velocity(time_s[whole], setpoint[whole])
+    lag_s, left_m = tracking.lag(time_s[whole], position[whole], setpoint[whole])
+    stream = case.flight["motor"]
+    motor = stream["m1", "m2", "m3", "m4"][inside(case.spans, stream.time_s)]
+    return {"rows": len(errors), "reference_speed_m_s": float(np.median(np.linalg.norm(target_speed, axis=1))),
+            "metrics": {
+        "rmse_m": rms(errors), "ade_m": float(errors.mean()),
+        "velocity_rmse_m_s": tracking.velocity_rmse(velocity[whole], target_speed),
+        "heading_deg": tracking.heading_error_deg(yaw[rows], setpoint_yaw[rows]),
+        "divergence_percent": tracking.divergence_percent(errors),
+        "rmse_lag_removed_m": left_m, "lag_s": lag_s,
+        "contour_rmse_m": rms(tracking.contour_errors(position[whole], setpoint[whole])),
+        "worst_decile_m": tracking.worst_decile(errors),
+        "z_bias_m": float(np.mean(position[rows, 2] - setpoint[rows, 2])),
+        "solve_p99_ms": None,
+        "saturated_percent": tracking.saturated_percent(motor)}}
+
+
+def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0) -> list[dict[str, Any]]:
+    """Rows {plant, controller, reference, speed, speed_m_s, information, n, flights, dropped, metrics, statistics}.
+
+    ``metrics`` are means over flights, ``statistics`` their summaries. The published rows drop a flight with an RMSE
+    above DROPPED_ABOVE_M, as was published; ``dropped`` names it.
+    """
+    groups: dict[tuple, list[tuple[Case, Mapping[str, Any]]]] = {}
+    for case, value in scored:
+        groups.setdefault((case.protocol, case.reference, case.speed, case.controller), []).append((case, value))
+    rows = []
+    for (protocol, reference, speed, controller), members in sorted(groups.items(), key=_order):
+        dropped = [case.flight.name for case, value in members
+                   if protocol == "as-published" and value["metrics"]["rmse_m"] > DROPPED_ABOVE_M]
+        kept = [(case, value) for case, value in members if case.flight.name not in dropped]
+        if not kept:
+            continue
+        found = summaries([value["metrics"] for _, value in kept], seed)
+        rows.append({"plant": "real", "protocol": protocol, "controller": controller, "reference": reference,
+                     "speed": speed, "speed_m_s": _speed(kept), "information": "as flown", "n": len(kept),
+                     "flights": [case.flight.name for case, _ in kept], "dropped": dropped,
+                     "metrics": {name: value["mean"] for name, value in found.items()}, "statistics": found})
+    return rows
+
+
+def _order(group: tuple) -> tuple:
+    (protocol, reference, speed, controller), _ = group
+    return protocol, reference, ("slow", "medium", "fast", None).index(speed), CONTROLLERS.index(controller)
+
+
+def _speed(members: Sequence[tuple[Case, Mapping[str, Any]]]) -> float | None:
+    """Reference speed [m/s]: of the sheets if they say, else the median speed of the setpoints."""
+    said = [case.flight.metadata.get("reference_speed_m_s") for case, _ in members]
+    found = [s for s in said if s is not None] or [v["reference_speed_m_s"] for _, v in members
+                                                   if "reference_speed_m_s" in v]
+    return float(np.median(found)) if found else None
