@@ -12,7 +12,7 @@ from ..flight import Flight, Provenance
 from ..sources.nanobench import write_nanobench
 from .flying import Flown, flight_rngs, fly
 from .logging_chain import LoggingChain, record
-from .onboard import CONTROLLERS
+from .onboard import OnboardFleet
 from .references import FAMILIES, PathSpec, path_spec
 
 EPOCH_S = 1_700_000_000.0
@@ -20,8 +20,8 @@ EPOCH_S = 1_700_000_000.0
 SECONDS_APART = 120.0
 SEED_SECONDS = 10_000_000.0
 """Flights of different seeds lie on different days, so that no two sheets claim the same time."""
-BATCH = 100
-"""Vehicles flown at once: keeps memory below 1 GB."""
+BATCH = 200
+"""Vehicles flown at once: keeps memory of a run near 1 GB."""
 MELLINGER_SHARE = 23 / 79
 """Share of the published flights that flew this controller."""
 
@@ -59,24 +59,20 @@ def practice_flights(n: int, seed: int = 0, *, families: Sequence[str] | None = 
 
 def _fly_all(plan: list[tuple[int, PathSpec, str]], seed: int, chain: LoggingChain, spread: float,
              progress: Callable[[int, int], None] | None = None) -> list[Flight]:
+    """Plan of (number, path, controller) -> flights in its order. Long and short paths fly in batches of their own."""
     flights: dict[int, Flight] = {}
-    for name, controller in CONTROLLERS.items():
-        group = sorted((p for p in plan if p[2] == name), key=lambda p: p[1].duration_s)
-        for start in range(0, len(group), BATCH):
-            batch = group[start:start + BATCH]
-            flown = fly(controller(), [spec for _, spec, _ in batch], seed=seed, indices=[i for i, _, _ in batch], spread=spread)
-            for row, (i, spec, _) in enumerate(batch):
-                flights[i] = _recording(flown, row, i, spec, seed, chain)
-            if progress:
-                progress(len(flights), len(plan))
-    unknown = {p[2] for p in plan} - set(CONTROLLERS)
-    if unknown:
-        from ..errors import UsageError
-        raise UsageError(f"unknown controller {sorted(unknown)[0]!r}; known: {', '.join(CONTROLLERS)}")
+    order = sorted(plan, key=lambda p: (-p[1].duration_s, p[0]))
+    for start in range(0, len(order), BATCH):
+        numbers, specs, names = zip(*order[start:start + BATCH], strict=True)
+        flown = fly(OnboardFleet(names), specs, seed=seed, indices=numbers, spread=spread)
+        for row, (i, spec, name) in enumerate(zip(numbers, specs, names, strict=True)):
+            flights[i] = _recording(flown, row, i, spec, name, seed, chain)
+        if progress:
+            progress(len(flights), len(plan))
     return [flights[i] for i, _, _ in plan]
 
 
-def _recording(flown: Flown, row: int, index: int, spec: PathSpec, seed: int, chain: LoggingChain) -> Flight:
+def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: str, seed: int, chain: LoggingChain) -> Flight:
     rngs = flight_rngs(seed, index, 9)[6:]
     recorded = record(flown, row, chain, rngs)
     name = f"practice_{spec.trajectory_id}_s{seed}_{index:03d}"
@@ -85,7 +81,7 @@ def _recording(flown: Flown, row: int, index: int, spec: PathSpec, seed: int, ch
         "trajectory_type": spec.family, "trajectory_id": spec.trajectory_id, "category": "practice", "repetition": 1,
         "crazyflie_id": "simulated", "firmware_version": "simulated", "params": dict(spec.params),
         "battery_voltage_start": float(battery[0]), "battery_voltage_end": float(battery[-1]), "synthetic": True,
-        "practice": {"seed": seed, "index": index, "controller": flown.controller, "clock_offset_s": chain.offset_s,
+        "practice": {"seed": seed, "index": index, "controller": controller, "clock_offset_s": chain.offset_s,
                      "clock_drift": chain.drift, "clock_wander_sd_s": chain.wander_sd_s,
                      "tail_s": float(recorded.tail_s), "tilt_rad": [float(x) for x in recorded.tilt_rad]},
         "family": spec.family, "speed": None if spec.family == "linear_ramp" else spec.speed,

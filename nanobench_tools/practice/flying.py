@@ -27,8 +27,7 @@ LOGGED: dict[str, tuple[int, int]] = {
 }
 """Messages of the vehicle: number of values and the substep of each 10 ms at which they are sampled."""
 
-TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "specific_force_m_s2": 3, "battery_V": 1,
-         "motor": 4}
+TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "battery_V": 1, "motor": 4}
 """What is kept of the truth at every tick, and its width; ``motor`` is the PWM ratio from that tick on."""
 
 BATTERY_NOISE_V = 0.004
@@ -41,7 +40,7 @@ class Flown:
     """n flights on the 100 Hz ticks 0 .. m-1; flight i ends at ``timeline.events[i].end_s``.
 
     time_s (m,); truth[name] (m, n, k) SI, world and body FLU, at the tick; messages[name] (m, n, k) as the vehicle
-    would log them, sampled ``LOGGED[name][1]`` substeps after the tick; logs_pid tells whether ``pid`` is meaningful.
+    would log them, sampled ``LOGGED[name][1]`` substeps after the tick.
     """
 
     time_s: np.ndarray
@@ -50,7 +49,6 @@ class Flown:
     timeline: Timeline
     vehicles: Vehicles
     controller: str
-    logs_pid: bool
 
     def __len__(self) -> int:
         return len(self.timeline)
@@ -78,7 +76,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     every = round(controller.period_s / STEP_S)
     if every < 1 or abs(every * STEP_S - controller.period_s) > 1e-9:
         raise UsageError(f"controller {controller.name!r} has a period of {controller.period_s} s; give a multiple of 0.002")
-    rngs = [flight_rngs(seed, i, 6) for i in (range(n) if indices is None else indices)]
+    rngs = [flight_rngs(seed, i, 6) for i in (indices or range(n))]
     place, draw, error, air, sensor, volt = zip(*rngs, strict=True)
     start = np.array([[*(0.02 * r.standard_normal(2)), r.uniform(*GROUND_HEIGHT_M)] for r in place])
     yaw = spread * np.radians([3.0 * r.standard_normal() for r in place])
@@ -91,48 +89,55 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     gusts = np.stack([correlated_noise(r, ticks, 3, 0.5) for r in air], axis=-1) * vehicles.disturbance_m_s2
     battery_noise = BATTERY_NOISE_V * np.stack([r.standard_normal(ticks) for r in volt], axis=-1)
     controller.reset(n)
-    log = getattr(controller, "log", None)
     recorder = _Recorder(ticks, n)
     command = np.zeros((n, 4))
     for tick in range(ticks):
-        noise = np.stack([r.standard_normal((SUBSTEPS, 9)) for r in sensor], axis=-1)
+        noise = np.stack([r.standard_normal((SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
         plant.disturbance_m_s2 = gusts[tick]
         position, velocity, quaternion = estimator.read(tick)
-        euler = so3.euler_zyx(quaternion)
-        armed, reference, yaw_rate = timeline.at(tick, position, euler[:, 2])
+        yaw = so3.euler_zyx(quaternion)[:, 2]
+        armed, reference, yaw_rate = timeline.at(tick, position, yaw)
         given = reference if controller.information == "preview" else timeline.as_flown(tick, reference)
         for sub in range(SUBSTEPS):
-            imu = _imu(plant, noise[sub])
+            gyro = _gyro(plant, noise[sub])
             if (tick * SUBSTEPS + sub) % every == 0:
-                state = VehicleState(position, velocity, quaternion, imu[:, 3:], plant.battery_V + battery_noise[tick])
-                command = np.asarray(controller.command(TICK_S * tick + STEP_S * sub, state, given), float)
-                if command.shape != (n, 4):
-                    raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
-                                     f"it must be ({n}, 4)")
+                state = VehicleState(position, velocity, quaternion, gyro, plant.battery_V + battery_noise[tick])
+                command = _checked(controller, controller.command(TICK_S * tick + STEP_S * sub, state, given), n)
             plant.apply(np.where(armed[:, None], command, 0.0))
             if sub == 0:
                 recorder.truth(tick, plant)
-                log = getattr(controller, "log", None)
-                recorder.messages(tick, plant, position, velocity, quaternion, euler, imu, armed, reference, yaw_rate, log,
-                                  battery_noise[tick])
+                recorder.believed(tick, position, velocity, quaternion, _accelerometer(plant, noise[SUBSTEPS]))
+                recorder.commanded(tick, armed, reference, yaw_rate, yaw, getattr(controller, "log", None))
+                recorder.messages["battery"][tick, :, 0] = plant.battery_V + battery_noise[tick]
             if sub == LOGGED["imu"][1]:
-                recorder.arrays["imu"][tick] = imu
+                recorder.messages["imu"][tick] = np.concatenate([_accelerometer(plant, noise[SUBSTEPS + 1]), gyro], axis=1)
             if sub == LOGGED["motor"][1]:
-                recorder.arrays["motor"][tick] = plant.motor.T
+                recorder.messages["motor"][tick] = plant.motor.T
             plant.step(STEP_S)
             estimator.remember(plant.state)
-    if log is None:
-        recorder.arrays["pid"][:, :, 2] = recorder.arrays["attitude"][0, :, 2]
-    return Flown(TICK_S * np.arange(ticks), recorder.kept, recorder.arrays, timeline, vehicles, controller.name, log is not None)
+    return Flown(TICK_S * np.arange(ticks), recorder.kept, recorder.messages, timeline, vehicles, controller.name)
 
 
-def _imu(plant: Plant, noise: np.ndarray) -> np.ndarray:
-    """Accelerometer and gyro (n, 6) SI with bias, noise and, while motors turn, vibration; noise (9, n) unit normal."""
+def _checked(controller: Controller, command: np.ndarray, n: int) -> np.ndarray:
+    """The command as (n, 4) floats; a vehicle whose command is not a number gets none."""
+    command = np.asarray(command, float)
+    if command.shape != (n, 4):
+        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; it must be ({n}, 4)")
+    return np.nan_to_num(command, nan=0.0, posinf=1.0, neginf=0.0)
+
+
+def _gyro(plant: Plant, noise: np.ndarray) -> np.ndarray:
+    """Rate (n, 3) rad/s with bias, noise and, while motors turn, vibration; noise (3, n) unit normal."""
     p = plant.vehicles
-    turning = 0.25 * np.sum(plant.motor, axis=0)
-    acc = plant.specific_force() + (p.acc_bias_m_s2 + (p.acc_noise_m_s2 + p.acc_vibration_m_s2 * turning) * noise[0:3]).T
-    gyro = plant.state[RATE] + p.gyro_bias_rad_s + (p.gyro_noise_rad_s + p.gyro_vibration_rad_s * turning) * noise[3:6]
-    return np.concatenate([acc, gyro.T], axis=1)
+    sigma = p.gyro_noise_rad_s + p.gyro_vibration_rad_s * plant.mean_ratio
+    return (plant.state[RATE] + p.gyro_bias_rad_s + sigma * noise).T
+
+
+def _accelerometer(plant: Plant, noise: np.ndarray) -> np.ndarray:
+    """Specific force (n, 3) m/s^2 of the body with bias, noise and vibration; noise (3, n) unit normal."""
+    p = plant.vehicles
+    sigma = p.acc_noise_m_s2 + p.acc_vibration_m_s2 * plant.mean_ratio
+    return (plant.specific_force() + p.acc_bias_m_s2 + sigma * noise).T
 
 
 class _Recorder:
@@ -140,28 +145,33 @@ class _Recorder:
 
     def __init__(self, ticks: int, n: int) -> None:
         self.kept = {name: np.zeros((ticks, n, k)) for name, k in TRUTH.items()}
-        self.arrays = {name: np.zeros((ticks, n, k)) for name, (k, _) in LOGGED.items()}
+        self.messages = {name: np.zeros((ticks, n, k)) for name, (k, _) in LOGGED.items()}
 
     def truth(self, tick: int, plant: Plant) -> None:
-        s = plant.state
         for name, rows in (("position_m", POSITION), ("velocity_m_s", VELOCITY), ("quaternion", QUATERNION),
                            ("rate_rad_s", RATE)):
-            self.kept[name][tick] = s[rows].T
-        self.kept["specific_force_m_s2"][tick] = plant.specific_force()
+            self.kept[name][tick] = plant.state[rows].T
         self.kept["battery_V"][tick, :, 0] = plant.battery_V
         self.kept["motor"][tick] = plant.motor.T
 
-    def messages(self, tick, plant, position, velocity, quaternion, euler, imu, armed, reference, yaw_rate, log,
-                 battery_noise) -> None:
-        """What changes at 100 Hz only. The setpoint's yaw is the planner's yaw rate, as in the published files."""
-        a = self.arrays
-        a["estimator"][tick] = np.concatenate([position, velocity], axis=1)
-        a["estimator_acc"][tick] = so3.rotate(quaternion, imu[:, :3]) - np.array([0.0, 0.0, GRAVITY_M_S2])
-        a["attitude"][tick] = euler
-        a["attitude_qw"][tick] = quaternion
-        a["setpoint"][tick] = np.concatenate([reference.position_m, yaw_rate[:, None]], axis=1) * armed[:, None]
-        a["battery"][tick, :, 0] = plant.battery_V + battery_noise
+    def believed(self, tick: int, position, velocity, quaternion, acceleration) -> None:
+        """What the estimator says; its acceleration is the accelerometer's, turned, without gravity."""
+        m = self.messages
+        m["estimator"][tick] = np.concatenate([position, velocity], axis=1)
+        m["estimator_acc"][tick] = so3.rotate(quaternion, acceleration) - np.array([0.0, 0.0, GRAVITY_M_S2])
+        m["attitude"][tick] = so3.euler_zyx(quaternion)
+        m["attitude_qw"][tick] = quaternion
+
+    def commanded(self, tick: int, armed, reference, yaw_rate, yaw, log) -> None:
+        """Setpoint and ``pid``. The setpoint's yaw is the planner's yaw rate, as in the published files; the pid's yaw
+        is the estimate until take-off; a controller that does not write the group leaves what stood there at start."""
+        m, on = self.messages, armed[:, None]
+        m["setpoint"][tick] = np.concatenate([reference.position_m, yaw_rate[:, None]], axis=1) * on
+        pid = m["pid"][tick]
         if log is not None:
-            on = armed[:, None]
-            angles = np.where(on, log.attitude_rad, euler * np.array([0.0, 0.0, 1.0]))
-            a["pid"][tick] = np.concatenate([angles, log.cmd_thrust[:, None] * on], axis=1)
+            pid[:, :3], pid[:, 3] = log.attitude_rad * on, log.cmd_thrust * armed
+            pid[~armed, 2] = yaw[~armed]
+        silent = np.ones(len(yaw), dtype=bool) if log is None else ~log.written
+        pid[silent] = m["pid"][0, silent]
+        if tick == 0:
+            pid[silent, 2] = yaw[silent]

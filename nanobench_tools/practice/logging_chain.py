@@ -21,6 +21,7 @@ from .flying import LOGGED, STEP_S, Flown
 from .mocap import MocapNoise, mocap_values
 from .timeline import TICK_S
 
+
 @dataclass(frozen=True)
 class LoggingChain:
     """What happens to a flight on its way into a file. The defaults are a clean recording as they come.

@@ -8,11 +8,13 @@ Angles inside the PID cascade are degrees with the firmware's legacy pitch (nose
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from .. import so3
+from ..errors import UsageError
 from ..methods import Reference, VehicleState
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .thrust_curve import compensated_ratio
@@ -27,10 +29,14 @@ BATTERY_FILTER_START_V = 4.2
 
 @dataclass(frozen=True)
 class ControllerLog:
-    """What the log group ``controller`` shows: desired roll, pitch, yaw (n, 3) rad FLU, cmd_thrust (n,) ratio."""
+    """What the log group ``controller`` shows: desired roll, pitch, yaw (n, 3) rad FLU, cmd_thrust (n,) ratio.
+
+    written (n,) bool: vehicles whose controller fills the group at all.
+    """
 
     attitude_rad: np.ndarray
     cmd_thrust: np.ndarray
+    written: np.ndarray
 
 
 class MotorOutput:
@@ -128,7 +134,7 @@ class PidCascade:
         """What the last command wanted."""
         angles = np.radians(self._desired.T)
         angles[:, 1] = -angles[:, 1]
-        return ControllerLog(angles, self._thrust / PWM_FULL_SCALE)
+        return ControllerLog(angles, self._thrust / PWM_FULL_SCALE, np.ones(len(angles), dtype=bool))
 
 
 class MellingerLike:
@@ -181,10 +187,42 @@ class MellingerLike:
         flying = thrust > 0.0
         return self._output(np.trunc(np.maximum(thrust, 0.0)), roll * flying, pitch * flying, yaw * flying, state.battery_V)
 
+
+class OnboardFleet:
+    """Several onboard controllers in one batch: vehicle i flies behind ``CONTROLLERS[names[i]]``."""
+
+    information = "as flown"
+    period_s = PERIOD_S
+
+    def __init__(self, names: Sequence[str]) -> None:
+        unknown = sorted(set(names) - set(CONTROLLERS))
+        if unknown:
+            raise UsageError(f"unknown controller {unknown[0]!r}; known: {', '.join(CONTROLLERS)}")
+        self.name = "+".join(sorted(set(names)))
+        self._rows = {name: np.flatnonzero(np.array(names) == name) for name in CONTROLLERS if name in names}
+        self._parts = {name: CONTROLLERS[name]() for name in self._rows}
+
+    def reset(self, n: int) -> None:
+        for name, rows in self._rows.items():
+            self._parts[name].reset(len(rows))
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        out = np.empty((len(state.position_m), 4))
+        for name, rows in self._rows.items():
+            part = [type(x)(*(getattr(x, f.name)[rows] for f in fields(x))) for x in (state, reference)]
+            out[rows] = self._parts[name].command(time_s, *part)
+        return out
+
     @property
-    def log(self) -> ControllerLog | None:
-        """None: the log group ``controller`` is not written by this controller."""
-        return None
+    def log(self) -> ControllerLog:
+        """The log groups of those that write one."""
+        n = sum(map(len, self._rows.values()))
+        log = ControllerLog(np.zeros((n, 3)), np.zeros(n), np.zeros(n, dtype=bool))
+        for name, rows in self._rows.items():
+            part = getattr(self._parts[name], "log", None)
+            if part is not None:
+                log.attitude_rad[rows], log.cmd_thrust[rows], log.written[rows] = part.attitude_rad, part.cmd_thrust, part.written
+        return log
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

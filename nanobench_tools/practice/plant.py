@@ -3,14 +3,13 @@
 States are kept component first, (17, n), so that every operation runs over the vehicles; ``Plant`` shows
 them with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same alone as in a crowd.
 Equations (DESIGN terms): m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w,
-tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V).
+tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..frames import MOTOR_SIGNS
 from ..units import GRAVITY_M_S2
 from .thrust_curve import thrust_of_voltage
 from .vehicle import OPEN_CIRCUIT, Vehicles
@@ -38,21 +37,19 @@ def battery_voltage(charge: np.ndarray, motor: np.ndarray, vehicles: Vehicles) -
     return np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + load)
 
 
-def rotation_rows(q: np.ndarray) -> np.ndarray:
-    """Quaternions (4, n) x, y, z, w -> rotation matrices (3, 3, n), body to world."""
+def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
+    """Quaternions (4, n) x, y, z, w -> the columns (body axes seen in the world) of R, each three arrays (n,)."""
     x, y, z, w = q
     x2, y2, z2 = x + x, y + y, z + z
     xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2, w * x2, w * y2, w * z2
-    return np.stack([1.0 - (yy + zz), xy - wz, xz + wy,
-                     xy + wz, 1.0 - (xx + zz), yz - wx,
-                     xz - wy, yz + wx, 1.0 - (xx + yy)]).reshape(3, 3, -1)
+    return ((1.0 - (yy + zz), xy + wz, xz - wy), (xy - wz, 1.0 - (xx + zz), yz + wx), (xz + wy, yz - wx, 1.0 - (xx + yy)))
 
 
 class Plant:
     """n vehicles from rest on the ground; ``step`` advances all by one period.
 
-    position_m (n, 3) of the ground contact point's world place, yaw_rad (n,); ``ground_z`` (n,) is the height
-    at which a vehicle stands. ``gravity`` and ``contact`` may be switched off by tests.
+    position_m (n, 3) world is where each vehicle stands, yaw_rad (n,); its legs begin to touch at ``ground_z`` (n,),
+    a quarter of a millimetre higher.
     """
 
     def __init__(self, vehicles: Vehicles, position_m: np.ndarray, yaw_rad: np.ndarray, *,
@@ -67,65 +64,66 @@ class Plant:
         self.battery_V = battery_voltage(self.charge, np.zeros((4, n)), vehicles)
         self.command_N = np.zeros((4, n))
         self.motor = np.zeros((4, n))
+        self._load = self.mean_ratio = np.zeros(n)
         self.disturbance_m_s2 = np.zeros((3, n))
+        jx, jy, jz = vehicles.inertia_xx_kg_m2, vehicles.inertia_yy_kg_m2, vehicles.inertia_zz_kg_m2
+        self._inertia, self._inertia_turn = np.stack([jx, jy, jz]), np.stack([jz - jy, jx - jz, jy - jx])
+        self._drag_difference = vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, rotation (3, 3, n)."""
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple]:
+        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
         p = self.vehicles
-        r = rotation_rows(s[QUATERNION])
-        v, w, thrust = s[VELOCITY], s[RATE], s[THRUST]
-        up = r[:, 2]
-        along = v[0] * up[0] + v[1] * up[1] + v[2] * up[2]
-        lift = (thrust[0] + thrust[1] + thrust[2] + thrust[3]) / p.mass_kg
-        force = up * (lift + (p.drag_lateral_1_s - p.drag_vertical_1_s) * along) - p.drag_lateral_1_s * v
-        force += self.disturbance_m_s2
-        vx = v[0] * r[0, 0] + v[1] * r[1, 0] + v[2] * r[2, 0]
-        vy = v[0] * r[0, 1] + v[1] * r[1, 1] + v[2] * r[2, 1]
-        moment = np.empty_like(w)
-        for axis in range(3):
-            a, b, c, d = (sign for sign in MOTOR_SIGNS[:, axis])
-            moment[axis] = a * thrust[0] + b * thrust[1] + c * thrust[2] + d * thrust[3]
-        moment[0] = moment[0] * p.arm_m - p.drag_torque_N_s * vy
-        moment[1] = moment[1] * p.arm_m + p.drag_torque_N_s * vx
-        moment[2] *= p.yaw_arm_m
-        depth = self.ground_z - s[2]
-        if np.any(depth > 0.0):
-            self._add_contact(np.maximum(depth, 0.0), v, w, r, force, moment)
-        return force, moment, r
+        columns = (ax, ay, az), (bx, by, bz), (cx, cy, cz) = rotation_columns(s[QUATERNION])
+        v, (t1, t2, t3, t4) = s[VELOCITY], s[THRUST]
+        vx, vy, vz = v
+        right, left, forward, turn = t1 + t2, t3 + t4, t2 - t1, t3 - t4
+        lift = (right + left) / p.mass_kg + self._drag_difference * (vx * cx + vy * cy + vz * cz)
+        force = self.disturbance_m_s2 - p.drag_lateral_1_s * v
+        force[0] += cx * lift
+        force[1] += cy * lift
+        force[2] += cz * lift
+        moment = np.empty((3, s.shape[1]))
+        moment[0] = (left - right) * p.arm_m - p.drag_torque_N_s * (vx * bx + vy * by + vz * bz)
+        moment[1] = (forward + turn) * p.arm_m + p.drag_torque_N_s * (vx * ax + vy * ay + vz * az)
+        moment[2] = (forward - turn) * p.yaw_arm_m
+        if (s[2] < self.ground_z).any():
+            self._add_contact(s, (az, bz), force, moment)
+        return force, moment, columns
 
-    def _add_contact(self, depth, v, w, r, force, moment) -> None:
-        """Spring, damper, friction and levelling of the legs; exactly zero for a vehicle in the air."""
-        p = self.vehicles
-        on = depth > 0.0
-        normal = np.where(on, np.maximum(CONTACT_RAD_S**2 * depth - 2 * CONTACT_DAMPING * CONTACT_RAD_S * v[2], 0.0), 0.0)
+    def _add_contact(self, s: np.ndarray, tilt: tuple[np.ndarray, np.ndarray], force: np.ndarray, moment: np.ndarray) -> None:
+        """Spring, damper, friction and levelling of the legs; exactly zero for a vehicle in the air.
+
+        tilt: world height of the ends of body x and y; the moment turns them to zero.
+        """
+        v, w = s[VELOCITY], s[RATE]
+        depth = np.maximum(self.ground_z - s[2], 0.0)
+        push = CONTACT_RAD_S**2 * depth - 2 * CONTACT_DAMPING * CONTACT_RAD_S * v[2]
+        normal = np.where(depth > 0.0, np.maximum(push, 0.0), 0.0)
         force[2] += normal
         force[:2] -= FRICTION * normal * np.tanh(v[:2] / FRICTION_SPEED_M_S)
+        level = np.stack([-tilt[1], tilt[0], np.zeros_like(normal)])
         share = np.minimum(normal / GRAVITY_M_S2, 1.0)
-        # moment that turns body z towards world z, seen in the body: (R^T e3) x e3 has the sign of the tilt
-        moment[0] += share * p.inertia_xx_kg_m2 * (-LEVELLING_RAD_S**2 * r[2, 1] - LEVELLING_RAD_S * w[0])
-        moment[1] += share * p.inertia_yy_kg_m2 * (LEVELLING_RAD_S**2 * r[2, 0] - LEVELLING_RAD_S * w[1])
-        moment[2] -= share * p.inertia_zz_kg_m2 * LEVELLING_RAD_S * w[2]
+        moment += share * self._inertia * (LEVELLING_RAD_S**2 * level - LEVELLING_RAD_S * w)
 
     def derivative(self, s: np.ndarray) -> np.ndarray:
         """Time derivative of the state (17, n)."""
-        p = self.vehicles
         force, moment, _ = self.forces(s)
-        x, y, z, qw = s[QUATERNION]
-        wx, wy, wz = s[RATE]
+        w = s[RATE]
+        half = 0.5 * w
+        (x, y, z, qw), (wx, wy, wz), (hx, hy, hz) = s[QUATERNION], w, half
         out = np.empty_like(s)
         out[POSITION] = s[VELOCITY]
         out[VELOCITY] = force
         out[5] -= self.gravity
-        hx, hy, hz = 0.5 * wx, 0.5 * wy, 0.5 * wz
         out[6] = qw * hx + y * hz - z * hy
         out[7] = qw * hy + z * hx - x * hz
         out[8] = qw * hz + x * hy - y * hx
         out[9] = -(x * hx + y * hy + z * hz)
-        jx, jy, jz = p.inertia_xx_kg_m2, p.inertia_yy_kg_m2, p.inertia_zz_kg_m2
-        out[10] = (moment[0] - (jz - jy) * wy * wz) / jx
-        out[11] = (moment[1] - (jx - jz) * wz * wx) / jy
-        out[12] = (moment[2] - (jy - jx) * wx * wy) / jz
-        out[THRUST] = (self.command_N - s[THRUST]) / p.motor_tau_s
+        moment[0] -= self._inertia_turn[0] * (wy * wz)
+        moment[1] -= self._inertia_turn[1] * (wz * wx)
+        moment[2] -= self._inertia_turn[2] * (wx * wy)
+        out[RATE] = moment / self._inertia
+        out[THRUST] = (self.command_N - s[THRUST]) / self.vehicles.motor_tau_s
         return out
 
     def apply(self, motor: np.ndarray) -> None:
@@ -134,6 +132,8 @@ class Plant:
         p = self.vehicles
         self.battery_V = battery_voltage(self.charge, u, p)
         self.motor = u
+        self._load = np.sum(u * u, axis=0)
+        self.mean_ratio = 0.25 * np.sum(u, axis=0)
         self.command_N = p.thrust_scale * p.motor_gain * thrust_of_voltage(u * self.battery_V)
 
     def step(self, dt_s: float) -> None:
@@ -147,10 +147,10 @@ class Plant:
         q = s[QUATERNION]
         q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
         self.state = s
-        current = self.vehicles.motor_conductance_A_V * self.battery_V * np.sum(self.motor * self.motor, axis=0)
+        current = self.vehicles.motor_conductance_A_V * self.battery_V * self._load
         self.charge = self.charge - dt_s * current / self.vehicles.capacity_A_s
 
     def specific_force(self) -> np.ndarray:
-        """What an ideal accelerometer shows, body frame (n, 3) m/s^2."""
-        force, _, r = self.forces(self.state)
-        return np.stack([force[0] * r[0, k] + force[1] * r[1, k] + force[2] * r[2, k] for k in range(3)], axis=1)
+        """What an ideal accelerometer shows, body frame (3, n) m/s^2."""
+        (x, y, z), _, columns = self.forces(self.state)
+        return np.stack([x * a + y * b + z * c for a, b, c in columns])

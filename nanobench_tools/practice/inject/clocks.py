@@ -1,0 +1,74 @@
+"""Faults of time: stamps twice or backwards, and a vehicle's clock that is late, drifts or wanders.
+
+The rows stay on the stamps of the motion capture, as in the files: the values are moved along time instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...flight import Fault, Flight
+from ..clock import ClockError, draw_clock
+from .place import choose_time, several, truth, with_values
+
+
+def _restamped(flight: Flight, rng_clock: ClockError, stream: str) -> Flight:
+    """Every stream meant by ``stream`` as if its packets had got the stamps of this clock."""
+    for name in several(flight, stream):
+        s = flight[name]
+        stamps = rng_clock.stamp(s.time_s)
+        values = np.stack([np.interp(s.time_s, stamps, column) for column in s.values.T], axis=1)
+        flight = flight.with_streams(**{name: with_values(s, values)})
+    return flight
+
+
+def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *, stream: str = "") -> tuple[Flight, Fault]:
+    """The vehicle's stamps (or one stream's) are ``size`` s late."""
+    span = flight.span
+    return (_restamped(flight, ClockError(size), stream),
+            truth("clock_offset", stream, (), (span.start_s, span.end_s), size, "s", "stamps late by a constant"))
+
+
+def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *, stream: str = "") -> tuple[Flight, Fault]:
+    """The vehicle's clock gains ``size`` s per s; the stamps are right in the middle of the recording."""
+    span = flight.span
+    middle = 0.5 * (span.start_s + span.end_s)
+    return (_restamped(flight, ClockError(-size * middle, size), stream),
+            truth("clock_drift", stream, (), (span.start_s, span.end_s), size, "s/s", "stamps later and later"))
+
+
+def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *, stream: str = "") -> tuple[Flight, Fault]:
+    """The vehicle's stamps are late by a sawtooth of standard deviation ``size`` s and mean zero."""
+    span = flight.span
+    return (_restamped(flight, draw_clock(rng, span.end_s, wander_sd_s=size), stream),
+            truth("clock_wander", stream, (), (span.start_s, span.end_s), size, "s", "stamps late by a sawtooth"))
+
+
+def _with_stamps(flight: Flight, time_s: np.ndarray) -> Flight:
+    """All streams that stand on the stamps of the motion capture get these instead."""
+    old = flight["mocap"].time_s
+    return flight.with_streams(**{name: replace(s, time_s=time_s) for name, s in flight.streams.items()
+                                  if len(s) == len(old) and np.array_equal(s.time_s, old)})
+
+
+def duplicate_time(flight: Flight, rng: np.random.Generator, size: float = 3, *, at_s: float | None = None
+                   ) -> tuple[Flight, Fault]:
+    """``size`` rows in a row get the stamp of the row before them."""
+    t = flight["mocap"].time_s.copy()
+    i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
+    rows = slice(i, i + int(size))
+    span = float(t[i - 1]), float(t[rows][-1])
+    t[rows] = t[i - 1]
+    return _with_stamps(flight, t), truth("duplicate_time", "", (), span, int(size), "rows", "stamps repeated")
+
+
+def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *, at_s: float | None = None
+                  ) -> tuple[Flight, Fault]:
+    """From a row on, the stamps step back by ``size`` s and go on from there."""
+    t = flight["mocap"].time_s.copy()
+    i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
+    span = float(t[i] - size), float(t[i])
+    t[i:] -= size
+    return _with_stamps(flight, t), truth("backward_time", "", (), span, size, "s", "stamps step back")
