@@ -1,0 +1,142 @@
+"""By how much one vector signal follows another, with an interval that is honest about slow changes.
+
+Both signals are on one even grid and band-limited without delay. The measured one is modelled as
+s(t) = A r(t - d) + noise with a constant matrix A (free: sensors may be turned, scaled or mirrored against the
+reference; or the identity: world frames agree) and independent noise per axis; d maximises the likelihood. All sums are kept per short block, so that leaving blocks out (the
+delete-a-group jackknife) costs nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.stats import t as student
+
+FINE_S = 2.5e-4
+"""Resolution of the search between grid points; the signals end at 8 Hz, where a cubic spline is exact to 1e-4."""
+
+GROUPS_S = (1.0, 2.0, 4.0)
+"""Lengths of the groups left out; the largest scatter counts, so that changes slower than a second widen the interval."""
+
+LOCAL_S = 0.08
+"""The jackknife looks this far around the best lag."""
+
+
+@dataclass(frozen=True)
+class LagSums:
+    """Second moments per block b and lag l: cross (b, l, k, k) of s(t) r(t - lag)', reference (b, l, k, k) of
+    r(t - lag) r(t - lag)', measured (b, k, k) of s s'; lags_s (l,); rows (b,) in each block; block_s its length."""
+
+    lags_s: np.ndarray
+    cross: np.ndarray
+    reference: np.ndarray
+    measured: np.ndarray
+    rows: np.ndarray
+    block_s: float
+
+
+@dataclass(frozen=True)
+class Lag:
+    """offset_s: s is late by this; half_width_s: of the 95 % interval; matrix (k, k): A; explained (k,): share of each
+    axis of s that A r(t - d) accounts for; noise (k,): mean square of the rest."""
+
+    offset_s: float
+    half_width_s: float
+    matrix: np.ndarray
+    explained: np.ndarray
+    noise: np.ndarray
+
+
+def lag_sums(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, step_s: float, reach_s: float = 0.3,
+             block_s: float = 1.0) -> LagSums | None:
+    """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
+
+    Rows closer than ``reach_s`` to the ends of the grid are left out. None with fewer than three blocks of rows.
+    """
+    n, k = measured.shape
+    reach = round(reach_s / step_s)
+    use = use.copy()
+    use[:reach] = False
+    use[n - reach:] = False
+    rows = np.flatnonzero(use)
+    per_block = round(block_s / step_s)
+    blocks = len(rows) // per_block
+    if blocks < 3:
+        return None
+    rows = rows[: blocks * per_block]
+    windows = np.lib.stride_tricks.sliding_window_view(reference, 2 * reach + 1, axis=0)  # row i: r[i .. i + 2 reach]
+    lagged = windows[rows - reach][:, :, ::-1].reshape(blocks, per_block, k * (2 * reach + 1))
+    s = measured[rows].reshape(blocks, per_block, k)
+    cross = (s.transpose(0, 2, 1) @ lagged).reshape(blocks, k, k, -1).transpose(0, 3, 1, 2)
+    products = (reference[:, :, None] * reference[:, None, :]).reshape(n, k * k)
+    shifts = rows.reshape(blocks, per_block)[:, None, :] - np.arange(-reach, reach + 1)[None, :, None]
+    if np.all(np.diff(rows) == 1):  # no holes: differences of one running sum
+        total = np.vstack([np.zeros((1, k * k)), np.cumsum(products, axis=0)])
+        auto = total[shifts[:, :, -1] + 1] - total[shifts[:, :, 0]]
+    else:
+        auto = products[shifts].sum(axis=2)
+    return LagSums(np.arange(-reach, reach + 1) * step_s, cross, auto.reshape(blocks, -1, k, k),
+                   s.transpose(0, 2, 1) @ s, np.full(blocks, per_block), block_s)
+
+
+def residual(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, free: bool) -> np.ndarray:
+    """Sum of squares left per axis, (..., l, k), of sums over blocks (..., l, k, k), (..., l, k, k), (..., k, k)."""
+    power = np.diagonal(measured, axis1=-2, axis2=-1)[..., None, :]
+    if free:
+        regular = reference + 1e-9 * np.trace(reference, axis1=-2, axis2=-1)[..., None, None] * np.eye(measured.shape[-1])
+        solved = np.linalg.solve(regular, np.swapaxes(cross, -1, -2))
+        left = power - np.einsum("...lab,...lba->...la", cross, solved)
+    else:
+        left = (power - 2.0 * np.diagonal(cross, axis1=-2, axis2=-1)
+                + np.diagonal(reference, axis1=-2, axis2=-1))
+    return np.maximum(left, 1e-12 * power + 1e-300)
+
+
+def _cost(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, free: bool) -> np.ndarray:
+    left = residual(cross, reference, measured, free)
+    # world vectors share their noise over the axes; axes of a sensor have their own
+    return np.log(left).sum(axis=-1) if free else np.log(left.sum(axis=-1))
+
+
+def best(lags_s: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """(...,) lag of the lowest ``cost`` (..., l), between the grid's points by a cubic spline."""
+    lowest = np.argmin(cost, axis=-1)
+    step = lags_s[1] - lags_s[0]
+    reach = 3 if len(lags_s) > 7 else 1
+    start = np.clip(lowest - reach, 0, len(lags_s) - 2 * reach - 1)
+    near = np.take_along_axis(cost, start[..., None] + np.arange(2 * reach + 1), axis=-1)
+    fine = np.arange(0.0, 2 * reach + 1e-9, FINE_S / step)
+    values = CubicSpline(np.arange(2 * reach + 1.0), near, axis=-1)(fine)
+    return lags_s[start] + fine[np.argmin(values, axis=-1)] * step
+
+
+def best_lag(sums: LagSums, free: bool = True) -> Lag:
+    """The lag of the whole, its interval, and the matrix at that lag."""
+    cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
+    offset = float(best(sums.lags_s, _cost(cross, reference, measured, free)))
+    near = np.flatnonzero(np.abs(sums.lags_s - offset) <= LOCAL_S + 1e-9)
+    at = int(np.argmin(np.abs(sums.lags_s - offset)))
+    k = measured.shape[0]
+    matrix = np.linalg.lstsq(reference[at], cross[at].T, rcond=1e-9)[0].T if free else np.eye(k)
+    left = residual(cross, reference, measured, free)[at]
+    power = np.maximum(np.diag(measured), 1e-300)
+    return Lag(offset, _half_width(sums, near, free), matrix, 1.0 - left / power, left / sums.rows.sum())
+
+
+def _half_width(sums: LagSums, near: np.ndarray, free: bool) -> float:
+    """Half width of the 95 % interval: the largest of the jackknife's over the lengths of group."""
+    lags, blocks = sums.lags_s[near], len(sums.rows)
+    widest = 0.0
+    for length in GROUPS_S:
+        groups = max(3, round(blocks * sums.block_s / length))
+        if groups > blocks:
+            continue
+        edges = np.linspace(0, blocks, groups + 1).round().astype(int)[:-1]
+        parts = [np.add.reduceat(x, edges, axis=0) for x in (sums.cross[:, near], sums.reference[:, near], sums.measured)]
+        without = [part.sum(axis=0) - part for part in parts]
+        offsets = best(lags, _cost(*without, free))
+        variance = (groups - 1) / groups * np.sum((offsets - offsets.mean()) ** 2)
+        widest = max(widest, float(student.ppf(0.975, groups - 1) * np.sqrt(variance)))
+    return widest

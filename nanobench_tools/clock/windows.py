@@ -1,0 +1,126 @@
+"""How the time error of a stream moves within the flight, from windows of one second.
+
+In every window the lag is what makes s(t) = A r(t - lag) fit best, A and the noise fixed by the whole flight. How far
+such lags scatter without any clock error is read from a placebo: the same fit with the reference's slope turned by a
+quarter period (Hilbert transform). It has the same spectrum, meets the same noise, and a delay leaves it alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import hilbert
+from scipy.stats import f as fisher
+from scipy.stats import t as student
+
+from .lags import Lag, LagSums, best
+
+REACH_S = 0.1
+"""Lags of windows are looked for this far around that of the whole flight."""
+CHANCE = 1e-6
+"""Drift and wander are called real below this probability of arising from noise: 200 clean flights give no false one."""
+SMALLEST_DRIFT_S, SMALLEST_WANDER_S = 0.004, 0.004
+"""Smaller movements (over the flight; standard deviation) may be the model's and are not called the clock's."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """time_s, lag_s, weight (w,) of the windows; noise_sd_s: what the placebo scatters, per window of mean weight;
+    slope (s/s) with slope_sd; span_s; wander_sd_s: scatter beyond noise and slope; p_drift, p_wander: chance of as
+    much without a clock error."""
+
+    time_s: np.ndarray
+    lag_s: np.ndarray
+    weight: np.ndarray
+    noise_sd_s: float
+    slope: float
+    slope_sd: float
+    span_s: float
+    wander_sd_s: float
+    p_drift: float
+    p_wander: float
+
+    @property
+    def drifts(self) -> bool:
+        return self.p_drift < CHANCE and abs(self.slope) * self.span_s > SMALLEST_DRIFT_S
+
+    @property
+    def wanders(self) -> bool:
+        return self.p_wander < CHANCE and self.wander_sd_s > SMALLEST_WANDER_S
+
+    @property
+    def detectable_drift_s(self) -> float:
+        """Change over the flight that is found with 99.9 % probability."""
+        dof = max(len(self.lag_s) - 2, 1)
+        noise = max(self.noise_sd_s, 1e-5) / np.sqrt(len(self.lag_s)) * np.sqrt(12.0)
+        return max(SMALLEST_DRIFT_S, float((student.isf(CHANCE / 2, dof) + 3.1) * noise))
+
+    @property
+    def detectable_wander_s(self) -> float:
+        """Standard deviation that is found with about 99.9 % probability, if the error keeps over a window."""
+        dof = max(len(self.lag_s) - 2, 1)
+        ratio = fisher.isf(CHANCE, dof, dof) * fisher.isf(1e-3, dof, dof)
+        return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(ratio - 1.0)))
+
+
+def movement(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, time_s: np.ndarray, sums: LagSums,
+             lag: Lag) -> Movement | None:
+    """From one pair (n, 3), its sums (blocks are the windows) and its lag; None with fewer than eight windows."""
+    a, w = lag.matrix, 1.0 / np.maximum(lag.noise, 1e-300)
+    near = np.abs(sums.lags_s - lag.offset_s) <= REACH_S + 1e-9
+    windows = len(sums.rows)
+    if windows < 8 or near.sum() < 8:
+        return None
+    # sum of squares left in each window at each lag, A fixed
+    left = (np.einsum("bkk->bk", sums.measured)[:, None, :]
+            - 2.0 * np.einsum("kj,blkj->blk", a, sums.cross[:, near])
+            + np.einsum("kj,blji,ki->blk", a, sums.reference[:, near], a)) @ w
+    lags = best(sums.lags_s[near], left) - lag.offset_s
+    # the placebo, linear in the quarter-turned slope
+    step = sums.lags_s[1] - sums.lags_s[0]
+    rows = _rows(use, sums, len(measured))
+    shift = round(lag.offset_s / step)
+    predicted = reference @ a.T
+    slope = np.gradient(predicted, step, axis=0)
+    turned = np.imag(hilbert(slope, axis=0))
+    rest = measured[rows] - predicted[rows - shift]
+    slope, turned = slope[rows - shift], turned[rows - shift]
+
+    def per_window(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return ((x * y) @ w).reshape(windows, -1).sum(axis=1)
+
+    weight = per_window(slope, slope)
+    power = per_window(turned, turned)
+    placebo = per_window(turned, rest) / np.maximum(power, 1e-300)
+    times = time_s[rows].reshape(windows, -1).mean(axis=1)
+    return _judge(times, lags, weight, placebo, power)
+
+
+def _rows(use: np.ndarray, sums: LagSums, n: int) -> np.ndarray:
+    """The rows ``lag_sums`` has used, in blocks."""
+    reach = (len(sums.lags_s) - 1) // 2
+    keep = use.copy()
+    keep[:reach] = False
+    keep[n - reach:] = False
+    return np.flatnonzero(keep)[: int(sums.rows.sum())]
+
+
+def _judge(times: np.ndarray, lags: np.ndarray, weight: np.ndarray, placebo: np.ndarray, power: np.ndarray) -> Movement:
+    n = len(lags)
+    share = weight / weight.sum()
+    centre = float(share @ times)
+    t = times - centre
+    mean = float(share @ lags)
+    slope = float(share @ (t * (lags - mean)) / (share @ t**2))
+    rest = lags - mean - slope * t
+    # per window of mean weight, two degrees of freedom used
+    scatter2 = float(share @ rest**2) * n / (n - 2)
+    noise2 = float((power / power.sum()) @ (placebo - (power @ placebo) / power.sum()) ** 2) * n / (n - 1)
+    effective = 1.0 / float(np.sum(share**2))
+    dof = max(effective - 2.0, 1.0)
+    slope_sd = float(np.sqrt(max(scatter2, noise2) / (effective * (share @ t**2))))
+    p_drift = float(2.0 * student.sf(abs(slope) / max(slope_sd, 1e-12), dof))
+    p_wander = float(fisher.sf(scatter2 / max(noise2, 1e-14), dof, dof))
+    return Movement(times, lags, weight, float(np.sqrt(noise2)), slope, slope_sd, float(times[-1] - times[0]),
+                    float(np.sqrt(max(scatter2 - noise2, 0.0))), p_drift, p_wander)

@@ -1,0 +1,218 @@
+"""Pairs of vector signals that should be the same: what a stream says and what the motion capture predicts for it.
+
+Both are on the grid of ``truth`` and band-limited forward and backward (no delay). Rows near missing, dead, frozen
+or leaping data are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from .. import so3
+from ..clock.lags import LagSums, lag_sums
+from ..flight import Stream
+from .airborne import airborne_spans
+from .context import Context
+from .rows import usable_streams
+from .tails import alive_until
+from .truth import STEP_S, Truth, body_rate, truth_of, widened
+
+RATE_BAND_HZ = (0.3, 8.0)
+"""For rates and forces: below, slow turns hide a frame rotation as a delay; above, noise of the poses."""
+POSE_BAND_HZ = (0.05, 5.0)
+"""For positions and velocities, which carry their signal below 1 Hz and whose frames agree."""
+FORCE_BAND_HZ = (0.1, 3.0)
+"""For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses above."""
+BEFORE_LANDING_S = 0.3
+"""The end of a flight is left out: shocks of the landing are not rigid motion."""
+REACH_S = 0.3
+
+
+@dataclass(frozen=True)
+class Pair:
+    """measured, reference (n, 3) filtered; use (n,) bool rows to compare; free: a constant matrix may lie between;
+    reach_s: lags to look at."""
+
+    stream: str
+    quantities: tuple[str, ...]
+    measured: np.ndarray
+    reference: np.ndarray
+    use: np.ndarray
+    free: bool
+    reach_s: float = REACH_S
+
+    @property
+    def rms(self) -> np.ndarray:
+        """(3,) of the measured signal over the rows in use."""
+        return np.sqrt(np.mean(self.measured[self.use] ** 2, axis=0)) if self.use.any() else np.zeros(3)
+
+
+@cache
+def _band(low_hz: float, high_hz: float) -> np.ndarray:
+    return butter(2, (low_hz, high_hz), btype="band", fs=1.0 / STEP_S, output="sos")
+
+
+def band_limited(values: np.ndarray, band_hz: tuple[float, float]) -> np.ndarray:
+    """(..., n, k) on the grid -> the same without what lies outside ``band_hz``, without delay."""
+    n = values.shape[-2]
+    # mirrored ends: the default continuation turns a shock in the last row into a step
+    return sosfiltfilt(_band(*band_hz), values, axis=-2, padtype="even", padlen=min(200, n - 1))
+
+
+def flying_rows(context: Context) -> np.ndarray:
+    """(n,) bool on the grid of truth: in the air, landing left out."""
+    truth = context.once(truth_of)
+    spans = context.once(airborne_spans)
+    if truth is None or not spans:
+        return np.zeros(0 if truth is None else len(truth.time_s), dtype=bool)
+    t = truth.time_s
+    return (t >= spans[0].start_s) & (t <= spans[-1].end_s - BEFORE_LANDING_S)
+
+
+def on_grid(context: Context, name: str, quantities: tuple[str, ...],
+            prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+            shift_s: float = 0.0) -> tuple[np.ndarray, np.ndarray] | None:
+    """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
+    they are true values."""
+    truth, stream = context.once(truth_of), context.once(usable_streams).get(name)
+    if truth is None or stream is None or not all(q in stream.quantities for q in quantities):
+        return None
+    t = truth.time_s - shift_s
+    values = stream[quantities]
+    fine = np.isfinite(values).all(axis=1) & (stream.time_s <= context.once(alive_until)[name])
+    if fine.sum() < 100:
+        return None
+    times, values = stream.time_s[fine], prepare(values[fine])
+    result = np.stack([np.interp(t, times, values[:, k]) for k in range(values.shape[1])], axis=1)
+    after = np.searchsorted(times, t, side="right")
+    near = times[np.minimum(after, len(times) - 1)] - times[np.maximum(after - 1, 0)] < 0.1
+    return result, near & (t >= times[0]) & (t <= times[-1])
+
+
+def _pair(context: Context, name: str, quantities: tuple[str, ...], reference: Callable[[Truth], np.ndarray],
+          band_hz: tuple[float, float], free: bool,
+          signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+          prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v, reach_s: float = REACH_S,
+          shift_s: float = 0.0) -> Pair | None:
+    placed = on_grid(context, name, quantities, prepare, shift_s)
+    if placed is None:
+        return None
+    truth = context.once(truth_of)
+    values, true_rows = placed
+    use = context.once(flying_rows) & truth.good & ~widened(~true_rows, 10)
+    inside = np.flatnonzero(use)
+    if len(inside) < 300:
+        return None
+    # both are filtered over the same stretch, one second longer on each side as far as there are true values
+    there = np.flatnonzero(true_rows)
+    first, last = max(inside[0] - 100, there[0]), min(inside[-1] + 100, there[-1])
+    reach = round(reach_s / STEP_S)
+    use[:first + reach] = False
+    use[last - reach + 1:] = False
+    both = np.zeros((2, len(values), 3))
+    both[:, first:last + 1] = band_limited(
+        np.stack([signal(values[first:last + 1]), reference(truth)[first:last + 1]]), band_hz)
+    # an axis that never moves holds rounding errors only
+    both[np.broadcast_to((np.abs(both).max(axis=1) < 1e-9)[:, None, :], both.shape)] = 0.0
+    return Pair(name, quantities, both[0], both[1], use, free, reach_s)
+
+
+def _rate_of_euler(angles: np.ndarray) -> np.ndarray:
+    return np.gradient(angles, STEP_S, axis=0)
+
+
+def _rate_of_quaternion(q: np.ndarray) -> np.ndarray:
+    return body_rate(so3.make_continuous(q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)), STEP_S)
+
+
+def gyro_pair(context: Context) -> Pair | None:
+    """Gyro against the body rate of the motion capture, rad/s."""
+    return _pair(context, "imu", ("gyro_x", "gyro_y", "gyro_z"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True)
+
+
+def force_pair(context: Context) -> Pair | None:
+    """Accelerometer against the specific force of the motion capture, m/s^2 body."""
+    return _pair(context, "imu", ("acc_x", "acc_y", "acc_z"), lambda truth: truth.force_m_s2, FORCE_BAND_HZ, True)
+
+
+def attitude_pair(context: Context) -> Pair | None:
+    """Rates of the estimated Euler angles against those of the motion capture, rad/s."""
+    return _pair(context, "attitude", ("roll", "pitch", "yaw"), lambda truth: _rate_of_euler(truth.euler_rad),
+                 RATE_BAND_HZ, True, signal=_rate_of_euler, prepare=lambda v: np.unwrap(v, axis=0))
+
+
+def attitude_qw_pair(context: Context) -> Pair | None:
+    """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
+    return _pair(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
+                 signal=_rate_of_quaternion, prepare=so3.make_continuous)
+
+
+def position_pair(context: Context) -> Pair | None:
+    """Estimated against tracked position, m world."""
+    return _pair(context, "estimator", ("x", "y", "z"), lambda truth: truth.position_m, POSE_BAND_HZ, False)
+
+
+def velocity_pair(context: Context) -> Pair | None:
+    """Estimated against tracked velocity, m/s world."""
+    return _pair(context, "estimator", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, False)
+
+
+def acceleration_pair(context: Context) -> Pair | None:
+    """Estimated against tracked acceleration, m/s^2 world."""
+    return _pair(context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ, True)
+
+
+def setpoint_pair(context: Context) -> Pair | None:
+    """Position asked for, half a second before (the vehicles follow 0.3-0.8 s behind), against that reached, m world."""
+    return _pair(context, "setpoint", ("x", "y", "z"), lambda truth: truth.position_m, (0.05, 1.0), True,
+                 reach_s=0.5, shift_s=0.5)
+
+
+def request_pair(context: Context) -> Pair | None:
+    """Attitude asked for by the position loop against that reached, rad."""
+    return _pair(context, "pid", ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
+                 prepare=lambda v: np.unwrap(v, axis=0))
+
+
+def mocap_velocity_pair(context: Context) -> Pair | None:
+    """Velocity columns of the motion capture against its positions, m/s world."""
+    return _pair(context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True, reach_s=0.05)
+
+
+def mocap_rate_pair(context: Context) -> Pair | None:
+    """Rate columns of the motion capture against its quaternions, rad/s body."""
+    return _pair(context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True, reach_s=0.05)
+
+
+def euler_column_pair(context: Context) -> Pair | None:
+    """Euler columns of the motion capture against its quaternions, rad."""
+    return _pair(context, "mocap", ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
+                 prepare=lambda v: np.unwrap(v, axis=0), reach_s=0.05)
+
+
+PAIRS = (gyro_pair, force_pair, attitude_pair, attitude_qw_pair, position_pair, velocity_pair, acceleration_pair,
+         setpoint_pair, request_pair, mocap_velocity_pair, mocap_rate_pair, euler_column_pair)
+
+
+def sums_of(context: Context, pair: Callable[[Context], Pair | None]) -> LagSums | None:
+    """Lagged second moments of one of PAIRS, kept with the context."""
+    return context.once(pair_sums)[pair]
+
+
+def pair_sums(context: Context) -> dict[Callable[[Context], Pair | None], LagSums | None]:
+    """Lagged second moments of all PAIRS; None for a pair that cannot be formed."""
+    result = {}
+    for make in PAIRS:
+        pair = context.once(make)
+        result[make] = None if pair is None else lag_sums(pair.measured, pair.reference, pair.use, STEP_S, pair.reach_s)
+    return result
+
+
+def stream_of(context: Context, name: str) -> Stream | None:
+    """A usable stream by name, None when the flight has none."""
+    return context.once(usable_streams).get(name)

@@ -1,0 +1,40 @@
+"""The rows of each stream that can be worked with: stamps that are numbers and advance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..flight import Stream
+from .context import Context
+
+
+def advancing(time_s: np.ndarray) -> np.ndarray:
+    """(n,) bool: finite stamps later than every stamp before them."""
+    finite = np.isfinite(time_s)
+    t = np.where(finite, time_s, -np.inf)
+    latest = np.concatenate(([-np.inf], np.maximum.accumulate(t)[:-1])) if len(t) else t
+    return finite & (t > latest)
+
+
+def usable_streams(context: Context) -> dict[str, Stream]:
+    """Every stream of the flight on strictly rising stamps; values may still be NaN."""
+    kept: dict[int, np.ndarray] = {}  # streams of one table share one array of stamps
+    result = {}
+    for name, stream in context.flight.streams.items():
+        key = id(stream.time_s)
+        if key not in kept:
+            kept[key] = advancing(stream.time_s)
+        keep = kept[key]
+        result[name] = stream if keep.all() else stream.rows(keep)
+    return result
+
+
+def runs(flags: np.ndarray) -> np.ndarray:
+    """(m, 2) first and one-past-last index of every run of True in (n,) bool."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
+    return edges.reshape(-1, 2)
+
+
+def typical_step_s(time_s: np.ndarray) -> float:
+    """Median distance of stamps [s]; nan for fewer than two."""
+    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
