@@ -71,6 +71,12 @@ FORMATS: dict[str, tuple[Callable[[Flight, Path], Path], str]] = {
 
 
 def export(flight: Flight, out_dir: Path, to: str) -> Path:
-    """Writes a flight into ``out_dir`` under its name; returns the file (a folder for ``parquet``)."""
+    """Writes a flight into ``out_dir`` under its name; returns the file (a folder for ``parquet``).
+
+    InputError when that is the file it was read from.
+    """
     write, suffix = FORMATS[to]
-    return write(flight, Path(out_dir) / f"{flight.name}{suffix}")
+    path = Path(out_dir) / f"{flight.name}{suffix}"
+    if path.exists() and Path(flight.provenance.path).exists() and path.samefile(flight.provenance.path):
+        raise InputError(str(path), "is the recording itself", "choose another --out")
+    return write(flight, path)

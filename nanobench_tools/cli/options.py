@@ -62,7 +62,7 @@ class Options:
         from ..sources.discover import default_data
 
         for path in self.data:
-            if not path.exists():
+            if not os.path.exists(path):  # Path.exists raises where a folder above may not be entered
                 raise InputError(f"--data {path}", "does not exist")
         places = list(self.data) or default_data()
         if not places:
@@ -73,7 +73,7 @@ class Options:
     def load(self, data: Sequence[Path] | None = None) -> list[Flight]:
         """Reads ``--data`` (or ``data``), says what was read and from where, and keeps the failures.
 
-        Raises InputError naming the first file when nothing at all could be read.
+        Raises UsageError naming the first file when nothing at all could be read.
         """
         from ..sources.discover import load_recordings
 
@@ -87,7 +87,7 @@ class Options:
         if not loaded.flights:
             if failed:
                 more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
-                raise InputError(failed[0]["file"], f"no recording could be read: {failed[0]['error']}{more}")
+                raise UsageError(f"no recording could be read: {failed[0]['error']}{more}")
             raise InputError(where, "no recording found")
         self.flights += loaded.flights
         self.failed += failed
@@ -117,11 +117,12 @@ class Options:
 
         return manifest(self.flights if inputs is None else inputs, self.seed, started=self.started)
 
-    def envelope(self, schema: str, body: Mapping[str, Any]) -> dict[str, Any]:
-        """The whole content of a result file of this run."""
+    def envelope(self, schema: str, body: Mapping[str, Any],
+                 failed: list[dict[str, str]] | None = None) -> dict[str, Any]:
+        """The whole content of a result file of this run; ``failed`` if not all that failed so far belongs to it."""
         from ..harness import envelope
 
-        return envelope(schema, body, self.synthetic, self.manifest(), self.failed)
+        return envelope(schema, body, self.synthetic, self.manifest(), self.failed if failed is None else failed)
 
     def finish(self, schema: str, body: Mapping[str, Any]) -> int:
         """Writes ``--json`` and ``--out``/SCHEMA.json, lists what failed, gives the exit code.
@@ -143,7 +144,7 @@ class Options:
     def exit_code(self) -> int:
         """0, or 1 after listing on stderr what failed."""
         for failure in self.failed:
-            print(f"failed: {failure['item']}: {failure['error']}", file=sys.stderr)
+            print(" ".join(f"failed: {failure['item']}: {failure['error']}".split()), file=sys.stderr)
         return 1 if self.failed else 0
 
     def say(self, text: str) -> None:

@@ -60,6 +60,15 @@ def test_convert_to_nanobench_and_back_is_the_same_recording(nanobench, recordin
             np.testing.assert_allclose(b[name].values, stream.values, rtol=0, atol=2e-7)
 
 
+def test_convert_never_overwrites_a_recording(nanobench, recordings, tmp_path):
+    source = sorted(recordings.glob("*.csv"))[0]
+    (tmp_path / source.name).write_bytes(source.read_bytes())
+    code, _, err = nanobench("convert", "--data", tmp_path / source.name, "--out", tmp_path, "--quiet")
+    assert code == 1
+    assert "is the recording itself" in err
+    assert (tmp_path / source.name).read_bytes() == source.read_bytes()
+
+
 def test_convert_to_parquet_keeps_every_number_and_says_its_unit(nanobench, recordings, tmp_path):
     assert nanobench("convert", "--data", recordings, "--to", "parquet", "--out", tmp_path, "--jobs", 1)[0] == 0
     flight = load_recordings([recordings]).flights[0]

@@ -1,0 +1,125 @@
+"""Methods from outside the package: the examples of the README, by ``module:Class`` and by entry point."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nanobench_tools import Controller, Estimator, Predictor
+from nanobench_tools.practice.flying import fly
+from nanobench_tools.practice.references import path_spec
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "references"
+COMMAND = str(Path(sys.executable).with_name("nanobench"))
+METHODS = {"estimators": ("own_estimator", "GyroAndLine"), "predictors": ("own_predictor", "StraightOn"),
+           "controllers": ("own_controller", "TiltAndTurn")}
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A distribution with the three examples and their entry points, installed by pip into a folder of its own."""
+    project, target = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("target")
+    lines = ["[metadata]", "name = nanobench-own-methods", "version = 1.0", "[options]", "py_modules ="]
+    lines += [f"    {module}" for module, _ in METHODS.values()] + ["[options.entry_points]"]
+    for group, (module, name) in METHODS.items():
+        (project / f"{module}.py").write_text((EXAMPLES / f"{module}.py").read_text())
+        lines += [f"nanobench.{group} =", f"    {module} = {module}:{name}"]
+    (project / "setup.cfg").write_text("\n".join(lines) + "\n")
+    (project / "pyproject.toml").write_text('[build-system]\nrequires = ["setuptools"]\n'
+                                            'build-backend = "setuptools.build_meta"\n')
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-index"]
+    subprocess.run([*pip, "--no-build-isolation", "--target", str(target), str(project)], check=True, timeout=120)
+    return target
+
+
+def nanobench(*arguments, path: Path, cwd: Path):
+    env = {**os.environ, "PYTHONPATH": str(path), "NANOBENCH_CACHE": str(cwd / "cache")}
+    command = [COMMAND, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=env, cwd=cwd)
+
+
+@pytest.fixture(params=["module:Class", "entry point"])
+def way(request, tmp_path):
+    """(group) -> the name for --method, the PYTHONPATH for it, and the working directory."""
+    def give(group):
+        module, name = METHODS[group]
+        if request.param == "entry point":
+            return module, request.getfixturevalue("installed"), tmp_path
+        (tmp_path / f"{module}.py").write_text((EXAMPLES / f"{module}.py").read_text())
+        return f"{module}:{name}", tmp_path / "nothing", tmp_path
+
+    return give
+
+
+def test_an_own_estimator_is_scored(way, recordings, tmp_path):
+    name, path, cwd = way("estimators")
+    done = nanobench("estimate", "--protocol", "clean", "--method", name, "--data", recordings, "--json", "e.json",
+                     "--jobs", 2, path=path, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads((cwd / "e.json").read_text())["rows"]
+    assert {row["method"] for row in rows} == {"gyro_and_line"}
+    assert next(row for row in rows if row["group"] == "all")["n"] == 3
+
+
+def test_an_own_predictor_is_scored(way, recordings, tmp_path):
+    name, path, cwd = way("predictors")
+    done = nanobench("sysid", "--method", name, "--data", recordings, "--json", "s.json", "--jobs", 2,
+                     path=path, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads((cwd / "s.json").read_text())["rows"]
+    assert "straight_on" in {row["model"] for row in rows}
+
+
+def test_an_own_controller_flies(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    from own_controller import TiltAndTurn
+
+    flown = fly(TiltAndTurn(), [path_spec("circle", "slow", duration_s=5.0)], seed=1)
+    error = np.linalg.norm(flown.truth["position_m"][:, 0] - flown.messages["setpoint"][:, 0, :3], axis=1)
+    streamed = (flown.time_s > 8.0) & (flown.time_s < 12.0)
+    assert error[streamed].max() < 0.8
+    assert flown.truth["position_m"][streamed, 0, 2].min() > 0.7
+
+
+def test_the_examples_are_short_and_are_what_they_claim(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    for (module, name), kind in zip(METHODS.values(), (Estimator, Predictor, Controller), strict=True):
+        assert isinstance(getattr(__import__(module), name)(), kind)
+        lines = [line for line in (EXAMPLES / f"{module}.py").read_text().splitlines() if line.strip()]
+        assert len(lines) <= 36
+
+
+def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
+    text = (EXAMPLES / "own_estimator.py").read_text()
+    call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",
+            "e.json", "--out", "o", "--jobs", 1]
+    found = []
+    for source in (text, text, text.replace("velocity[last] * age", "0.5 * velocity[last] * age")):
+        (tmp_path / "own_estimator.py").write_text(source)
+        done = nanobench(*call, path=tmp_path / "nothing", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads((tmp_path / "e.json").read_text())["rows"])
+    assert found[0] == found[1]
+    assert found[0] != found[2]
+
+
+@pytest.mark.parametrize(("source", "says"), [
+    ("class Bad:\n    name = 'bad'\n    causal = True\n    def estimate(self, flight):\n        return 1 / 0\n",
+     "ZeroDivisionError"),
+    ("class Bad:\n    pass\n", "own_bad:Bad"), ("1 / 0\n", "own_bad:Bad"), ("", "own_bad:Bad")])
+def test_a_broken_own_method_is_reported_in_one_line(recordings, tmp_path, source, says):
+    (tmp_path / "own_bad.py").write_text(source)
+    done = nanobench("estimate", "--protocol", "clean", "--method", "own_bad:Bad", "--data", recordings, "--quiet",
+                     "--json", "e.json", "--jobs", 1, path=tmp_path / "nothing", cwd=tmp_path)
+    assert "Traceback" not in done.stderr
+    assert says in done.stderr
+    if "estimate" in source:
+        assert done.returncode == 1
+        assert len(json.loads((tmp_path / "e.json").read_text())["failed"]) == 3
+    else:
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
