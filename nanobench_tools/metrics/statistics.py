@@ -49,3 +49,19 @@ def summary(values: Sequence[float] | np.ndarray, seed: int = 0) -> dict[str, An
     interval = bootstrap_interval(x, seed)
     return {"mean": float(x.mean()), "std": float(x.std()), "median": float(np.median(x)),
             "p90": float(np.percentile(x, 90.0)), "ci95": None if interval is None else list(interval), "n": len(x)}
+
+
+def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probability: float = 0.95,
+                    resamples: int = RESAMPLES) -> tuple[np.ndarray, np.ndarray] | None:
+    """Intervals of pooled means: flights are drawn, then all their windows are pooled; None for fewer than two flights.
+
+    sums (n, ...) of errors per flight, counts (n,) of windows behind them. Returns (low, high), each (...).
+    """
+    total, n = np.asarray(sums, float), np.asarray(counts, float)
+    if len(total) < 2:
+        return None
+    draws = np.random.default_rng(seed).multinomial(len(total), np.full(len(total), 1.0 / len(total)), resamples)
+    pooled = np.tensordot(draws, total, axes=1) / np.expand_dims(draws @ n, tuple(range(1, total.ndim)))
+    tail = 50.0 * (1.0 - probability)
+    low, high = np.percentile(pooled, [tail, 100.0 - tail], axis=0)
+    return low, high

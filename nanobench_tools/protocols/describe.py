@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..flight import Flight
-from ..metrics.trajectory import rms
 
 UNKNOWN = "unknown"
 
@@ -78,7 +77,19 @@ def speed_from_path(flight: Flight) -> str | None:
 
 
 def family_from_path(flight: Flight) -> str:
-    """Family by the harmonics of the flown path (see the top of this file)."""
+    """Family by the harmonics of the flown path (see the top of this file); remembered by content hash."""
+    key = flight.provenance.sha256
+    if not key:
+        return _family_from_path(flight)
+    if key not in _families:
+        _families[key] = _family_from_path(flight)
+    return _families[key]
+
+
+_families: dict[str, str] = {}
+
+
+def _family_from_path(flight: Flight) -> str:
     time_s, position, _ = moving_part(flight)
     if len(time_s) < 100:
         return UNKNOWN
@@ -97,11 +108,12 @@ def family_from_path(flight: Flight) -> str:
 
 def _unexplained(t: np.ndarray, path: np.ndarray, multiples: np.ndarray) -> float:
     """Smallest share of the path's variance left by a mean and arrows at ``multiples`` of any base frequency."""
-    total = rms(np.abs(path - path.mean())) ** 2
     steps = max(round(2.0 * t[-1] / 0.25), 20)  # a quarter radian of phase over the whole stretch between two tries
-    best = np.inf
-    for base in np.linspace(0.2, 2.2, steps):
-        arrows = np.exp(1j * base * np.outer(t, np.append(multiples, 0)))
-        left = path - arrows @ np.linalg.lstsq(arrows, path, rcond=None)[0]
-        best = min(best, rms(np.abs(left)) ** 2 / total)
-    return float(best)
+    phases = np.multiply.outer(np.linspace(0.2, 2.2, steps), np.outer(t, np.append(multiples, 0)))
+    arrows = np.exp(1j * phases)
+    across = np.conj(np.swapaxes(arrows, 1, 2))
+    # Slow bases make arrows look alike over a short stretch; the ridge keeps the least squares solvable there.
+    normal = across @ arrows + 1e-9 * len(t) * np.eye(arrows.shape[2])
+    fitted = np.linalg.solve(normal, across @ path[:, None])
+    left = np.sum(np.abs(path[:, None] - arrows @ fitted) ** 2, axis=(1, 2))
+    return float(left.min() / np.sum(np.abs(path - path.mean()) ** 2))

@@ -1,0 +1,168 @@
+"""Task 1, prediction: windows of every flight, the split into train and test, errors over 50 steps.
+
+Metrics are the published equations: mean over all windows of the error h steps after the start, and its sum over
+h = 1..50. Windows are pooled; intervals come from drawing flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..audit import Audit
+from ..errors import InputError
+from ..flight import Flight, Span, intersect_spans
+from ..methods import Prediction, Predictor
+from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
+from ..metrics.statistics import bootstrap_ratio
+from .describe import family_of, speed_of
+from .phases import flown_spans, is_cut
+from .selection import distinct
+from .windows import HORIZON, TRUTHS, cut_windows
+
+STREAMS = ("mocap", "imu", "motor", "battery", "attitude_qw")
+TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
+"""Families of the training split."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight as the task uses it: the clean airborne spans, and the groups it counts in."""
+
+    flight: Flight
+    spans: tuple[Span, ...]
+    groups: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Split:
+    """train and test cases; ``note`` says how they were chosen."""
+
+    train: list[Case]
+    test: list[Case]
+    note: str
+
+
+def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
+    """The published kind of split: train on the first flight of each trajectory of the TRAINED families, test on all
+    others; ``audits`` by name of the flight. Copies and slices are left out.
+
+    The first is the earliest distinct recording of its trajectory_id (without a sheet: of family and speed), whether
+    or not it flew; a piece cut to the flight is never first while there are whole recordings. Raises InputError when
+    nothing is left to test on.
+    """
+    kept, repeats = distinct(flights)
+    first: dict[str, Flight] = {}
+    whole = [f for f in kept if "motor" in f and not is_cut(f)] or kept
+    for flight in sorted(whole, key=lambda f: f.epoch_s):
+        if family_of(flight) in TRAINED:
+            first.setdefault(_trajectory(flight), flight)
+    chosen = {flight.name for flight in first.values()}
+    train = _cases([f for f in kept if f.name in chosen], audits, None)
+    seen = {family_of(case.flight) for case in train}
+    test = _cases([f for f in kept if f.name not in chosen], audits, seen)
+    if not test:
+        raise _nothing(flights)
+    note = (f"train: earliest recording of each trajectory of {', '.join(TRAINED)}; test: the others; "
+            f"{len(repeats)} copies and slices left out")
+    return Split(train, test, note)
+
+
+def given_split(train: Sequence[Flight], test: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
+    """The split the user gave. A test recording that is also (a copy or slice of) a training one is left out."""
+    kept_train = distinct(train)[0]
+    together = distinct([*kept_train, *test])[0]
+    kept_test = [f for f in test if any(f is k for k in together)]
+    cases = _cases(kept_train, audits, None)
+    chosen = _cases(kept_test, audits, {family_of(case.flight) for case in cases})
+    if not chosen:
+        raise _nothing(test)
+    return Split(cases, chosen, f"train and test as given; {len(test) - len(kept_test)} copies and slices left out")
+
+
+def _nothing(flights: Sequence[Flight]) -> InputError:
+    return InputError(flights[0].provenance.path if flights else "data",
+                      f"no test flight with {', '.join(STREAMS)} streams and 0.5 s of clean flight among "
+                      f"{len(flights)} recordings")
+
+
+def _trajectory(flight: Flight) -> str:
+    return str(flight.metadata.get("trajectory_id") or f"{family_of(flight)} {speed_of(flight)}")
+
+
+def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str] | None) -> list[Case]:
+    cases = []
+    for flight in flights:
+        if flight.name not in audits or not set(STREAMS) <= set(flight.streams):
+            continue
+        audit = audits[flight.name]
+        spans = intersect_spans(flown_spans(flight, audit.airborne), audit.clean_for(STREAMS))
+        if not any(span.duration_s * 100.0 > HORIZON for span in spans):
+            continue
+        family = family_of(flight)
+        groups = ("all", family) if seen is None else ("all", "seen" if family in seen else "unseen", family)
+        cases.append(Case(flight, spans, groups))
+    return cases
+
+
+def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
+    """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}} of one predictor on one flight.
+
+    Raises InputError that names predictor and flight when the prediction has the wrong shape or is not finite.
+    """
+    place = case.flight.provenance.path
+    cut = cut_windows(case.flight, case.spans, truth)
+    if cut is None:
+        return {"windows": 0, "sums": {name: [0.0] * HORIZON for name in QUANTITIES}}
+    windows, true = cut
+    found = predictor.predict(windows)
+    try:
+        predicted = Prediction(*(np.asarray(getattr(found, name), float)
+                                 for name in ("position_m", "velocity_m_s", "quaternion", "rate_rad_s")))
+        errors = window_errors(predicted, true)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(place, f"predictor {predictor.name} gave no prediction that can be scored: {error}") from None
+    if not all(np.isfinite(e).all() for e in errors.values()):
+        raise InputError(place, f"predictor {predictor.name} predicted a state that is not finite")
+    return {"windows": len(windows), "sums": {name: e.sum(axis=0).tolist() for name, e in errors.items()}}
+
+
+def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapping[str, Any]]],
+             seed: int = 0) -> list[dict[str, Any]]:
+    """Rows {model, information, truth, group, n_windows, n_flights, metrics, intervals}; ``metrics`` {name: {"1", "10",
+    "50", "sum"}}, ``intervals`` the same with [lo, hi] over flights (None for one flight)."""
+    rows = []
+    scored = [(case, value) for case, value in scored if value["windows"]]
+    for group in dict.fromkeys(g for rank in range(3) for case, _ in scored for g in case.groups[rank:rank + 1]):
+        members = [value for case, value in scored if group in case.groups]
+        counts = np.array([value["windows"] for value in members])
+        metrics, intervals = {}, {}
+        for name in QUANTITIES:
+            sums = np.array([value["sums"][name] for value in members])
+            with_total = np.concatenate([sums, sums.sum(axis=1, keepdims=True)], axis=1)
+            metrics[name] = multi_horizon(sums.sum(axis=0) / counts.sum())
+            ends = bootstrap_ratio(with_total, counts, seed)
+            keys = {**{str(h): h - 1 for h in HORIZONS}, "sum": HORIZON}
+            intervals[name] = {key: None if ends is None else [float(ends[0][i]), float(ends[1][i])]
+                               for key, i in keys.items()}
+        rows.append({"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
+                     "n_windows": int(counts.sum()), "n_flights": len(members), "metrics": metrics,
+                     "intervals": intervals})
+    return rows
+
+
+def best_model(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """The best model of class ``state``: smallest geometric mean of the four sums, onboard truth, group ``all``.
+
+    The geometric mean ranks the same whatever the units.
+    """
+    scores = {row["model"]: float(np.mean([np.log(max(row["metrics"][name]["sum"], 1e-12)) for name in QUANTITIES]))
+              for row in rows if (row["information"], row["truth"], row["group"]) == ("state", "onboard", "all")}
+    return min(scores, key=scores.__getitem__) if scores else None
+
+
+__all__ = ["HORIZON", "STREAMS", "TRAINED", "TRUTHS", "Case", "Split", "best_model", "given_split", "score", "split",
+           "tabulate"]

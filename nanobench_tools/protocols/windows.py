@@ -1,0 +1,79 @@
+"""Prediction windows of one flight: rows at 100 Hz, clean and airborne, never across a lost frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import so3
+from ..flight import Flight, Span, Stream, mask_of
+from ..methods import Prediction, Windows
+from ..metrics.association import associate
+from ..metrics.prediction import window_starts
+
+RATE_HZ = 100.0
+HORIZON = 50
+EVERY = 10
+LOST_FRAME = 1.5
+"""Rows further apart than this many steps have a frame missing between them: windows end there."""
+
+TRUTHS = {"onboard": "attitude_qw", "mocap": "mocap"}
+"""Truth of attitude -> the stream it comes from."""
+
+
+def rows_at_100_hz(flight: Flight, spans: Sequence[Span]) -> tuple[np.ndarray, list[int]]:
+    """Stamps (n,) s of the rows inside ``spans``, and the lengths of the stretches they fall into.
+
+    The motion capture's own rows where they come at 100 Hz, else a 10 ms grid over each span.
+    """
+    mocap_s = flight["mocap"].time_s
+    step = 1.0 / RATE_HZ
+    if abs(np.median(np.diff(mocap_s)) - step) < 0.01 * step:
+        time_s = mocap_s[mask_of(spans, mocap_s)]
+    else:
+        grids = [np.arange(max(s.start_s, mocap_s[0]), min(s.end_s, mocap_s[-1]), step) for s in spans]
+        time_s = np.concatenate(grids) if grids else np.empty(0)
+        time_s = time_s[associate(time_s, mocap_s, *_pose(flight)).kept] if len(time_s) else time_s
+    if not len(time_s):
+        return time_s, []
+    breaks = np.flatnonzero(np.diff(time_s) > LOST_FRAME * step) + 1
+    return time_s, np.diff([0, *breaks, len(time_s)]).tolist()
+
+
+def _pose(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
+    mocap = flight["mocap"]
+    return mocap["px", "py", "pz"], mocap["qx", "qy", "qz", "qw"]
+
+
+def _rotations_at(stream: Stream, time_s: np.ndarray) -> np.ndarray:
+    """(n, 4) quaternions of a stream at ``time_s``: its own rows where the stamps are the same, else slerp."""
+    quaternion = stream["qx", "qy", "qz", "qw"]
+    rows = np.minimum(np.searchsorted(stream.time_s, time_s), len(stream) - 1)
+    if np.array_equal(stream.time_s[rows], time_s):
+        return quaternion[rows]
+    return so3.interpolate(stream.time_s, quaternion, time_s)
+
+
+def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Windows, Prediction] | None:
+    """(what a predictor gets, what came) for all windows of a flight; None when no window fits.
+
+    Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS); inputs:
+    logged PWM and battery. The truth of the rate is the gyro, of the attitude the same stream as the start.
+    """
+    time_s, lengths = rows_at_100_hz(flight, spans)
+    starts = window_starts(lengths, HORIZON, EVERY)
+    if not len(starts):
+        return None
+    mocap = flight["mocap"]
+    found = associate(time_s, mocap.time_s, *_pose(flight), mocap["vx", "vy", "vz"])
+    quaternion = found.quaternion if truth == "mocap" else _rotations_at(flight[TRUTHS[truth]], time_s)
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    rate = flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), time_s)
+    motor = flight["motor"].interpolate(("m1", "m2", "m3", "m4"), time_s)
+    battery = flight["battery"].interpolate("vbat", time_s)
+    ahead = starts[:, None] + np.arange(HORIZON + 1)
+    inputs, after = ahead[:, :-1], ahead[:, 1:]
+    windows = Windows(found.position_m[starts], found.velocity_m_s[starts], quaternion[starts], rate[starts],
+                      motor[inputs], battery[inputs], RATE_HZ)
+    return windows, Prediction(found.position_m[after], found.velocity_m_s[after], quaternion[after], rate[after])
