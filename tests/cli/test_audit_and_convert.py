@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from nanobench_tools.cli.options import Options
 from nanobench_tools.sources.discover import load_recordings
@@ -96,3 +97,15 @@ def test_options_work_from_python(recordings, tmp_path):
     assert len(audits) == 3
     assert copies == []
     assert options.exit_code() == 0
+
+
+def test_a_cluster_gives_the_same_audit(nanobench, recordings, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    nanobench("audit", "--data", recordings, "--json", tmp_path / "here.json", "--out", tmp_path / "h", "--jobs", 1)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
+                                  silence_logs=50) as cluster:
+        code, out, err = nanobench("audit", "--data", recordings, "--json", tmp_path / "there.json", "--out",
+                                   tmp_path / "t", "--scheduler", cluster.scheduler_address, "--quiet")
+    assert (code, out, err) == (0, "", "")
+    here, there = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("here", "there"))
+    assert here["flights"] == there["flights"]
