@@ -1,4 +1,4 @@
-"""The clock of the vehicle's messages: what stamp a packet of a given moment gets. Positive error = the stamp is late."""
+"""The clock of the vehicle's messages: which stamp a packet gets. Positive error = the stamp is late."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 
 WANDER_EVERY_S = 0.41
 """Mean time between jumps; the recordings show 0.4 s."""
+WANDER_RISE_S = 0.1
+"""A jump takes this long: the packets in it come slower, those after it faster."""
 WANDER_DECAY_S = 0.18
 """Time constant with which a jump decays; gives the measured correlation of 0.2 after 0.3 s."""
 SMALLEST_STEP_S = 1e-4
@@ -30,7 +32,8 @@ class ClockError:
         """Error (n,) s of the stamps of true times (n,)."""
         t = np.asarray(time_s, float)
         since = t[:, None] - self.jumps_s[:, 0]
-        wander = np.where(since >= 0.0, self.jumps_s[:, 1] * np.exp(-np.maximum(since, 0.0) / WANDER_DECAY_S), 0.0)
+        rise = np.clip(since / WANDER_RISE_S, 0.0, 1.0)
+        wander = self.jumps_s[:, 1] * rise * np.exp(-np.maximum(since - WANDER_RISE_S, 0.0) / WANDER_DECAY_S)
         return self.offset_s + self.drift * t + wander.sum(axis=1) - self.wander_mean_s
 
     def stamp(self, time_s: np.ndarray) -> np.ndarray:

@@ -35,7 +35,8 @@ def correlated_noise(rng: np.random.Generator, ticks: int, channels: int, time_s
 class OnboardEstimator:
     """Estimated states of n vehicles; ``remember`` after every plant step, ``read`` at a 100 Hz tick."""
 
-    def __init__(self, plant: Plant, rngs: list[np.random.Generator], ticks: int, step_s: float, scale: float = 1.0) -> None:
+    def __init__(self, plant: Plant, rngs: list[np.random.Generator], ticks: int, step_s: float,
+                 scale: float = 1.0) -> None:
         n = len(rngs)
         self._errors = np.zeros((ticks, 9, n))
         for i, rng in enumerate(rngs):

@@ -1,4 +1,4 @@
-"""Practice flights as recordings: what ``nanobench run`` uses when there are none, and what the checks are tested on."""
+"""Practice flights as recordings: what ``nanobench run`` uses when there are none, and the tests use."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def _fly_all(plan: list[tuple[int, PathSpec, str]], seed: int, chain: LoggingCha
     return [flights[i] for i, _, _ in plan]
 
 
-def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: str, seed: int, chain: LoggingChain) -> Flight:
+def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: str, seed: int,
+               chain: LoggingChain) -> Flight:
     rngs = flight_rngs(seed, index, 9)[6:]
     recorded = record(flown, row, chain, rngs)
     name = f"practice_{spec.trajectory_id}_s{seed}_{index:03d}"
@@ -89,7 +90,8 @@ def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: s
         "duration_s": spec.duration_s,
     }
     epoch = EPOCH_S + SEED_SECONDS * (seed % 100) + SECONDS_APART * index + 0.5
-    return Flight(name, recorded.streams, metadata, Provenance(f"{name}.csv", "", "practice", synthetic=True), epoch_s=epoch)
+    provenance = Provenance(f"{name}.csv", "", "practice", synthetic=True)
+    return Flight(name, recorded.streams, metadata, provenance, epoch_s=epoch)
 
 
 def write_practice(out_dir: Path | str, n: int, seed: int = 0, *, suffix: str = ".csv", **options: Any) -> list[Path]:

@@ -31,6 +31,8 @@ TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "
 """What is kept of the truth at every tick, and its width; ``motor`` is the PWM ratio from that tick on."""
 
 BATTERY_NOISE_V = 0.004
+GUST_S, FLICKER_S = 0.5, 0.05
+"""Correlation times of the air's force and of the flicker of each motor's thrust."""
 GROUND_HEIGHT_M = (0.055, 0.075)
 """Where the tracked point of the resting vehicle is, lowest and highest of the recordings."""
 
@@ -75,25 +77,29 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     n = len(specs)
     every = round(controller.period_s / STEP_S)
     if every < 1 or abs(every * STEP_S - controller.period_s) > 1e-9:
-        raise UsageError(f"controller {controller.name!r} has a period of {controller.period_s} s; give a multiple of 0.002")
+        raise UsageError(f"controller {controller.name!r} has a period of {controller.period_s} s; "
+                         f"give a multiple of {STEP_S}")
     rngs = [flight_rngs(seed, i, 6) for i in (indices or range(n))]
     place, draw, error, air, sensor, volt = zip(*rngs, strict=True)
     start = np.array([[*(0.02 * r.standard_normal(2)), r.uniform(*GROUND_HEIGHT_M)] for r in place])
     yaw = spread * np.radians([3.0 * r.standard_normal() for r in place])
-    timeline = Timeline(specs, [draw_events(s, r) for s, r in zip(specs, place, strict=True)] if events is None else events)
+    if events is None:
+        events = [draw_events(s, r) for s, r in zip(specs, place, strict=True)]
+    timeline = Timeline(specs, events)
     ticks = timeline.ticks
     if vehicles is None:
         vehicles = draw_vehicles(list(draw), spread)
     plant = Plant(vehicles, start, yaw)
     estimator = OnboardEstimator(plant, list(error), ticks, STEP_S, spread)
-    gusts = np.stack([correlated_noise(r, ticks, 3, 0.5) for r in air], axis=-1) * vehicles.disturbance_m_s2
+    gusts = np.stack([correlated_noise(r, ticks, 3, GUST_S) for r in air], axis=-1) * vehicles.disturbance_m_s2
+    flicker = np.stack([correlated_noise(r, ticks, 4, FLICKER_S) for r in air], axis=-1) * vehicles.thrust_noise
     battery_noise = BATTERY_NOISE_V * np.stack([r.standard_normal(ticks) for r in volt], axis=-1)
     controller.reset(n)
     recorder = _Recorder(ticks, n)
     command = np.zeros((n, 4))
     for tick in range(ticks):
         noise = np.stack([r.standard_normal((SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
-        plant.disturbance_m_s2 = gusts[tick]
+        plant.disturbance_m_s2, plant.flicker = gusts[tick], flicker[tick]
         position, velocity, quaternion = estimator.read(tick)
         yaw = so3.euler_zyx(quaternion)[:, 2]
         armed, reference, yaw_rate = timeline.at(tick, position, yaw)
@@ -110,7 +116,8 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
                 recorder.commanded(tick, armed, reference, yaw_rate, yaw, getattr(controller, "log", None))
                 recorder.messages["battery"][tick, :, 0] = plant.battery_V + battery_noise[tick]
             if sub == LOGGED["imu"][1]:
-                recorder.messages["imu"][tick] = np.concatenate([_accelerometer(plant, noise[SUBSTEPS + 1]), gyro], axis=1)
+                acceleration = _accelerometer(plant, noise[SUBSTEPS + 1])
+                recorder.messages["imu"][tick] = np.concatenate([acceleration, gyro], axis=1)
             if sub == LOGGED["motor"][1]:
                 recorder.messages["motor"][tick] = plant.motor.T
             plant.step(STEP_S)
@@ -122,7 +129,8 @@ def _checked(controller: Controller, command: np.ndarray, n: int) -> np.ndarray:
     """The command as (n, 4) floats; a vehicle whose command is not a number gets none."""
     command = np.asarray(command, float)
     if command.shape != (n, 4):
-        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; it must be ({n}, 4)")
+        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
+                         f"it must be ({n}, 4)")
     return np.nan_to_num(command, nan=0.0, posinf=1.0, neginf=0.0)
 
 

@@ -19,7 +19,9 @@ from ..sources.nanobench_columns import STREAMS, units_of
 from .clock import ClockError, draw_clock
 from .flying import LOGGED, STEP_S, Flown
 from .mocap import MocapNoise, mocap_values
-from .timeline import TICK_S
+from .timeline import LEAD_S, TICK_S
+
+ROOM_NOISE = MocapNoise()
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class LoggingChain:
     wander_sd_s: float = 0.0
     tail_s: tuple[float, float] = (0.20, 0.37)
     lost_frames: float = 2.0
-    mocap: MocapNoise = MocapNoise()
+    mocap: MocapNoise = ROOM_NOISE
     tilt_deg: tuple[float, float] = (1.0, 3.0)
 
     def __post_init__(self) -> None:
@@ -53,7 +55,7 @@ class LoggingChain:
             raise UsageError(f"longest_gap_s {self.longest_gap_s} is shorter than two packets of {TICK_S} s")
 
 
-PERFECT = LoggingChain(loss=(0.0, 0.0), tail_s=(0.0, 0.0), lost_frames=0.0, mocap=MocapNoise(0.0, 0.0, 0.0),
+PERFECT = LoggingChain(loss=(0.0, 0.0), tail_s=(0.0, 0.0), lost_frames=0.0, mocap=MocapNoise(0.0, (0.0, 0.0, 0.0)),
                        tilt_deg=(0.0, 0.0), battery_period_s=TICK_S)
 """Nothing lost, nothing late, no noise: for tests."""
 
@@ -66,7 +68,7 @@ def received(rng: np.random.Generator, ticks: int, share: float, burst: float, l
     """
     again = max(burst, share)
     first = share * (1.0 - again) / (1.0 - share) if share < 1.0 else 1.0
-    longest = int(round(longest_gap_s / TICK_S)) - 1
+    longest = round(longest_gap_s / TICK_S) - 1
     chance = rng.uniform(size=ticks)
     kept = np.ones(ticks, dtype=bool)
     run = 0
@@ -98,14 +100,14 @@ def record(flown: Flown, flight: int, chain: LoggingChain, rngs: list[np.random.
     radio, clock_rng, room = rngs[:3]
     ticks = flown.ticks_of(flight)
     time = flown.time_s[:ticks]
-    first = room.uniform(0.0, TICK_S)
+    first = LEAD_S + room.uniform(0.0, TICK_S)
     rows = np.arange(first, time[-1], TICK_S)[:-1]
     keep = _frames(room, len(rows), chain.lost_frames)
     tilt = np.radians(room.uniform(*chain.tilt_deg)) * _direction(room)
     rows = rows[keep]
     position, quaternion = _pose_at(flown, flight, ticks, rows)
-    streams = {"mocap": _stream("mocap", rows - first, mocap_values(rows, position, quaternion, tilt, chain.mocap, room),
-                                len(rows), 100.0)}
+    seen = mocap_values(rows, position, quaternion, tilt, chain.mocap, room)
+    streams = {"mocap": _stream("mocap", rows - first, seen, len(rows), len(rows) / (rows[-1] - rows[0]))}
     clock = draw_clock(clock_rng, rows[-1], chain.offset_s, chain.drift, chain.wander_sd_s)
     tail = radio.uniform(*chain.tail_s)
     shares = radio.uniform(*chain.loss, size=len(LOGGED))
@@ -153,7 +155,8 @@ def _frames(rng: np.random.Generator, rows: int, mean_gaps: float) -> np.ndarray
 def _pose_at(flown: Flown, flight: int, ticks: int, at_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """True position (m, 3) and quaternion (m, 4) between the ticks, cubic with the true rates."""
     time = flown.time_s[:ticks]
-    p, v, q, w = (flown.truth[name][:ticks, flight] for name in ("position_m", "velocity_m_s", "quaternion", "rate_rad_s"))
+    p, v, q, w = (flown.truth[name][:ticks, flight]
+                  for name in ("position_m", "velocity_m_s", "quaternion", "rate_rad_s"))
     half_w = np.concatenate([0.5 * w, np.zeros((ticks, 1))], axis=1)
     q = so3.make_continuous(q)
     position = CubicHermiteSpline(time, p, v)(at_s)

@@ -15,14 +15,13 @@ WINDOW, ORDER = 11, 3
 
 @dataclass(frozen=True)
 class MocapNoise:
-    """White noise per frame: position (m), attitude about x, y and z of the body (rad): at rest, and more in flight.
+    """White noise per frame: position (m) and attitude about x, y and z of the body (rad).
 
-    Measured at rest: 0.012 mm; 0.012, 0.055, 0.020 deg.
+    The recordings show 0.012 mm and, at rest, 0.012, 0.055, 0.020 deg; roll is noisier in the air.
     """
 
     position_m: float = 1.2e-5
-    attitude_rad: float = 3.5e-4
-    yaw_rad: float = 3.5e-4
+    attitude_rad: tuple[float, float, float] = (6.0e-4, 8.7e-4, 3.5e-4)
 
 
 def savgol_derivative(rows_s: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -45,7 +44,7 @@ def mocap_values(rows_s: np.ndarray, position: np.ndarray, quaternion: np.ndarra
     """
     shake = rng.standard_normal((len(rows_s), 6))
     p = np.round(position + noise.position_m * shake[:, :3], 6)
-    angles = shake[:, 3:] * np.array([noise.attitude_rad, noise.attitude_rad, noise.yaw_rad])
+    angles = shake[:, 3:] * np.asarray(noise.attitude_rad)
     q = so3.multiply(so3.multiply(quaternion, so3.exp(tilt_rad)), so3.exp(angles))
     q = np.round(so3.make_continuous(q * np.where(q[:1, 3:] < 0.0, -1.0, 1.0)), 8)
     euler = np.round(so3.euler_zyx(q), 6)

@@ -57,7 +57,7 @@ class MotorOutput:
 
 
 class _Pid:
-    """The firmware's PID block on k axes of n vehicles: derivative on the measurement, integral clamped, no anti-windup."""
+    """The firmware's PID block, k axes of n vehicles: derivative on the measurement, integral clamped."""
 
     def __init__(self, n: int, dt_s: float, kp, ki, kd=0.0, integral_limit=5000.0, output_limit=np.inf) -> None:
         self.dt_s, self.kp, self.ki, self.kd = dt_s, *(np.reshape(np.asarray(g, float), (-1, 1)) for g in (kp, ki, kd))
@@ -94,8 +94,8 @@ class PidCascade:
         self._position = _Pid(n, slow, (2.0, 2.0, 2.0), (0.0, 0.0, 0.5), output_limit=1.1)
         self._velocity = _Pid(n, slow, (25.0, 25.0, 25.0), (1.0, 1.0, 15.0), output_limit=(22.0, 22.0, 32.767))
         self._attitude = _Pid(n, PERIOD_S, (6.0, 6.0, 6.0), (3.0, 3.0, 1.0), (0.0, 0.0, 0.35), (20.0, 20.0, 360.0))
-        self._rate = _Pid(n, PERIOD_S, (250.0, 250.0, 120.0), (500.0, 500.0, 16.7), (2.5, 2.5, 0.0), (33.3, 33.3, 166.7),
-                          32767.0)
+        self._rate = _Pid(n, PERIOD_S, (250.0, 250.0, 120.0), (500.0, 500.0, 16.7), (2.5, 2.5, 0.0),
+                          (33.3, 33.3, 166.7), 32767.0)
         self._output = MotorOutput(n)
         self._count = 0
         self._desired = np.zeros((3, n))
@@ -185,7 +185,8 @@ class MellingerLike:
                        for m, d in zip(moment[:2], change, strict=True))
         yaw = np.trunc(np.clip(-(moment[2] + self.k_i_z * self._integral_m), -32000.0, 32000.0))
         flying = thrust > 0.0
-        return self._output(np.trunc(np.maximum(thrust, 0.0)), roll * flying, pitch * flying, yaw * flying, state.battery_V)
+        thrust = np.trunc(np.maximum(thrust, 0.0))
+        return self._output(thrust, roll * flying, pitch * flying, yaw * flying, state.battery_V)
 
 
 class OnboardFleet:
@@ -221,7 +222,8 @@ class OnboardFleet:
         for name, rows in self._rows.items():
             part = getattr(self._parts[name], "log", None)
             if part is not None:
-                log.attitude_rad[rows], log.cmd_thrust[rows], log.written[rows] = part.attitude_rad, part.cmd_thrust, part.written
+                for field in fields(log):
+                    getattr(log, field.name)[rows] = getattr(part, field.name)
         return log
 
 

@@ -42,7 +42,9 @@ def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
     x, y, z, w = q
     x2, y2, z2 = x + x, y + y, z + z
     xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2, w * x2, w * y2, w * z2
-    return ((1.0 - (yy + zz), xy + wz, xz - wy), (xy - wz, 1.0 - (xx + zz), yz + wx), (xz + wy, yz - wx, 1.0 - (xx + yy)))
+    return ((1.0 - (yy + zz), xy + wz, xz - wy),
+            (xy - wz, 1.0 - (xx + zz), yz + wx),
+            (xz + wy, yz - wx, 1.0 - (xx + yy)))
 
 
 class Plant:
@@ -66,6 +68,7 @@ class Plant:
         self.motor = np.zeros((4, n))
         self._load = self.mean_ratio = np.zeros(n)
         self.disturbance_m_s2 = np.zeros((3, n))
+        self.flicker = np.zeros((4, n))
         jx, jy, jz = vehicles.inertia_xx_kg_m2, vehicles.inertia_yy_kg_m2, vehicles.inertia_zz_kg_m2
         self._inertia, self._inertia_turn = np.stack([jx, jy, jz]), np.stack([jz - jy, jx - jz, jy - jx])
         self._drag_difference = vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s
@@ -90,7 +93,8 @@ class Plant:
             self._add_contact(s, (az, bz), force, moment)
         return force, moment, columns
 
-    def _add_contact(self, s: np.ndarray, tilt: tuple[np.ndarray, np.ndarray], force: np.ndarray, moment: np.ndarray) -> None:
+    def _add_contact(self, s: np.ndarray, tilt: tuple[np.ndarray, np.ndarray], force: np.ndarray,
+                     moment: np.ndarray) -> None:
         """Spring, damper, friction and levelling of the legs; exactly zero for a vehicle in the air.
 
         tilt: world height of the ends of body x and y; the moment turns them to zero.
@@ -134,7 +138,7 @@ class Plant:
         self.motor = u
         self._load = np.sum(u * u, axis=0)
         self.mean_ratio = 0.25 * np.sum(u, axis=0)
-        self.command_N = p.thrust_scale * p.motor_gain * thrust_of_voltage(u * self.battery_V)
+        self.command_N = p.thrust_scale * p.motor_gain * (1.0 + self.flicker) * thrust_of_voltage(u * self.battery_V)
 
     def step(self, dt_s: float) -> None:
         """One RK4 step [s] with the held command; the quaternion is normalised, the cell discharged."""

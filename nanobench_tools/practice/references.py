@@ -86,7 +86,8 @@ def star(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
     along = (speed * t / edge) % 5.0
     i = np.minimum(along.astype(int), 4)
     step = corners[i + 1] - corners[i]
-    return PathPoint(corners[i] + (along - i)[:, None] * step + _height(params), step * (speed / edge), np.zeros((len(t), 3)))
+    position = corners[i] + (along - i)[:, None] * step + _height(params)
+    return PathPoint(position, step * (speed / edge), np.zeros((len(t), 3)))
 
 
 def trefoil(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
@@ -121,7 +122,7 @@ def lissajous(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 @dataclass(frozen=True)
 class Family:
-    """``path(t, params)`` with t (n,) s from the start of the path; ``defaults`` and the three ``speeds`` fill params."""
+    """``path(t, params)``, t (n,) s from the start of the path; ``defaults`` and the three ``speeds`` fill params."""
 
     path: Callable[[np.ndarray, Mapping[str, Any]], PathPoint]
     prefix: str
@@ -145,8 +146,8 @@ FAMILIES: dict[str, Family] = {
     "star": Family(star, "B8", {**_FLAT, "radius_m": 1.0}, {**_SPEEDS, "medium": {"speed_mps": 0.75, "radius_m": 0.6}}),
     "trefoil": Family(trefoil, "B9", {**_FLAT, "scale_m": 1.0, "z_amplitude_m": 0.15},
                       {**_SPEEDS, "slow": {"speed_mps": 0.5, "duration_s": 15.0}, "medium": {"speed_mps": 0.5}}),
-    "lissajous": Family(lissajous, "B10", {**_FLAT, "amplitude_x_m": 0.6, "amplitude_y_m": 0.6, "freq_x": 3, "freq_y": 2,
-                                           "phase_deg": 90.0}, _SPEEDS),
+    "lissajous": Family(lissajous, "B10", {**_FLAT, "amplitude_x_m": 0.6, "amplitude_y_m": 0.6, "freq_x": 3,
+                                           "freq_y": 2, "phase_deg": 90.0}, _SPEEDS),
 }
 
 
@@ -182,7 +183,8 @@ ID_NAME = {"figure_eight": "figure8"}
 """Where the published trajectory_id spells a family differently from its trajectory_type."""
 
 
-def path_spec(family: str = "circle", speed: str = "medium", *, speed_m_s: float | None = None, **params: Any) -> PathSpec:
+def path_spec(family: str = "circle", speed: str = "medium", *, speed_m_s: float | None = None,
+              **params: Any) -> PathSpec:
     """The published parameters of a family at a speed, with ``speed_m_s`` and ``params`` replacing some of them.
 
     Raises UsageError for an unknown family, speed or parameter.

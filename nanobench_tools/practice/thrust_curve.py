@@ -1,4 +1,4 @@
-"""The firmware's thrust curve of one motor: newton <-> volt at the motor, and what its battery compensation does with it.
+"""The firmware's thrust curve of one motor: newton <-> volt at the motor, and its battery compensation.
 
 Source: crazyflie-firmware 2025.12.1, motors.c and platform_defaults_cf2.h, set "2.1+ propellers" (the default).
 """

@@ -21,6 +21,8 @@ TAKEOFF_S, TAKEOFF_TO_HOVER_S, HOVER_S, LANDING_S = 2.0, 2.5, 1.0, 3.0
 LANDED_HEIGHT_M = 0.08
 """Height the landing planner ends at."""
 GROUND_AFTER_S = 3.2
+LEAD_S = 0.3
+"""The messages begin this long before the first row, so that late stamps never leave a row without a packet before it."""
 
 OFF, TAKEOFF, HOVER, PATH, LANDING = range(5)
 
@@ -37,7 +39,7 @@ def planner(share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Events:
-    """Times of one flight [s from its first row]."""
+    """Times of one flight [s]; the recording's first row is at LEAD_S."""
 
     motors_on_s: float
     path_start_s: float
@@ -48,7 +50,7 @@ class Events:
 
 def draw_events(spec: PathSpec, rng: np.random.Generator) -> Events:
     """The published timeline with the small spread seen between recordings."""
-    on = round(2.0 + 0.1 * rng.uniform(-1.0, 1.0), 2)
+    on = round(LEAD_S + 2.0 + 0.1 * rng.uniform(-1.0, 1.0), 2)
     path = round(on + TAKEOFF_TO_HOVER_S + HOVER_S + 0.05 * rng.uniform(0.0, 1.0), 2)
     landing = round(path + spec.duration_s + 0.15, 2)
     off = round(landing + LANDING_S + rng.uniform(0.05, 0.15), 2)
@@ -65,7 +67,8 @@ class Timeline:
         on, path, land, off = (np.array([getattr(e, name) for e in events])[None] - 1e-9
                                for name in ("motors_on_s", "path_start_s", "landing_s", "motors_off_s"))
         hover = on + TAKEOFF_TO_HOVER_S
-        self.phase = np.select([(t < on) | (t >= off), t < hover, t < path, t < land], [OFF, TAKEOFF, HOVER, PATH], LANDING)
+        before = [(t < on) | (t >= off), t < hover, t < path, t < land]
+        self.phase = np.select(before, [OFF, TAKEOFF, HOVER, PATH], LANDING)
         share, duration = (np.where(t < hover, (t - on) / TAKEOFF_S, (t - land) / LANDING_S),
                            np.where(t < hover, TAKEOFF_S, LANDING_S))
         way, speed, acceleration = planner(share)

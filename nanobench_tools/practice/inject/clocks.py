@@ -24,14 +24,16 @@ def _restamped(flight: Flight, rng_clock: ClockError, stream: str) -> Flight:
     return flight
 
 
-def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *, stream: str = "") -> tuple[Flight, Fault]:
+def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *,
+                 stream: str = "") -> tuple[Flight, Fault]:
     """The vehicle's stamps (or one stream's) are ``size`` s late."""
     span = flight.span
     return (_restamped(flight, ClockError(size), stream),
             truth("clock_offset", stream, (), (span.start_s, span.end_s), size, "s", "stamps late by a constant"))
 
 
-def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *, stream: str = "") -> tuple[Flight, Fault]:
+def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *,
+                 stream: str = "") -> tuple[Flight, Fault]:
     """The vehicle's clock gains ``size`` s per s; the stamps are right in the middle of the recording."""
     span = flight.span
     middle = 0.5 * (span.start_s + span.end_s)
@@ -39,7 +41,8 @@ def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *
             truth("clock_drift", stream, (), (span.start_s, span.end_s), size, "s/s", "stamps later and later"))
 
 
-def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *, stream: str = "") -> tuple[Flight, Fault]:
+def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *,
+                 stream: str = "") -> tuple[Flight, Fault]:
     """The vehicle's stamps are late by a sawtooth of standard deviation ``size`` s and mean zero."""
     span = flight.span
     return (_restamped(flight, draw_clock(rng, span.end_s, wander_sd_s=size), stream),

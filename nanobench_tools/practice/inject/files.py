@@ -74,4 +74,4 @@ def bad_cell(data: bytes, rng: np.random.Generator, size: float = 1, *, ragged: 
     span = _time(lines, int(rows[0])), _time(lines, int(rows[-1]))
     columns = () if ragged else (header[column].decode(),)
     return (b"\n".join(lines) + b"\n",
-            truth("bad_cell", "", columns, span, len(rows), "cells", "a cell too few" if ragged else "text in a number"))
+            truth("bad_cell", "", columns, span, len(rows), "cells", "a cell missing" if ragged else "text in a cell"))

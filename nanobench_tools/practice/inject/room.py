@@ -48,7 +48,8 @@ def mocap_occlusion(flight: Flight, rng: np.random.Generator, size: float = 0.5,
         poses[rows, :3] = poses[before, :3] + share * (poses[after, :3] - poses[before, :3])
         poses[rows, 3:] = so3.interpolate(ends, poses[[before, after], 3:], s.time_s[rows])
     span = float(s.time_s[before]), float(s.time_s[after])
-    return _with_poses(flight, poses), truth("mocap_occlusion", "mocap", POSE, span, span[1] - span[0], "s", f"poses: {how}")
+    fault = truth("mocap_occlusion", "mocap", POSE, span, span[1] - span[0], "s", f"poses: {how}")
+    return _with_poses(flight, poses), fault
 
 
 def mocap_jump(flight: Flight, rng: np.random.Generator, size: float = 0.1, *, at_s: float | None = None
@@ -73,5 +74,5 @@ def quaternion_order(flight: Flight, rng: np.random.Generator, size: float | Non
     values = s.values.copy()
     values[:, columns] = values[:, [columns[3], *columns[:3]]]
     return (flight.with_streams(**{name: with_values(s, values)}),
-            truth("quaternion_order", name, [s.columns[i] for i in columns], (s.span.start_s, s.span.end_s), float("nan"),
-                  "", "scalar first"))
+            truth("quaternion_order", name, [s.columns[i] for i in columns], (s.span.start_s, s.span.end_s),
+                  float("nan"), "", "scalar first"))

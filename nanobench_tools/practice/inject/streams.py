@@ -22,12 +22,15 @@ def dead_stream(flight: Flight, rng: np.random.Generator, size: float = 10.0, *,
     for name in several(flight, stream):
         s = flight[name]
         i = max(int(np.searchsorted(s.time_s, at, side="right")) - 1, 1)
-        slope = (s.values[i] - s.values[i - 1]) / (s.time_s[i] - s.time_s[i - 1]) if how == "extrapolate" else 0.0
+        slope = (s.values[i] - s.values[i - 1]) / (s.time_s[i] - s.time_s[i - 1])
+        if how == "hold":
+            slope = 0.0 * slope
         values = s.values.copy()
-        values[i + 1:] = s.values[i] + np.multiply.outer(s.time_s[i + 1:] - s.time_s[i], slope * np.ones(s.values.shape[1]))
+        values[i + 1:] = s.values[i] + np.multiply.outer(s.time_s[i + 1:] - s.time_s[i], slope)
         start = float(s.time_s[i])
         flight = flight.with_streams(**{name: with_values(s, values)})
-    return flight, truth("dead_stream", stream, (), (start, end), end - start, "s", f"log ended at {start:.2f} s, {how}")
+    what = f"log ended at {start:.2f} s, {how}"
+    return flight, truth("dead_stream", stream, (), (start, end), end - start, "s", what)
 
 
 def frozen_stream(flight: Flight, rng: np.random.Generator, size: float = 1.0, *, stream: str | None = None,
@@ -46,7 +49,7 @@ def frozen_stream(flight: Flight, rng: np.random.Generator, size: float = 1.0, *
 
 def gap(flight: Flight, rng: np.random.Generator, size: float = 0.5, *, stream: str | None = None,
         at_s: float | None = None) -> tuple[Flight, Fault]:
-    """No packets for ``size`` s: a straight line between the neighbours; for ``mocap`` the rows of all streams vanish."""
+    """No packets for ``size`` s: a straight line between the neighbours; for ``mocap`` the rows of all streams go."""
     name = choose(rng, stream, ("mocap", *FIRMWARE[:-1]), flight)
     at = choose_time(flight, rng, at_s, size)
     s = flight[name]
@@ -82,7 +85,8 @@ def spike(flight: Flight, rng: np.random.Generator, size: float = 1.0, *, stream
     values[i, s.index(column)] += amount
     at = float(s.time_s[i])
     return (flight.with_streams(**{name: with_values(s, values)}),
-            truth("spike", name, (s.columns[s.index(column)],), (at, at), abs(amount), s.unit[s.index(column)], "one row off"))
+            truth("spike", name, (s.columns[s.index(column)],), (at, at), abs(amount), s.unit[s.index(column)],
+                  "one row off"))
 
 
 def saturated_sensor(flight: Flight, rng: np.random.Generator, size: float = 0.5, *, stream: str = "imu",
@@ -174,4 +178,5 @@ def missing_column(flight: Flight, rng: np.random.Generator, size: float | None 
     left = type(s)(s.time_s, s.values[:, keep], tuple(s.columns[i] for i in keep), tuple(s.quantities[i] for i in keep),
                    tuple(s.unit[i] for i in keep), s.frame, s.rate_hz, s.samples, s.valid)
     return (flight.with_streams(**{name: left}),
-            truth("missing_column", name, (s.columns[gone],), (s.span.start_s, s.span.end_s), 1.0, "columns", "left out"))
+            truth("missing_column", name, (s.columns[gone],), (s.span.start_s, s.span.end_s), 1.0, "columns",
+                  "left out"))

@@ -22,13 +22,16 @@ def never_flew(flight: Flight, rng: np.random.Generator, size: float | None = No
     running = np.flatnonzero((motor.values > 0.0).any(axis=1))
     end = float(motor.time_s[running[0]] - 0.05) if len(running) else flight.span.end_s
     cut = flight.with_streams(**{name: s.rows(s.time_s < end) for name, s in flight.streams.items()})
-    return cut, truth("never_flew", "", (), (cut.span.start_s, cut.span.end_s), float("nan"), "", "cut before motor start")
+    span = cut.span.start_s, cut.span.end_s
+    return cut, truth("never_flew", "", (), span, float("nan"), "", "cut before motor start")
 
 
 def copy(flight: Flight, rng: np.random.Generator, size: float | None = None) -> tuple[Flight, Fault]:
     """The same numbers under another name and another sheet; ``size`` is not used."""
-    twin = replace(flight, name=f"{flight.name}_again", provenance=replace(flight.provenance, path=f"again/{flight.name}"))
-    return twin, truth("copy", "", (), (flight.span.start_s, flight.span.end_s), float("nan"), "", "same recording again")
+    provenance = replace(flight.provenance, path=f"again/{flight.provenance.path}")
+    twin = replace(flight, name=f"{flight.name}_again", provenance=provenance)
+    span = flight.span.start_s, flight.span.end_s
+    return twin, truth("copy", "", (), span, float("nan"), "", "same recording again")
 
 
 def estimator_reset(flight: Flight, rng: np.random.Generator, size: float = 0.5, *, at_s: float | None = None,
@@ -47,11 +50,12 @@ def estimator_reset(flight: Flight, rng: np.random.Generator, size: float = 0.5,
                   "position jumped"))
 
 
-def crash(flight: Flight, rng: np.random.Generator, size: float = 1.0, *, at_s: float | None = None) -> tuple[Flight, Fault]:
+def crash(flight: Flight, rng: np.random.Generator, size: float = 1.0, *,
+          at_s: float | None = None) -> tuple[Flight, Fault]:
     """Motors stop in the air: free fall, a blow, and the vehicle lies on its side to the end.
 
     size: speed of the blow seen by the accelerometer, as a share of the true speed over IMPACT_S. Kinematics only;
-    positions, attitude, estimate, IMU, motors and battery follow, setpoints go to zero.
+    positions, attitude, estimate, IMU and motors follow, setpoints go to zero; battery and pid are left as they were.
     """
     mocap = flight["mocap"]
     start = int(np.searchsorted(mocap.time_s, choose_time(flight, rng, at_s, 5.0)))
