@@ -16,6 +16,21 @@ MAXIMUM_GAP_S = 0.1
 """Truth is not interpolated over longer holes: at 1 m/s and 10 m/s^2 a line over 0.1 s is off by up to 12 mm."""
 
 
+SAME_STAMP_S = 1e-6
+"""Unix times as floats are good to 2.4e-7 s, and text formats keep 6 or more decimals."""
+
+
+def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
+    """``time_s`` (n,) with stamps within SAME_STAMP_S of a truth row set to that row's stamp exactly.
+
+    Stamps that went through Unix time and text otherwise miss the first and last row by rounding.
+    """
+    at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
+    after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    near = np.where(at - t[after - 1] < t[after] - at, t[after - 1], t[after])
+    return np.where(np.abs(near - at) <= SAME_STAMP_S, near, at)
+
+
 @dataclass(frozen=True)
 class Association:
     """Truth at the kept stamps: kept (n,) bool over the estimate's rows; position_m (k, 3) m; quaternion (k, 4);

@@ -21,10 +21,14 @@ def summaries(scores: Iterable[Mapping[str, float | None]], seed: int = 0) -> di
 
 
 def group_order(groups: Sequence[str]) -> list[str]:
-    """Each group once: ``all`` first, then speeds, families, and pairs, as they come."""
-    return sorted(dict.fromkeys(groups), key=lambda g: (g != "all", g not in ("slow", "medium", "fast"), "/" in g,
-                                                        ("slow", "medium", "fast").index(g) if g in
-                                                        ("slow", "medium", "fast") else 0, g))
+    """Each group once: ``all``, the speeds from slow to fast, the families, and pairs of both."""
+    first = ("all", "slow", "medium", "fast")
+
+    def rank(group: str) -> tuple[int, bool, str]:
+        known = group.lower() in first
+        return first.index(group.lower()) if known else len(first), "/" in group, group
+
+    return sorted(dict.fromkeys(groups), key=rank)
 
 
 def _number(value: float | None) -> float:

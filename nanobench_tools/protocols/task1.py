@@ -20,6 +20,7 @@ from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_err
 from ..metrics.statistics import bootstrap_ratio
 from .describe import family_of, speed_of
 from .phases import flown_spans, is_cut
+from .published import beside
 from .selection import distinct
 from .windows import HORIZON, TRUTHS, cut_windows
 
@@ -132,8 +133,8 @@ def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
 
 def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapping[str, Any]]],
              seed: int = 0) -> list[dict[str, Any]]:
-    """Rows {model, information, truth, group, n_windows, n_flights, metrics, intervals}; ``metrics`` {name: {"1", "10",
-    "50", "sum"}}, ``intervals`` the same with [lo, hi] over flights (None for one flight)."""
+    """Rows {model, information, truth, group, n_windows, n_flights, metrics, ci95}; ``metrics`` {name: {"1", "10",
+    "50", "sum"}}, ``ci95`` the same with [lo, hi] over flights (None for one flight)."""
     rows = []
     scored = [(case, value) for case, value in scored if value["windows"]]
     for group in dict.fromkeys(g for rank in range(3) for case, _ in scored for g in case.groups[rank:rank + 1]):
@@ -148,9 +149,12 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapp
             keys = {**{str(h): h - 1 for h in HORIZONS}, "sum": HORIZON}
             intervals[name] = {key: None if ends is None else [float(ends[0][i]), float(ends[1][i])]
                                for key, i in keys.items()}
-        rows.append({"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
-                     "n_windows": int(counts.sum()), "n_flights": len(members), "metrics": metrics,
-                     "intervals": intervals})
+        row = {"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
+               "n_windows": int(counts.sum()), "n_flights": len(members), "metrics": metrics,
+               "ci95": intervals}
+        if (truth, group) == ("onboard", "all"):
+            row = beside(row, "task1", "models", predictor.name)
+        rows.append(row)
     return rows
 
 

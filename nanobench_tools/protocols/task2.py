@@ -22,6 +22,7 @@ from ..metrics import tracking
 from ..metrics.trajectory import rms
 from .describe import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
+from .published import beside
 from .selection import distinct
 from .tables import summaries
 from .task3 import LOG_KINDS
@@ -163,10 +164,11 @@ def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0) ->
         if not kept:
             continue
         found = summaries([value["metrics"] for _, value in kept], seed)
-        rows.append({"plant": "real", "protocol": protocol, "controller": controller, "reference": reference,
-                     "speed": speed, "speed_m_s": _speed(kept), "information": "as flown", "n": len(kept),
-                     "flights": [case.flight.name for case, _ in kept], "dropped": dropped,
-                     "metrics": {name: value["mean"] for name, value in found.items()}, "statistics": found})
+        row = {"plant": "real", "protocol": protocol, "controller": controller, "reference": reference,
+               "speed": speed, "speed_m_s": _speed(kept), "information": "as flown", "n": len(kept),
+               "flights": [case.flight.name for case, _ in kept], "dropped": dropped,
+               "metrics": {name: value["mean"] for name, value in found.items()}, "statistics": found}
+        rows.append(beside(row, "task2", "controllers", controller) if protocol == "as-published" else row)
     return rows
 
 

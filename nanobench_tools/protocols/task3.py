@@ -19,10 +19,11 @@ from ..errors import InputError, UsageError
 from ..flight import Flight, Span, intersect_spans, make_stream
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
-from ..metrics.association import associate
+from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
 from .describe import family_of, speed_of
 from .phases import MOTOR_ON, flown_spans, is_cut
+from .published import beside
 from .scoring3 import attitude_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .tables import group_order, groups_of, summaries
@@ -173,8 +174,9 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     logged = getattr(method, "logged_euler", None)
     flight = case.flight if logged is not None else given_to(case)
     estimate = checked(method.estimate(flight), method.name, place)
-    rows = inside(case.spans, estimate.time_s)
     mocap = case.flight["mocap"]
+    estimate = replace(estimate, time_s=snap(estimate.time_s, mocap.time_s))
+    rows = inside(case.spans, estimate.time_s)
     truth = associate(estimate.time_s[rows], mocap.time_s, mocap["px", "py", "pz"],
                       mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
     rows = np.flatnonzero(rows)[truth.kept]
@@ -213,9 +215,11 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapp
     for group in group_order([g for case, _ in scored for g in case.groups]):
         members = [(case, value) for case, value in scored if group in case.groups]
         notes = dict.fromkeys(case.note for case, _ in members if case.note)
-        rows.append({"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
-                     "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-                     "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", GIVEN), *notes]),
-                     "dropped_stamps": sum(value["dropped"] for _, value in members),
-                     "metrics": summaries([value["metrics"] for _, value in members], seed)})
+        row = {"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
+               "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
+               "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", GIVEN), *notes]),
+               "dropped_stamps": sum(value["dropped"] for _, value in members),
+               "metrics": summaries([value["metrics"] for _, value in members], seed)}
+        as_was = protocol == "as-published" and known and not notes
+        rows.append(beside(row, "task3", "groups", group) if as_was else row)
     return rows

@@ -1,0 +1,149 @@
+"""``nanobench estimate``: scores of state estimators (Task 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import InputError
+from .methods import load_methods
+from .options import PATH, Options, shared_options
+from .show import data_word, score_table
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+    from ..protocols.task3 import Case
+
+LOGGED = ("onboard_ekf",)
+FLOORS = ("hold_position", "constant_velocity")
+DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS}
+"""Scored when nothing else is asked for."""
+
+COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
+           ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
+
+
+@click.command()
+@shared_options()
+@click.option("--protocol", "protocols", multiple=True, metavar="NAME",
+              help="as-published, as-published-corrected or clean; may repeat. Default: all.")
+@click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
+              help="Estimator to score instead of the default ones; may repeat.")
+@click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
+              help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
+def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...]) -> int:
+    """Task 3: where was it? Scores of state estimators against motion capture.
+
+    as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
+    clean every distinct flight. --out DIR holds trajectories/<method>/<flight>.tum and trajectories/truth.
+    """
+    from ..protocols.task3 import check_protocol
+
+    for name in protocols:
+        check_protocol(name)
+    scored = load_methods("estimators", methods) if methods else None
+    files = trajectory_files(folders)
+    flights = options.load()
+    audits, _ = options.audit(flights)
+    if folders:
+        scored, protocols = scored or [], protocols or ("clean",)
+    body = estimate_body(options, flights, audits, protocols, scored, files)
+    return options.finish("estimate", body)
+
+
+def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
+    """{method: {name of the flight: file}}; InputError for a folder without .tum files."""
+    found: dict[str, dict[str, Path]] = {}
+    for folder in folders:
+        files = {path.stem: path for path in sorted(folder.glob("*.tum"))} if folder.is_dir() else {}
+        if not files:
+            raise InputError(f"--trajectory-dir {folder}", "holds no .tum file" if folder.is_dir() else "is no folder")
+        found[folder.absolute().name] = files
+    return found
+
+
+def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
+                  protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
+                  files: Mapping[str, Mapping[str, Path]] | None = None) -> dict[str, Any]:
+    """The keys of estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
+
+    Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
+    """
+    from ..protocols import task3
+
+    rows: list[dict[str, Any]] = []
+    wanted = dict.fromkeys(protocols or task3.PROTOCOLS)
+    written = "clean" if "clean" in wanted else next(reversed(wanted))
+    reasons = []
+    for protocol in wanted:
+        try:
+            cases = task3.select(flights, audits, protocol)
+        except InputError as error:
+            if protocols:
+                raise
+            reasons.append(error)
+            options.say(f"protocol {protocol} left out: {error}")
+            continue
+        chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
+        work = [(method, case) for method in chosen for case in cases]
+        work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
+        rows += _score(options, protocol, work, options.out if protocol == written else None)
+    if reasons and len(reasons) == len(wanted):
+        raise reasons[0]
+    return {"rows": rows}
+
+
+def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
+    """The cases that have a file; InputError when none has."""
+    from estimators.trajectory_file import TrajectoryFile
+
+    found = [(TrajectoryFile(files[case.flight.name]), case) for case in cases if case.flight.name in files]
+    if not found:
+        raise InputError(f"--trajectory-dir {next(iter(files.values())).parent}",
+                         f"no file is called after one of the {len(cases)} flights",
+                         f"for example {cases[0].flight.name}.tum")
+    return found
+
+
+def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None) -> list[dict[str, Any]]:
+    """Runs method x flight, writes the trajectories, gives and shows the rows of one protocol."""
+    from ..harness import make_item
+    from ..protocols import task3
+    from ..protocols.trajectories import score_and_write, write_missing, write_truths
+
+    folder = None if out is None else out / "trajectories"
+    items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder},
+                       f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
+             for method, case in work]
+    values = options.run(items, protocol).values
+    done = [(method, case, values[item.key]) for (method, case), item in zip(work, items, strict=True)
+            if item.key in values]
+    if folder is not None:
+        write_missing(done, protocol, folder)
+        write_truths([case for _, case, _ in done], [method.name for method, _, _ in done], folder)
+    rows = []
+    for name in dict.fromkeys(method.name for method, _, _ in done):
+        mine = [(method, case, value) for method, case, value in done if method.name == name]
+        rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed)
+    _show(options, protocol, rows)
+    return rows
+
+
+def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """The groups of the published table, or all and the speeds; families are in the files."""
+    lines = []
+    for row in rows:
+        if row["group"] not in ("all", "slow", "medium", "fast", "Slow", "Medium", "Fast"):
+            continue
+        head = [row["group"], row["method"], str(row["n"])]
+        lines.append((head, row["metrics"]))
+        if published := row.get("published"):
+            lines.append(([row["group"], "(published)", str(row["published_n"])], published))
+    title = f"Task 3, {protocol}: {data_word(options)} data, mean ± SD over n flights, 95 % interval of the mean ATE"
+    options.show(score_table(title, ("group", "method", "n"), COLUMNS, lines))
+    for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
+        options.show(given)

@@ -1,0 +1,55 @@
+"""Tables of scores for a person at a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from .options import Options
+
+
+def data_word(options: Options) -> str:
+    """``real`` or ``SYNTHETIC``: what every table says about its data."""
+    return "SYNTHETIC" if options.synthetic else "real"
+
+
+def score_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
+    """``mean ± std`` of a summary, in units of 1/factor; ``-`` where the metric is not defined."""
+    if not found or found.get("mean") is None:
+        return "-"
+    text = f"{factor * found['mean']:.{digits}f}"
+    return text if found.get("std") is None else f"{text} ± {factor * found['std']:.{digits}f}"
+
+
+def interval_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
+    """``lo .. hi`` of a summary; ``-`` for one flight."""
+    if not found or not found.get("ci95"):
+        return "-"
+    return " .. ".join(f"{factor * edge:.{digits}f}" for edge in found["ci95"])
+
+
+def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, str, float, int]],
+                lines: Sequence[tuple[Sequence[str], Mapping[str, Any]]]) -> Table:
+    """A table with ``heads`` and one column per (metric, heading, factor, digits); ``lines`` are (heads, metrics).
+
+    The first metric also gets a column with its interval.
+    """
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    for i, (_, heading, _, _) in enumerate(columns):
+        table.add_column(heading, justify="right", no_wrap=True)
+        if i == 0:
+            table.add_column("95 %", justify="right", no_wrap=True)
+    name, _, factor, digits = columns[0]
+    for texts, metrics in lines:
+        cells = [score_text(metrics.get(n), f, d) for n, _, f, d in columns]
+        table.add_row(*map(escape, texts), cells[0], interval_text(metrics.get(name), factor, digits), *cells[1:])
+    return table
