@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..flight import Flight, Provenance
+from ..methods import Controller
 from ..sources.nanobench import write_nanobench
 from .flying import Flown, flight_rngs, fly
 from .logging_chain import LoggingChain, record
@@ -20,6 +21,7 @@ EPOCH_S = 1_700_000_000.0
 SECONDS_APART = 120.0
 SEED_SECONDS = 10_000_000.0
 """Flights of different seeds lie on different days, so that no two sheets claim the same time."""
+SPEEDS = ("slow", "medium", "fast")
 BATCH = 200
 """Vehicles flown at once: keeps memory of a run near 1 GB."""
 MELLINGER_SHARE = 23 / 79
@@ -27,44 +29,48 @@ MELLINGER_SHARE = 23 / 79
 
 
 def practice_flight(seed: int, family: str = "circle", speed: str = "medium", *, speed_m_s: float | None = None,
-                    controller: str = "pid", chain: LoggingChain | None = None, spread: float = 1.0, index: int = 0,
-                    **params: Any) -> Flight:
+                    controller: str | Controller = "pid", chain: LoggingChain | None = None, spread: float = 1.0,
+                    index: int = 0, **params: Any) -> Flight:
     """One practice flight; ``params`` are those of the family's sheet (radius_m, duration_s ...).
 
-    The same arguments give bit-identical flights. Raises UsageError for unknown names.
+    ``controller`` is ``pid``, ``mellinger`` or any object behind the Controller Protocol. The same arguments give
+    bit-identical flights. Raises UsageError for unknown names.
     """
     spec = path_spec(family, speed, speed_m_s=speed_m_s, **params)
-    return _fly_all([(index, spec, controller)], seed, chain or LoggingChain(), spread)[0]
+    name = controller if isinstance(controller, str) else controller.name
+    own = None if isinstance(controller, str) else controller
+    return _fly_all([(index, spec, name)], seed, chain or LoggingChain(), spread, own)[0]
 
 
 def practice_flights(n: int, seed: int = 0, *, families: Sequence[str] | None = None, chain: LoggingChain | None = None,
-                     controllers: Sequence[str] = ("pid", "mellinger"), duration_s: float | None = None,
-                     spread: float = 1.0, progress: Callable[[int, int], None] | None = None) -> list[Flight]:
+                     controllers: Sequence[str] = ("pid", "mellinger"), controller: Controller | None = None,
+                     speeds: Sequence[str] = SPEEDS, duration_s: float | None = None, spread: float = 1.0,
+                     progress: Callable[[int, int], None] | None = None) -> list[Flight]:
     """n practice flights: all families and speeds in turn, about a third behind the Mellinger controller.
 
-    Flight i depends on ``seed`` and i alone. ``duration_s`` shortens every path. ``progress(done, n)`` is called
-    after every batch.
+    Flight i depends on ``seed`` and i alone. A ``controller`` object flies all of them instead. ``duration_s`` shortens
+    every path. ``progress(done, n)`` is called after every batch.
     """
     families = tuple(families or FAMILIES)
     plan = []
     for i in range(n):
         rng = np.random.default_rng([seed, i, 77])
         family = families[i % len(families)]
-        speed = ("slow", "medium", "fast")[(i // len(families)) % 3]
+        speed = speeds[(i // len(families)) % len(speeds)]
         which = controllers[0] if len(controllers) == 1 or rng.uniform() > MELLINGER_SHARE else controllers[1]
         params = {} if duration_s is None else {"duration_s": duration_s}
-        plan.append((i, path_spec(family, speed, **params), which))
-    return _fly_all(plan, seed, chain or LoggingChain(), spread, progress)
+        plan.append((i, path_spec(family, speed, **params), which if controller is None else controller.name))
+    return _fly_all(plan, seed, chain or LoggingChain(), spread, controller, progress)
 
 
 def _fly_all(plan: list[tuple[int, PathSpec, str]], seed: int, chain: LoggingChain, spread: float,
-             progress: Callable[[int, int], None] | None = None) -> list[Flight]:
+             controller: Controller | None = None, progress: Callable[[int, int], None] | None = None) -> list[Flight]:
     """Plan of (number, path, controller) -> flights in its order. Long and short paths fly in batches of their own."""
     flights: dict[int, Flight] = {}
     order = sorted(plan, key=lambda p: (-p[1].duration_s, p[0]))
     for start in range(0, len(order), BATCH):
         numbers, specs, names = zip(*order[start:start + BATCH], strict=True)
-        flown = fly(OnboardFleet(names), specs, seed=seed, indices=numbers, spread=spread)
+        flown = fly(controller or OnboardFleet(names), specs, seed=seed, indices=numbers, spread=spread)
         for row, (i, spec, name) in enumerate(zip(numbers, specs, names, strict=True)):
             flights[i] = _recording(flown, row, i, spec, name, seed, chain)
         if progress:

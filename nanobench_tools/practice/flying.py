@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
-from ..errors import UsageError
-from ..methods import Controller, VehicleState
+from ..errors import NanobenchError, UsageError
+from ..methods import Controller, Reference, VehicleState
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
 from .plant import POSITION, QUATERNION, RATE, VELOCITY, Plant
@@ -108,7 +108,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
             gyro = _gyro(plant, noise[sub])
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, gyro, plant.battery_V + battery_noise[tick])
-                command = _checked(controller, controller.command(TICK_S * tick + STEP_S * sub, state, given), n)
+                command = _command(controller, TICK_S * tick + STEP_S * sub, state, given)
             plant.apply(np.where(armed[:, None], command, 0.0))
             if sub == 0:
                 recorder.truth(tick, plant)
@@ -125,9 +125,16 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     return Flown(TICK_S * np.arange(ticks), recorder.kept, recorder.messages, timeline, vehicles, controller.name)
 
 
-def _checked(controller: Controller, command: np.ndarray, n: int) -> np.ndarray:
+def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
     """The command as (n, 4) floats; a vehicle whose command is not a number gets none."""
-    command = np.asarray(command, float)
+    n = len(state.position_m)
+    try:
+        command = np.asarray(controller.command(time_s, state, reference), float)
+    except NanobenchError:
+        raise
+    except Exception as error:  # the controller is anybody's code
+        text = f"controller {controller.name!r} raised {type(error).__name__} at {time_s:.3f} s: {error}"
+        raise UsageError(text) from error
     if command.shape != (n, 4):
         raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
                          f"it must be ({n}, 4)")

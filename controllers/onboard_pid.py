@@ -1,0 +1,14 @@
+"""The vehicle's own PID cascade as a controller row: what flew most of the recordings.
+
+The equations are in ``nanobench_tools.practice.onboard``, where the practice flights use them too.
+"""
+
+from __future__ import annotations
+
+from nanobench_tools.practice.onboard import PidCascade
+
+
+class OnboardPid(PidCascade):
+    """Position setpoints in, motor PWM out, at 500 Hz; reads state and gyro, knows no derivative of the reference."""
+
+    name = "onboard_pid"
