@@ -1,0 +1,110 @@
+"""``nanobench run``: the main job, by the same functions as the verbs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import NanobenchError
+from .audit import audit_body, show_audits
+from .options import Options, shared_options
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+
+OUT = Path("results")
+PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
+"""Practice flights when there are no recordings: every family at three speeds, twice with other vehicles."""
+
+
+@click.command()
+@shared_options()
+@click.option("--practice", is_flag=True, help="Simulate practice flights (SYNTHETIC) even if there are recordings.")
+def run(options: Options, practice: bool) -> int:
+    """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).
+
+    Reads --data, else the recordings in the default places; when there are none it simulates practice flights, and
+    everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was.
+    """
+    options.out = options.out or OUT
+    main_job(options, practice)
+    return options.exit_code()
+
+
+def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, Any]]:
+    """Does it all and gives the content of the result files by name. ``options.out`` has to be set.
+
+    A task for which the recordings do not suffice is listed in ``options.failed``; the others go on.
+    """
+    from ..harness import write_json
+    from ..report import write_report
+    from ..sources.discover import default_data
+    from .control import control_body
+    from .estimate import estimate_body
+    from .sysid import sysid_body
+
+    stages: dict[str, Callable[[Options, list[Flight], dict[str, Audit]], dict[str, Any]]] = {
+        "estimate": estimate_body, "control": control_body, "sysid": sysid_body}
+    steps = len(stages) + 3
+    if practice or not (options.data or default_data()):
+        options.say(f"[1/{steps}] no recordings: practice flights, SYNTHETIC")
+        options.data = (simulate(options),)
+    else:
+        options.say(f"[1/{steps}] recordings")
+    flights = options.load()
+    options.say(f"[2/{steps}] audit")
+    audits, copies = options.audit(flights)
+    show_audits(options, audits, copies, details=False)
+    results: dict[str, dict[str, Any]] = {}
+
+    def keep(name: str, body: dict[str, Any], failed: list[dict[str, str]]) -> None:
+        results[name] = options.envelope(name, body, failed)
+        write_json(options.out / f"{name}.json", results[name])
+
+    keep("audit", audit_body(audits, copies), list(options.failed))
+    audited = [flight for flight in flights if flight.name in audits]
+    for step, (name, body_of) in enumerate(stages.items(), start=3):
+        options.say(f"[{step}/{steps}] {name}")
+        before = len(options.failed)
+        try:
+            body = body_of(options, audited, audits)
+        except NanobenchError as error:
+            options.failed.append({"item": name, "file": getattr(error, "place", ""), "error": str(error)})
+            body = {"rows": []}
+        keep(name, body, options.failed[before:])
+    options.say(f"[{steps}/{steps}] report")
+    page = write_report(options.out, results, flights, audits, options.synthetic)
+    options.say(f"{page}, tables as CSV and LaTeX and all results as JSON in {options.out}")
+    return results
+
+
+def simulate(options: Options) -> Path:
+    """The folder with practice recordings below ``--out``; made once, again when a file is missing or changed."""
+    from ..harness import make_item, run_items
+
+    folder = options.out / "practice"
+    wanted = [{"folder": folder, "n": PRACTICE_FLIGHTS, "seed": options.seed + i} for i in range(PRACTICE_SEEDS)]
+    items = [make_item(practice_item, kwargs, f"practice flights of seed {kwargs['seed']}") for kwargs in wanted]
+    for store in (options.store, None):
+        result = run_items(items, store, options.jobs, None, options.progress, "simulate")
+        files = {name: sha256 for value in result.values.values() for name, sha256 in value["files"].items()}
+        if all(_sha256(folder / name) == sha256 for name, sha256 in files.items()):
+            break
+    options.failed += result.failed
+    return folder
+
+
+def practice_item(folder: Path, n: int, seed: int) -> dict[str, dict[str, str]]:
+    """Writes ``n`` practice flights and gives the content hashes of their files."""
+    from ..practice.flights import write_practice
+
+    return {"files": {path.name: _sha256(path) for path in write_practice(folder, n, seed)}}
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
