@@ -48,12 +48,18 @@ def recordings(options: Options, results: dict) -> list:
 
     from ..sources.discover import default_data
 
-    audited = {entry["sha256"]: entry["flight"] for entry in results.get("audit", {}).get("flights", [])}
+    audited = [(entry["flight"], entry["sha256"]) for entry in results.get("audit", {}).get("flights", [])]
     if not audited or not (options.data or default_data()):
         return []
-    found = {flight.provenance.sha256: flight for flight in options.load()}
-    missing = [name for sha256, name in audited.items() if sha256 not in found]
+    try:
+        found = {flight.provenance.sha256: flight for flight in options.load()}
+    except InputError as error:
+        if options.data:
+            raise
+        options.say(f"no recordings in the default places, so the page has no pictures of them: {error}")
+        return []
+    missing = [name for name, sha256 in audited if sha256 not in found]
     if missing:
         options.say(f"{len(missing)} of {len(audited)} recordings of audit.json were not found, {missing[0]} for one; "
                     "the page has no pictures of them")
-    return [replace(found[sha256], name=name) for sha256, name in audited.items() if sha256 in found]
+    return [replace(found[sha256], name=name) for name, sha256 in audited if sha256 in found]

@@ -12,6 +12,7 @@ from .tables import Cell, Column, Score, Table
 
 PUBLISHED = "as-published"
 SPEEDS = ("slow", "medium", "fast")
+TASK1_GROUPS = ("all", "seen", "unseen")
 CORRECTED = "as-published-corrected"
 PUBLISHED_METRICS = ("ate_rmse_m", "ate_mean_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg")
 ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_geodesic_rmse_deg",
@@ -61,17 +62,24 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     columns = (Column("model", "Model"), Column("information", "Given"), Column("truth", "Truth"),
                Column("group", "Group"), Column("n_windows", "Windows", "count"),
                Column("n_flights", "Flights", "count"), DATA, *scores)
+    groups = [_text(row.get("group")) for row in rows]
+    rank = {group: (_rank(group, TASK1_GROUPS), groups.index(group)) for group in groups}
+    rows = sorted(rows, key=lambda row: (rank[_text(row.get("group"))], _text(row.get("truth")) != "onboard"))
     lines: list[tuple[Cell, ...]] = []
+    main = 0
     for row in rows:
         head = (_text(row.get("model")), _text(row.get("information")), _text(row.get("truth")),
                 _text(row.get("group")), _count(row.get("n_windows")), _count(row.get("n_flights")))
         lines.append((*head, data_label(synthetic), *_horizon_scores(row.get("metrics"), row, horizons)))
         if published := row.get("published"):
             lines.append((f"{head[0]} (published)", head[1], head[2], "published table", None, None, "published",
-                          *_horizon_scores(published, {}, horizons)))
+                          *_horizon_scores(published, {}, horizons, exact=True)))
+        main = len(lines) if head[3] in ("", *TASK1_GROUPS) else main
     note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
+    if main < len(lines):
+        note += " Further groups are in the CSV file."
     return Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
-                 note).without_empty_columns()
+                 note, main).without_empty_columns()
 
 
 def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -79,9 +87,9 @@ def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return sorted(found, key=lambda h: (not h.isdigit(), int(h) if h.isdigit() else 0))
 
 
-def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str]) -> list[Score]:
+def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str], exact: bool = False) -> list[Score]:
     metrics, intervals = metrics or {}, row.get("ci95") or {}
-    return [Score.of((metrics.get(m) or {}).get(h), (intervals.get(m) or {}).get(h), _reason(row, m))
+    return [Score.of((metrics.get(m) or {}).get(h), (intervals.get(m) or {}).get(h), _reason(row, m), exact)
             for m in SYSID_METRICS for h in horizons]
 
 
@@ -118,31 +126,32 @@ def thrust_maps(thrust: Mapping[str, Any], synthetic: bool) -> Table:
 
 def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """Rows of ``control``: real flights in one table, simulated ones (if any) in another."""
-    rows = control.get("rows", [])
+    rows = [{**row, "metrics": row.get("statistics") or row.get("metrics")} for row in control.get("rows", [])]
     scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
     columns = (Column("protocol", "Protocol"), Column("controller", "Controller"), Column("reference", "Reference"),
-               Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("information", "Given"),
-               Column("n", "n", "count"), DATA, *scores)
+               Column("speed", "Speed"), Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2),
+               Column("information", "Given"), Column("n", "n", "count"), DATA, *scores)
     titles = {"real": ("table_task2", "Task 2: tracking of the onboard controllers on logged flights"),
               "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
     tables = []
     for plant, (name, title) in titles.items():
         lines: list[tuple[Cell, ...]] = []
-        for row in rows:
-            if (row.get("plant") or "real") != plant:
-                continue
+        mine = [row for row in rows if (row.get("plant") or "real") == plant]
+        for row in mine:
             protocol = _text(row.get("protocol"))
-            digits = 4 if protocol == PUBLISHED else None
-            head = (_text(row.get("controller")), _text(row.get("reference")),
+            head = (_text(row.get("controller")), _text(row.get("reference")), _text(row.get("speed")),
                     Score.of(row.get("speed_m_s"), reason="no single reference speed"), _text(row.get("information")))
             lines.append((protocol, *head, _count(row.get("n")), data_label(synthetic),
-                          *_scores(row.get("metrics"), row, scores, digits)))
+                          *_scores(row.get("metrics"), row, scores)))
             if published := row.get("published"):
                 lines.append(("published table", *head, _count(row.get("published_n")), "published",
-                              *_scores(published, {}, scores, 4)))
-        tables.append(Table(name, title, columns, tuple(lines),
-                            "Mean ± SD over flights and 95 % interval of the mean.").without_empty_columns())
-    return [_drop_blank(table, "protocol") for table in tables if table.rows]
+                              *_scores(published, {}, scores, exact=True)))
+        dropped = dict.fromkeys(name for row in mine for name in row.get("dropped") or [])
+        note = "Mean ± SD over flights and 95 % interval of the mean."
+        if dropped:
+            note += f" Left out of the published rows, as was published: {', '.join(map(str, dropped))}."
+        tables.append(Table(name, title, columns, tuple(lines), note).without_empty_columns())
+    return [_drop_blank(_drop_blank(table, "protocol"), "speed") for table in tables if table.rows]
 
 
 def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
@@ -150,7 +159,7 @@ def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     gate = control.get("gate") or []
     scores = tuple(_score_column(name) for name in ("rmse_real_m", "rmse_sim_m", "ratio", "lag_diff_s", "path_gap_m"))
     lines = tuple((_text(g.get("flight")), _text(g.get("controller")), data_label(synthetic),
-                   "yes" if g.get("pass") else "no", _text(g.get("reason")), *_scores(g, g, scores, None))
+                   "yes" if g.get("pass") else "no", _text(g.get("reason")), *_scores(g, g, scores))
                   for g in gate)
     columns = (Column("flight", "Flight"), Column("controller", "Controller"), DATA, Column("pass", "Passes"),
                Column("reason", "Reason"), *scores)
@@ -179,19 +188,20 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
                Column("causal", "Causal"), Column("n", "n", "count"), DATA, *scores, Column("given", "Given"))
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
+    main = 0
     for row in sorted(rows, key=lambda row: order[_group(row)]):
         protocol, causal = _text(row.get("protocol")), row.get("causal")
         if published := row.get("published"):
             lines.append((_group(row), "published table", _text(row.get("method")), "",
-                          _count(row.get("published_n")), "published", *_scores(published, {}, scores, 4), ""))
+                          _count(row.get("published_n")), "published", *_scores(published, {}, scores, exact=True), ""))
         lines.append((_group(row), protocol, _text(row.get("method")),
                       "" if causal is None else "yes" if causal else "no", _count(row.get("n")), data_label(synthetic),
-                      *_scores(row.get("metrics"), row, scores, 4 if protocol == PUBLISHED else None),
-                      _text(row.get("given"))))
+                      *_scores(row.get("metrics"), row, scores), _text(row.get("given"))))
+        main = len(lines) if "/" not in _group(row) else main
     note = "Mean ± SD over flights and 95 % interval of the mean."
-    if any(c.aside for c in scores):
-        note += " Further metrics are in the CSV file."
-    return Table(name, title, columns, tuple(lines), note).without_empty_columns()
+    if any(c.aside for c in scores) or main < len(lines):
+        note += " Further metrics and groups are in the CSV file."
+    return Table(name, title, columns, tuple(lines), note, main).without_empty_columns()
 
 
 def _group(row: Mapping[str, Any]) -> str:
@@ -202,8 +212,12 @@ def _group(row: Mapping[str, Any]) -> str:
 
 def _group_rank(group: str) -> tuple[int, str]:
     """``all``, the speeds, the families, then speed and family together."""
-    order = ("all", *SPEEDS)
-    return (order.index(group), "") if group in order else (len(order) + group.count("/"), group)
+    first = ("all", *SPEEDS)
+    return (_rank(group, first), "") if group in first else (len(first) + group.count("/"), group)
+
+
+def _rank(name: str, order: Sequence[str]) -> int:
+    return order.index(name) if name in order else len(order)
 
 
 def audit_flights(audit: Mapping[str, Any], synthetic: bool) -> Table:
@@ -245,9 +259,9 @@ def _metrics(rows: Sequence[Mapping[str, Any]], order: Sequence[str]) -> list[st
     return [name for name in order if name in found] + [name for name in found if name not in order]
 
 
-def _scores(metrics: Any, row: Mapping[str, Any], columns: Sequence[Column], digits: int | None) -> list[Score]:
+def _scores(metrics: Any, row: Mapping[str, Any], columns: Sequence[Column], exact: bool = False) -> list[Score]:
     metrics, intervals = metrics or {}, row.get("ci95") or {}
-    return [Score.of(metrics.get(c.key), intervals.get(c.key), _reason(row, c.key), digits) for c in columns]
+    return [Score.of(metrics.get(c.key), intervals.get(c.key), _reason(row, c.key), exact) for c in columns]
 
 
 def _reason(row: Mapping[str, Any], metric: str) -> str:

@@ -16,7 +16,8 @@ NOT_GIVEN = "the results hold no value: the metric does not apply to this row or
 
 @dataclass(frozen=True)
 class Score:
-    """A number with its spread, in SI. ``decimals`` overrides the column's; ``reason`` says why ``mean`` is None."""
+    """A number with its spread, in SI. ``reason`` says why ``mean`` is None; ``exact``: it was published with the
+    column's decimals and gets no further ones."""
 
     mean: float | None
     std: float | None = None
@@ -25,10 +26,10 @@ class Score:
     low: float | None = None
     high: float | None = None
     reason: str = NOT_GIVEN
-    decimals: int | None = None
+    exact: bool = False
 
     @classmethod
-    def of(cls, found: Any, ci95: Any = None, reason: str = NOT_GIVEN, decimals: int | None = None) -> Score:
+    def of(cls, found: Any, ci95: Any = None, reason: str = NOT_GIVEN, exact: bool = False) -> Score:
         """From a plain number, or ``{mean | value, std, median, p90, ci95: [lo, hi]}``, or nothing."""
         body = found if isinstance(found, Mapping) else {"mean": found}
         interval = body.get("ci95", ci95) or (None, None)
@@ -36,7 +37,7 @@ class Score:
         if mean is None:
             mean = number(body.get("median"))
         return cls(mean, number(body.get("std")), number(body.get("median")), number(body.get("p90")),
-                   number(interval[0]), number(interval[1]), str(body.get("reason") or reason), decimals)
+                   number(interval[0]), number(interval[1]), str(body.get("reason") or reason), exact)
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,15 @@ Cell = str | int | None | Score
 
 @dataclass(frozen=True)
 class Table:
-    """``name`` is the stem of its files, ``title`` its caption; a row has one cell per column."""
+    """``name`` is the stem of its files, ``title`` its caption; a row has one cell per column. Rows after the first
+    ``main`` are in the CSV file only; None means all are main."""
 
     name: str
     title: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
+    main: int | None = None
 
     def without_empty_columns(self) -> Table:
         """The same table less the score columns in which no row has a number."""
@@ -76,8 +79,9 @@ class Table:
                            any(isinstance(row[i], Score) and row[i].mean is not None for row in self.rows)])
 
     def for_readers(self) -> Table:
-        """The same table less the columns that stand aside."""
-        return self._keep([i for i, column in enumerate(self.columns) if not column.aside])
+        """The same table less the rows and columns that stand aside."""
+        short = replace(self, rows=self.rows[:self.main], main=None)
+        return short._keep([i for i, column in enumerate(self.columns) if not column.aside])
 
     def without_column(self, key: str) -> Table:
         return self._keep([i for i, column in enumerate(self.columns) if column.key != key])
@@ -91,9 +95,7 @@ def score_text(cell: Score, column: Column) -> tuple[str, str]:
     """What is printed: (``mean ± std``, ``[low, high]``), the second empty without an interval."""
     if cell.mean is None:
         return DASH, ""
-    exact = cell.decimals is not None
-    decimals = column.decimals if cell.decimals is None else cell.decimals
-    text = " ± ".join(format_number(value * column.factor, decimals, exact)
+    text = " ± ".join(format_number(value * column.factor, column.decimals, cell.exact)
                       for value in (cell.mean, cell.std) if value is not None)
     if cell.low is None or cell.high is None:
         return text, ""

@@ -101,16 +101,16 @@ def task2(results: Results) -> Words:
     if rows:
         lines.append("How far the vehicle was from the setpoint it was sent, on logged flights of the onboard "
                      "controllers.")
-    pairs = _pairs(rows, lambda r: (r.get("controller"), r.get("reference"), number(r.get("speed_m_s"))))
+    pairs = _pairs_by_flights(rows)
     if pairs:
         lines.append("The published rows count take-off, landing and the wait on the ground as tracking, go on after "
                      "a log has ended, and subtract headings in different units (degrees taken as radians); the "
                      "corrected rows hold the streamed trajectory only, in one unit.")
     points = []
-    for (controller, *_), before, after in pairs:
+    for before, after in pairs:
         parts = [_change(metric, before, after)
                  for metric in ("rmse_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent")]
-        points.append(f"{controller}: " + "; ".join(filter(None, parts)) + ".")
+        points.append(f"{_named(before.get('controller'))}: " + "; ".join(filter(None, parts)) + ".")
     if points:
         lines.append(points)
     gate = control.get("gate") or []
@@ -130,7 +130,7 @@ def task3(results: Results) -> Words:
     lines: Words = ["How far an estimate of the vehicle's position, velocity and attitude was from the motion capture."]
     flights = {f.get("flight"): f for f in (results.get("audit") or {}).get("flights") or []}
     points = []
-    for (_, group), before, after in _pairs(rows, lambda r: (r.get("method"), str(r.get("group")).lower())):
+    for (_, group), before, after in _pairs(rows):
         parts = [_change(metric, before, after) for metric in ("ate_rmse_m", "attitude_rmse_deg")]
         text = f"{group.capitalize()}: " + "; ".join(filter(None, parts))
         names = [n for n in before.get("flights") or [] if n in flights]
@@ -151,16 +151,35 @@ def task3(results: Results) -> Words:
     return lines
 
 
-def _pairs(rows: Sequence[Mapping[str, Any]], key) -> list[tuple[tuple, Mapping[str, Any], Mapping[str, Any]]]:
-    """(key, as-published row, corrected row) wherever there are both; ``clean`` where nothing nearer corrects it."""
-    published = {key(r): r for r in rows if r.get("protocol") == PUBLISHED}
+def _pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[tuple, Mapping[str, Any], Mapping[str, Any]]]:
+    """((method, group), as-published row, corrected row); ``clean`` where nothing nearer corrects it."""
     protocols = {r.get("protocol") for r in rows}
-    corrected = {key(r): r for r in rows if r.get("protocol") == (CORRECTED if CORRECTED in protocols else "clean")}
+    mended = CORRECTED if CORRECTED in protocols else "clean"
+    published, corrected = ({(r.get("method"), str(r.get("group")).lower()): r for r in rows
+                             if r.get("protocol") == protocol} for protocol in (PUBLISHED, mended))
     return [(k, published[k], corrected[k]) for k in published if k in corrected]
 
 
+def _named(controller: Any) -> str:
+    """The controllers' names as people write them."""
+    return {"pid": "PID", "mellinger": "Mellinger"}.get(str(controller), str(controller))
+
+
+def _pairs_by_flights(rows: Sequence[Mapping[str, Any]]) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """(as-published row, corrected row of the same controller with most of its flights)."""
+    found = []
+    for before in (r for r in rows if r.get("protocol") == PUBLISHED):
+        flights = set(before.get("flights") or [])
+        others = [r for r in rows if r.get("protocol") != PUBLISHED and r.get("controller") == before.get("controller")]
+        shared = [(len(flights & set(r.get("flights") or [])), r) for r in others]
+        n, after = max(shared, key=lambda pair: pair[0], default=(0, None))
+        if n:
+            found.append((before, after))
+    return found
+
+
 def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
-    a, b = (_mean((row.get("metrics") or {}).get(metric)) for row in (before, after))
+    a, b = (_mean((row.get("statistics") or row.get("metrics") or {}).get(metric)) for row in (before, after))
     if a is None or b is None:
         return ""
     name = shown(metric).title
@@ -172,7 +191,7 @@ def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) ->
 def _compared(theirs: float, ours: float) -> str:
     """In words, two numbers of which neither need be wrong."""
     ratio = theirs / ours if ours else float("inf")
-    return "alike" if abs(ratio - 1) <= ALIKE else f"theirs is {format_number(ratio, 2)} of ours"
+    return "alike" if abs(ratio - 1) <= ALIKE else f"the published one is {format_number(ratio, 2)} of ours"
 
 
 def _times(before: float, after: float) -> str:

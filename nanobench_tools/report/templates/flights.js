@@ -17,7 +17,7 @@ nanobench.flight = (() => {
   }
 
   function space(data, series) {
-    return c => {
+    return (c, width) => {
       if (data.paths.absent) return { absent: data.paths.absent };
       if (!webgl()) return { absent: "This browser has no WebGL for a view in space; the flat views hold the same path." };
       const scene = title => ({ title: { text: title, font: { size: 12 } }, gridcolor: c.line, zerolinecolor: c.grey, color: c.soft,
@@ -28,7 +28,7 @@ nanobench.flight = (() => {
           hovertemplate: `${s.name}<br>x %{x:.3f} m<br>y %{y:.3f} m<br>z %{z:.3f} m<extra></extra>` })),
         layout: layout(c, { margin: { l: 0, r: 0, t: 0, b: 0 }, dragmode: "turntable", uirevision: "space",
           scene: { aspectmode: "data", xaxis: scene("x [m]"), yaxis: scene("y [m]"), zaxis: scene("z [m]"),
-            camera: { eye: { x: 1.1, y: -1.1, z: 0.75 }, center: { x: 0, y: 0, z: -0.1 } } } }) };
+            camera: { eye: width < 500 ? { x: 1.4, y: -1.4, z: 0.95 } : { x: 1.2, y: -1.2, z: 0.8 }, center: { x: 0, y: 0, z: -0.12 } } } }) };
     };
   }
 

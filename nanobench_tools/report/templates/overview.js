@@ -12,14 +12,14 @@ nanobench.overview = (() => {
       const rank = name => Math.max(0, base.indexOf(name.replace(/, published$/, "")));
       const columns = width > 560 ? 2 : 1;
       const rows = Math.ceil(data.panels.length / columns);
-      const height = rows * (columns === 2 ? 270 : 235) + 20;
+      const height = rows * (columns === 2 ? 275 : 240);
       const traces = [];
-      const out = layout(c, { margin: { l: 14, r: 14, t: 10, b: 20 } });
+      const out = layout(c, { margin: { l: 14, r: 14, t: 10, b: 46 } });
       data.panels.forEach((panel, i) => {
         const n = i === 0 ? "" : String(i + 1);
         const [row, column] = [Math.floor(i / columns), i % columns];
-        const gap = { x: columns === 2 ? 0.12 : 0.16, y: 58 / height };
-        const tall = (1 - (rows - 1) * gap.y - 0.08) / rows;
+        const gap = { y: 58 / height };
+        const tall = (1 - (rows - 1) * gap.y) / rows;
         const x0 = columns === 2 ? 0.07 + column * 0.5 : 0.16;
         const top = 1 - row * (tall + gap.y);
         const ticks = [...new Set(panel.lines.flatMap(line => line.x))].sort((a, b) => a - b);

@@ -1,0 +1,113 @@
+"""Tables: the same rows for the page, the spreadsheet and LaTeX."""
+
+import csv
+import doctest
+import io
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nanobench_tools.report import quantities
+from nanobench_tools.report.quantities import DASH, MINUS, format_duration, format_number
+from nanobench_tools.report.rows import tables_of
+from nanobench_tools.report.tables import Column, Score, Table, latex_escape, score_text, to_csv, to_latex, write_tables
+
+METRES = Column("error_m", "Error", "score", "mm", 1e3, 1)
+
+
+def test_the_examples_in_the_docstrings_hold():
+    assert doctest.testmod(quantities).failed == 0
+
+
+@pytest.mark.parametrize(("value", "decimals", "text"), [
+    (None, 2, DASH), (float("nan"), 2, DASH), (float("inf"), 2, DASH), (0.0, 2, "0.00"), (-1.25, 1, f"{MINUS}1.2"),
+    (0.00034, 3, "0.00034"), (12.3456, 2, "12.35"), (2.5e9, 1, "2.5e+09"), (3e-9, 1, "3.0e-09")])
+def test_a_number_keeps_two_digits_and_what_is_none_is_a_dash(value, decimals, text):
+    assert format_number(value, decimals) == text
+
+
+def test_durations_read_as_a_person_says_them():
+    assert [format_duration(s) for s in (42.34, 200.0, 3900.0, None)] == ["42.3 s", "3 min 20 s", "1 h 05 min", DASH]
+
+
+def test_a_published_row_shows_only_the_digits_that_were_printed():
+    assert score_text(Score(0.00034, 0.000021, exact=True), METRES) == ("0.3 ± 0.0", "")
+    assert score_text(Score(0.0211046, 0.0033372, low=0.0190, high=0.0232), METRES) == ("21.1 ± 3.3", "[19.0, 23.2]")
+
+
+@settings(deadline=None)
+@given(st.text(st.characters(exclude_categories=["Cs"]), max_size=40))
+def test_no_text_reaches_latex_as_a_command(text):
+    escaped = latex_escape(text)
+    left = re.sub(r"\\text(backslash|asciitilde|asciicircum|less|greater|bar|quotedbl)\{\}|\\textsuperscript\{2\}|"
+                  r"\\[{}$&#_%]|\$\\pm\$|\$-\$", "", escaped)
+    assert not re.search(r"[\\{}$&#^_~%<>|\"]", left)
+    assert "\n" not in escaped
+
+
+@settings(deadline=None)
+@given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\r\n\0"), max_size=30))
+def test_a_spreadsheet_gets_the_text_back_and_never_a_formula(name):
+    table = Table("t", "T", (Column("flight", "Flight"), METRES), ((name, Score(0.5)),))
+    heading, row = list(csv.reader(io.StringIO(to_csv(table), newline="")))
+    assert heading == ["flight", "error_m [mm]"]
+    assert row[0] in (name, "'" + name)
+    assert row[0][:1] not in ("=", "+", "-", "@", "\t")
+    assert float(row[1]) == 500.0
+
+
+def test_csv_holds_full_precision_every_spread_and_empty_cells():
+    rows = (("a", 3, Score(0.1234567891, 0.01, 0.12, 0.2, 0.1, 0.15)), ("b", None, Score(None)))
+    columns = (Column("name", "Name"), Column("n", "n", "count"), METRES)
+    lines = list(csv.DictReader(io.StringIO(to_csv(Table("t", "T", columns, rows)), newline="")))
+    assert float(lines[0]["error_m [mm]"]) == pytest.approx(123.4567891, abs=1e-7)
+    assert lines[0]["error_m ci95_low [mm]"] == "100.0"
+    assert lines[1] == {**dict.fromkeys(lines[1], ""), "name": "b"}
+
+
+def test_latex_table_is_whole_and_as_wide_as_its_rows():
+    text = to_latex(Table("t", "50 % of\nit", (Column("flight", "Flight_name"), METRES), (("a&b", Score(None)),)))
+    lines = text.splitlines()
+    assert lines[0] == "% 50 % of it"
+    assert lines[1] == r"\begin{tabular}{lr}"
+    assert lines[-1] == r"\end{tabular}"
+    assert r"a\&b & -- \\" in lines
+    assert r"Flight\_name & Error [mm] \\" in lines
+
+
+def test_every_row_says_what_it_was_made_from(results):
+    for synthetic, word in ((False, "real"), (True, "SYNTHETIC")):
+        for table in tables_of(results, synthetic):
+            data = [c.key for c in table.columns].index("data")
+            assert {row[data] for row in table.rows} <= {word, "published"}
+            assert word in {row[data] for row in table.rows}
+
+
+def test_results_that_are_absent_make_no_table():
+    assert tables_of({}, False) == []
+    assert tables_of({"estimate": {"rows": []}, "audit": {"flights": []}}, False) == []
+
+
+def test_published_values_stand_beside_ours(results):
+    table = next(t for t in tables_of(results, False) if t.name == "table_task1")
+    at = [c.key for c in table.columns].index("velocity_mae_m_s h=1")
+    found = {row[0]: row[at].mean for row in table.rows}
+    assert found["physics"] == 0.001
+    assert found["physics (published)"] == 0.05
+
+
+def test_a_metric_nobody_knows_is_in_the_csv_but_not_on_the_page(results):
+    table = next(t for t in tables_of(results, False) if t.name == "table_task3_clean")
+    assert "strange_m" in to_csv(table)
+    assert "strange" not in to_latex(table)
+
+
+def test_files_are_written_and_opened_as_utf8_by_a_spreadsheet(tmp_path):
+    table = Table("table_x", "T", (Column("flight", "Flight"),), (("Übung ±",),))
+    paths = write_tables(tmp_path, [table], "SYNTHETIC")
+    assert [p.name for p in paths] == ["table_x.csv", "table_x.tex"]
+    assert paths[0].read_bytes().startswith(b"\xef\xbb\xbf")
+    assert "Übung ±" in paths[0].read_text("utf-8-sig")
+    assert paths[1].read_text().startswith("% T (SYNTHETIC)")

@@ -1,0 +1,50 @@
+"""The sentences above the tables are computed from the results at hand."""
+
+import copy
+
+from nanobench_tools.report import words
+
+
+def flat(lines):
+    return " ".join(line if isinstance(line, str) else " ".join(line) for line in lines)
+
+
+def test_task3_says_what_was_wrong_and_by_how_much(results):
+    text = flat(words.task3(results))
+    assert "ATE RMSE 400.0 mm as published, 40.0 mm corrected (10 times too large)" in text
+    assert "In 2 of its 2 recordings the radio log had ended" in text
+    assert "1 recording fewer, because copies count once" in text
+    changed = copy.deepcopy(results)
+    changed["estimate"]["rows"][1]["metrics"]["ate_rmse_m"]["mean"] = 0.39
+    assert "unchanged by the correction" in flat(words.task3(changed))
+
+
+def test_task2_pairs_rows_by_their_flights_and_not_by_their_names(results):
+    text = flat(words.task2(results))
+    assert "PID: RMSE position 0.300 m as published, 0.270 m corrected (11 % too large)" in text
+    assert "Heading error 6.00 deg as published, 1.00 deg corrected (6.0 times too large)" in text
+    other = copy.deepcopy(results)
+    other["control"]["rows"][1]["flights"] = ["another flight"]
+    assert "corrected (" not in flat(words.task2(other))
+
+
+def test_task1_reads_the_published_thrust_error_from_the_published_numbers(results):
+    text = flat(words.task1(results))
+    assert "by 5.0 m/s² from the first step on, 0.51 of gravity" in text
+    assert "Least position error at h = 50: physics with 0.1500 m, against 0.4500 m" in text
+    other = copy.deepcopy(results)
+    other["sysid"]["rows"][1]["published"]["velocity_mae_m_s"]["10"] = 0.2
+    assert "gravity" not in flat(words.task1(other))
+
+
+def test_overview_counts(results):
+    text = flat(words.overview(results))
+    assert "2 recordings, 40.0 s in all; 2 leave the ground and fly for 32.0 s." in text
+    assert "1 recording is a copy" in text
+    assert "dead_stream in 2, spike in 2" in text
+
+
+def test_absent_results_are_said_in_one_sentence():
+    for section in (words.task1, words.task2, words.task3):
+        assert section({}) == [words.ABSENT]
+    assert len(words.overview({})) == 1
