@@ -78,7 +78,7 @@ def cell_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray, streams: Mappi
     for stream, columns in by_stream.items():
         stretches = _runs(np.unique(np.concatenate(list(columns.values()))))
         if len(stretches) > MAX_FINDINGS:
-            stretches[MAX_FINDINGS - 1:] = [np.concatenate(stretches[MAX_FINDINGS - 1:])]
+            stretches[MAX_FINDINGS - 1 :] = [np.concatenate(stretches[MAX_FINDINGS - 1 :])]
         for rows in stretches:
             hit = {c: r[np.isin(r, rows)] for c, r in columns.items()}
             hit = {c: r for c, r in hit.items() if len(r)}
@@ -87,9 +87,18 @@ def cell_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray, streams: Mappi
             row = int(kept[hit[first][0]])
             what = grid.bad[first].what.get(row, "no number")
             more = f"; {count} cells in {len(rows)} rows" if count > 1 else ""
-            faults.append(Fault(
-                "bad_cell", stream, tuple(hit), float(edges[rows[0]]), float(edges[rows[-1] + 1]), float(count),
-                "cells", f"column {first}, row {row + 1} (line {int(grid.lines[row])}): {what}{more}"))
+            faults.append(
+                Fault(
+                    "bad_cell",
+                    stream,
+                    tuple(hit),
+                    float(edges[rows[0]]),
+                    float(edges[rows[-1] + 1]),
+                    float(count),
+                    "cells",
+                    f"column {first}, row {row + 1} (line {int(grid.lines[row])}): {what}{more}",
+                )
+            )
     return faults + _lost_faults(grid, time_s, kept)
 
 
@@ -105,17 +114,43 @@ def _lost_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> list[Fault
         start = float(time_s[max(after, 0)]) if n else 0.0
         end = float(time_s[min(after + 1, n - 1)]) if n else 0.0
         more = f" (and {len(reasons) - 1} more rows)" if len(reasons) > 1 else ""
-        faults.append(Fault("bad_cell", "", (), min(start, end), max(start, end), float(len(reasons)), "rows",
-                            f"row left out, {reasons[0]}{more}"))
+        faults.append(
+            Fault(
+                "bad_cell",
+                "",
+                (),
+                min(start, end),
+                max(start, end),
+                float(len(reasons)),
+                "rows",
+                f"row left out, {reasons[0]}{more}",
+            )
+        )
     if len(faults) > MAX_FINDINGS:
-        rest = faults[MAX_FINDINGS - 1:]
-        faults[MAX_FINDINGS - 1:] = [Fault(
-            "bad_cell", "", (), rest[0].start_s, rest[-1].end_s, sum(f.size for f in rest), "rows",
-            f"{len(rest)} further stretches of rows left out, first {rest[0].evidence}")]
+        rest = faults[MAX_FINDINGS - 1 :]
+        faults[MAX_FINDINGS - 1 :] = [
+            Fault(
+                "bad_cell",
+                "",
+                (),
+                rest[0].start_s,
+                rest[-1].end_s,
+                sum(f.size for f in rest),
+                "rows",
+                f"{len(rest)} further stretches of rows left out, first {rest[0].evidence}",
+            )
+        ]
     return faults
 
 
-def text_fault(kind: str, stream: str, columns: tuple[str, ...], evidence: str, span: tuple[float, float],
-               size: float = float("nan"), unit: str = "1") -> Fault:
+def text_fault(
+    kind: str,
+    stream: str,
+    columns: tuple[str, ...],
+    evidence: str,
+    span: tuple[float, float],
+    size: float = float("nan"),
+    unit: str = "1",
+) -> Fault:
     """A finding about the file as a whole or about one column."""
     return Fault(kind, stream, columns, span[0], span[1], size, unit, evidence)

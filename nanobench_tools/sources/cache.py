@@ -43,26 +43,52 @@ def store(entry: Path, flight: Flight) -> None:
         if clock is None:
             clock = len(times)
             times.append(stream.time_s)
-        streams[name] = {"clock": clock, "first": len(arrays), "columns": stream.columns, "quantities": stream.quantities,
-                         "unit": stream.unit, "frame": stream.frame, "rate_hz": stream.rate_hz, "samples": stream.samples,
-                         "rows": len(stream), "valid": stream.valid and [[s.start_s, s.end_s] for s in stream.valid]}
+        streams[name] = {
+            "clock": clock,
+            "first": len(arrays),
+            "columns": stream.columns,
+            "quantities": stream.quantities,
+            "unit": stream.unit,
+            "frame": stream.frame,
+            "rate_hz": stream.rate_hz,
+            "samples": stream.samples,
+            "rows": len(stream),
+            "valid": stream.valid and [[s.start_s, s.end_s] for s in stream.valid],
+        }
         arrays += list(stream.values.T)
     try:
-        header = json.dumps({
-            "name": flight.name, "streams": streams, "metadata": dict(flight.metadata), "epoch_s": flight.epoch_s,
-            "source": flight.provenance.source, "synthetic": flight.provenance.synthetic,
-            "notes": flight.provenance.notes, "findings": [list(vars(f).values()) for f in flight.provenance.findings],
-            "clocks": [len(t) for t in times]})
+        header = json.dumps(
+            {
+                "name": flight.name,
+                "streams": streams,
+                "metadata": dict(flight.metadata),
+                "epoch_s": flight.epoch_s,
+                "source": flight.provenance.source,
+                "synthetic": flight.provenance.synthetic,
+                "notes": flight.provenance.notes,
+                "findings": [list(vars(f).values()) for f in flight.provenance.findings],
+                "clocks": [len(t) for t in times],
+            }
+        )
     except TypeError:  # a plug-in put something into the metadata that is not JSON: not kept
         return
     rows = max((len(a) for a in (*times, *arrays)), default=0)
     columns = [pa.array(np.pad(a, (0, rows - len(a)), constant_values=np.nan)) for a in (*times, *arrays)]
-    table = pa.Table.from_arrays(columns, [str(i) for i in range(len(columns))]).replace_schema_metadata({"flight": header})
+    table = pa.Table.from_arrays(columns, [str(i) for i in range(len(columns))]).replace_schema_metadata(
+        {"flight": header}
+    )
     temporary = entry.with_name(f".{entry.name}.{os.getpid()}.{id(flight)}")
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(table, temporary, compression="none", use_dictionary=False, write_statistics=False,
-                       write_page_checksum=True, row_group_size=max(rows, 1))
+        pq.write_table(
+            table,
+            temporary,
+            compression="none",
+            use_dictionary=False,
+            write_statistics=False,
+            write_page_checksum=True,
+            row_group_size=max(rows, 1),
+        )
         os.replace(temporary, entry)
     except OSError:
         with contextlib.suppress(OSError):
@@ -79,15 +105,24 @@ def fetch(entry: Path, path: str, sha256: str) -> Flight | None:
             table = file.read(use_threads=False)
         columns = [table.column(i).to_numpy() for i in range(table.num_columns)]
         times = [np.ascontiguousarray(columns[i][:n]) for i, n in enumerate(head["clocks"])]
-        values = columns[len(times):]
+        values = columns[len(times) :]
         streams = {}
         for name, s in head["streams"].items():
             block = np.empty((s["rows"], len(s["columns"])))
-            for i, column in enumerate(values[s["first"]:s["first"] + len(s["columns"])]):
-                block[:, i] = column[:s["rows"]]
+            for i, column in enumerate(values[s["first"] : s["first"] + len(s["columns"])]):
+                block[:, i] = column[: s["rows"]]
             valid = s["valid"] if s["valid"] is None else tuple(Span(*v) for v in s["valid"])
-            streams[name] = Stream(times[s["clock"]], block, tuple(s["columns"]), tuple(s["quantities"]), tuple(s["unit"]),
-                                   s["frame"], s["rate_hz"], s["samples"], valid)
+            streams[name] = Stream(
+                times[s["clock"]],
+                block,
+                tuple(s["columns"]),
+                tuple(s["quantities"]),
+                tuple(s["unit"]),
+                s["frame"],
+                s["rate_hz"],
+                s["samples"],
+                valid,
+            )
         findings = tuple(Fault(f[0], f[1], tuple(f[2]), *f[3:]) for f in head["findings"])
         provenance = Provenance(path, sha256, head["source"], head["synthetic"], findings, tuple(head["notes"]))
         return Flight(head["name"], streams, head["metadata"], provenance, head["epoch_s"])

@@ -21,9 +21,16 @@ from .payload import read_file
 SCHEMA = "nanobench-columns/1"
 
 UNITS: dict[str, tuple[str, ...]] = {
-    "m": ("m", "mm", "cm"), "1": ("1",), "rad": ("rad", "deg", "mrad"), "m/s": ("m/s", "mm/s", "cm/s"),
-    "rad/s": ("rad/s", "deg/s", "mrad/s", "rpm"), "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"), "V": ("V", "mV"),
-    "N": ("N", "gram_force"), "A": ("A",), "s": ("s", "ms", "us", "ns"),
+    "m": ("m", "mm", "cm"),
+    "1": ("1",),
+    "rad": ("rad", "deg", "mrad"),
+    "m/s": ("m/s", "mm/s", "cm/s"),
+    "rad/s": ("rad/s", "deg/s", "mrad/s", "rpm"),
+    "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
+    "V": ("V", "mV"),
+    "N": ("N", "gram_force"),
+    "A": ("A",),
+    "s": ("s", "ms", "us", "ns"),
 }
 """SI unit of a quantity -> units a table may give it in."""
 
@@ -158,5 +165,7 @@ def _check_once(reader: _Reader, entries: list[Entry]) -> None:
     seen: set[tuple[str, str]] = set()
     for entry in entries:
         if (entry.stream, entry.quantity) in seen:
-            raise reader.fail(f"streams.{entry.stream}.{entry.quantity}", "given twice (motor in rpm is stream rpm)", "keep one")
+            raise reader.fail(
+                f"streams.{entry.stream}.{entry.quantity}", "given twice (motor in rpm is stream rpm)", "keep one"
+            )
         seen.add((entry.stream, entry.quantity))

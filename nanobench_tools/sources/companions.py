@@ -12,11 +12,12 @@ FEWEST_WORDS = 30
 """Shorter texts prove nothing: a file of three words may as well be a recording that was lost."""
 
 _WORD = re.compile(r"[^\W\d_]{2,}[.,;:)]?")
+_MARKDOWN_HEADING = re.compile(r"^#{1,6} \w", re.MULTILINE)
 _USD_CONFIG = re.compile(r"^\s*on:\w+", re.MULTILINE)
 
 
 def companion(data: bytes) -> str | None:
-    """What kind of known companion a file is, by its content, or None: ``sheet`` ``usd config`` ``toml`` ``json`` ``prose``."""
+    """What kind of known companion a file is, by its content (sheet, usd config, toml, json, prose), or None."""
     if b"\x00" in data[:4096]:
         return None
     try:
@@ -43,8 +44,10 @@ def companion(data: bytes) -> str | None:
 
 
 def _is_prose(text: str) -> bool:
-    """Sentences, not a table: many words between blanks, and more of them than numbers."""
+    """Sentences or a page of Markdown, not a table: many words between blanks, and more of them than numbers."""
     pieces = text.split()
     words = sum(bool(_WORD.fullmatch(p.strip("\"'`*_([<>])"))) for p in pieces)
     numbers = sum(any(c.isdigit() for c in p) for p in pieces)
-    return words >= FEWEST_WORDS and 3 * words > len(pieces) and words > numbers
+    if words < FEWEST_WORDS:
+        return False
+    return len(_MARKDOWN_HEADING.findall(text)) >= 2 or (3 * words > len(pieces) and words > numbers)

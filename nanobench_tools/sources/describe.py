@@ -1,12 +1,207 @@
-"""What was flown, from the recording itself, for files without a sheet."""
+"""What was flown, from the recording itself, for files without a sheet.
+
+The reference curves of the benchmark are short sums of harmonics of one frequency, flown at a steady rate; each
+family uses its own set of harmonics per axis. All families are fitted over a grid of frequencies; the verdict is the
+one that fits clearly better than any other, or none.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..flight import Flight
+from .kinks import count_packets
+
+UNKNOWN: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None}
+
+POINTS = 160
+"""Samples of the curve that are fitted."""
+
+FREQUENCIES_RAD_S = np.linspace(0.15, 2.6, 360)
+"""Grid: half a step is a phase error below 0.2 rad of the third harmonic after 15 s from the middle."""
+
+CLEARLY = 1.6
+"""The second best family must leave this many times more than the best."""
+
+SMALLEST_AMPLITUDE = 0.12
+"""Every harmonic of a family must be there with this share of the largest one."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Harmonics of x, y, z; ``climbs``: z also has a slope. Circle, oval and helix share one and are told apart after.
+
+    residual: the largest share of the curve's spread that may be left; turns: how much of the first harmonic must be
+    seen, since a short piece of one curve looks like a piece of another.
+    """
+
+    family: str
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+    z: tuple[int, ...] = ()
+    climbs: bool = False
+    residual: float = 0.10
+    turns: float = 0.95
+
+
+CURVES = (
+    Curve("ellipse", (1,), (1,), climbs=True, residual=0.08),
+    Curve("figure_eight", (1,), (2,)),
+    Curve("trefoil", (1, 2), (1, 2), (3,), turns=0.7),  # its height at the third harmonic has no other curve
+    Curve("lissajous", (3,), (2,), residual=0.12),
+    Curve("star", (2, 3), (2, 3), residual=0.15),  # straight edges: two harmonics leave 0.11
+)
 
 
 def describe(flight: Flight) -> dict[str, Any]:
-    """``family``, ``speed``, ``reference_speed_m_s``; None where the content does not tell."""
-    return {"family": None, "speed": None, "reference_speed_m_s": None}
+    """``family``, ``speed`` (slow, medium, fast), ``reference_speed_m_s``; None where the content does not tell."""
+    path = _streamed(flight)
+    if path is None:
+        return dict(UNKNOWN)
+    time_s, position = path
+    family = _line(position) or _closed_curve(time_s, position)
+    if family is None:
+        return dict(UNKNOWN)
+    if family == "linear_ramp":
+        return {**UNKNOWN, "family": family}
+    speed_m_s = _path_speed(time_s, position)
+    return {
+        "family": family,
+        "speed": _speed_word(flight, family, speed_m_s),
+        "reference_speed_m_s": round(speed_m_s, 2),
+    }
+
+
+def _streamed(flight: Flight) -> tuple[np.ndarray, np.ndarray] | None:
+    """Setpoints (n,) s, (n, 3) m while the horizontal reference moves, ends trimmed; None when it hardly does."""
+    stream = flight.streams.get("setpoint")
+    if stream is None or not all(a in stream for a in "xyz") or len(stream) < 300:
+        return None
+    time_s, position = stream.time_s, stream["x", "y", "z"]
+    usable = np.isfinite(position).all(axis=1) & (np.abs(position) < 20.0).all(axis=1)
+    usable &= time_s <= count_packets(time_s, position).last_s
+    time_s, position = time_s[usable], position[usable]
+    if len(time_s) < 300 or (np.diff(time_s) <= 0.0).any():
+        return None
+    grid = np.arange(time_s[0], time_s[-1], 0.05)
+    at = np.stack([np.interp(grid, time_s, p) for p in position.T], axis=1)
+    speed = np.linalg.norm(at[4:, :2] - at[:-4, :2], axis=1) / 0.2
+    moving = np.flatnonzero((speed > 0.04) & (at[2:-2, 2] > 0.3)) + 2
+    if not len(moving) or grid[moving[-1]] - grid[moving[0]] < 6.0:
+        return None
+    inside = slice(moving[0] + 30, moving[-1] - 16)  # the first second holds the jump from the hover to the curve
+    return grid[inside], at[inside]
+
+
+def _line(position: np.ndarray) -> str | None:
+    """Back and forth on a level straight line."""
+    spread = np.ptp(position, axis=0)
+    xy = position[:, :2] - position[:, :2].mean(axis=0)
+    size = np.linalg.svd(xy, compute_uv=False)
+    return "linear_ramp" if size[1] < 0.02 * size[0] and spread[2] < 0.05 and size[0] > 0.2 * np.sqrt(len(xy)) else None
+
+
+def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
+    pick = np.linspace(0, len(time_s) - 1, min(POINTS, len(time_s))).round().astype(int)
+    time_s, position = time_s[pick] - time_s.mean(), position[pick]
+    centred = position - position.mean(axis=0)
+    spread = float(np.sqrt((centred**2).sum(axis=1).mean()))
+    if spread < 0.1:
+        return None
+    fits = _Fits(time_s, centred)
+    best: list[tuple[float, float, str]] = []
+    for curve in CURVES:
+        total = sum(
+            fits.residual(axis, h, curve.climbs and axis == 2) for axis, h in enumerate((curve.x, curve.y, curve.z))
+        )
+        total = np.where(FREQUENCIES_RAD_S * np.ptp(time_s) < 2.0 * np.pi * curve.turns, np.inf, total)
+        at = int(np.argmin(total))
+        if not np.isfinite(total[at]):
+            continue
+        amplitudes = np.concatenate([fits.amplitudes(axis, h, at) for axis, h in enumerate((curve.x, curve.y))])
+        if amplitudes.min() < SMALLEST_AMPLITUDE * amplitudes.max():
+            continue
+        if curve.z and fits.amplitudes(2, curve.z, at).min() < 0.5 * SMALLEST_AMPLITUDE * amplitudes.max():
+            continue
+        share = float(np.sqrt(max(total[at], 0.0) / len(time_s))) / spread
+        best.append(
+            (
+                share,
+                curve.residual,
+                _ellipse(time_s, centred, amplitudes) if curve.family == "ellipse" else curve.family,
+            )
+        )
+    best.sort()
+    if not best or best[0][0] > best[0][1] or (len(best) > 1 and best[1][0] < CLEARLY * best[0][0]):
+        return None
+    return best[0][2]
+
+
+def _ellipse(time_s: np.ndarray, position: np.ndarray, amplitudes: np.ndarray) -> str:
+    slope = np.polyfit(time_s, position[:, 2], 1)[0]
+    if abs(slope) * np.ptp(time_s) > 0.15:
+        return "helix"
+    return "circle" if amplitudes.min() > 0.9 * amplitudes.max() else "oval"
+
+
+class _Fits:
+    """Least squares of each axis on sets of harmonics, for all frequencies of the grid at once."""
+
+    def __init__(self, time_s: np.ndarray, position: np.ndarray) -> None:
+        phase = FREQUENCIES_RAD_S[:, None] * time_s
+        self.waves = {k: (np.cos(k * phase), np.sin(k * phase)) for k in (1, 2, 3)}
+        self.line = np.broadcast_to(time_s / np.abs(time_s).max(), phase.shape)
+        self.position = position
+        self.solved: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
+
+    def _solve(self, axis: int, harmonics: tuple[int, ...], slope: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (frequencies, p), constant first, and sums of squares left (frequencies,)."""
+        key = (axis, harmonics, slope)
+        if key not in self.solved:
+            columns = [
+                np.ones_like(self.line),
+                *(w for k in harmonics for w in self.waves[k]),
+                *([self.line] if slope else []),
+            ]
+            basis = np.stack(columns, axis=-1)
+            signal = self.position[:, axis]
+            gram = np.swapaxes(basis, 1, 2) @ basis + 1e-9 * len(signal) * np.eye(len(columns))
+            right = np.swapaxes(basis, 1, 2) @ signal
+            coefficients = np.linalg.solve(gram, right[..., None])[..., 0]
+            left = signal @ signal - (right * coefficients).sum(axis=1)
+            self.solved[key] = coefficients, left
+        return self.solved[key]
+
+    def residual(self, axis: int, harmonics: tuple[int, ...], slope: bool = False) -> np.ndarray:
+        return self._solve(axis, harmonics, slope)[1]
+
+    def amplitudes(self, axis: int, harmonics: tuple[int, ...], at: int) -> np.ndarray:
+        c = self._solve(axis, harmonics, False)[0][at]
+        return np.hypot(c[1 : 1 + 2 * len(harmonics) : 2], c[2 : 2 + 2 * len(harmonics) : 2])
+
+
+def _path_speed(time_s: np.ndarray, position: np.ndarray) -> float:
+    """Mean speed along the curve, from chords of 0.2 s so that jitter of the stamps does not lengthen it [m/s]."""
+    return float(np.median(np.linalg.norm(position[4:] - position[:-4], axis=1) / (time_s[4:] - time_s[:-4])))
+
+
+def _speed_word(flight: Flight, family: str, speed_m_s: float) -> str | None:
+    """The benchmark's word. Slow and medium trefoils are the same reference and differ in how long they are flown."""
+    if speed_m_s > 0.88:
+        return "fast"
+    if family != "trefoil":
+        return "medium" if speed_m_s > 0.6 else "slow" if speed_m_s < 0.57 else None
+    mocap = flight.streams.get("mocap")
+    if mocap is None or "pz" not in mocap or not 0.4 < speed_m_s < 0.62:
+        return None
+    height = mocap["pz"]
+    up = mocap.time_s[height > 0.2]
+    if not len(up):
+        return None
+    if up[-1] - up[0] > 26.0:
+        return "medium"
+    whole = height[0] < 0.4 and height[-1] < 0.4  # from the ground to the ground
+    return "slow" if whole else None

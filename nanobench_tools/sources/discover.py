@@ -72,15 +72,23 @@ def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Pa
     seen: set[str] = set()
 
     def refuse(error: OSError) -> None:
-        failed.append({"path": str(error.filename), "error": f"{error.filename}: cannot be listed ({error.strerror}); "
-                                                             "check its permissions"})
+        failed.append(
+            {
+                "path": str(error.filename),
+                "error": f"{error.filename}: cannot be listed ({error.strerror}); check its permissions",
+            }
+        )
 
     for place in paths:
         if not place.exists():
             raise InputError(str(place), "there is no such file or folder", "check the path")
         if place.is_dir():
-            found = [Path(folder) / name
-                     for folder, folders, names in _walk(place, refuse) for name in names if not name.startswith(".")]
+            found = [
+                Path(folder) / name
+                for folder, folders, names in _walk(place, refuse)
+                for name in names
+                if not name.startswith(".")
+            ]
         else:
             found = [place]
         for path in sorted(found, key=lambda p: p.parts):
@@ -96,7 +104,9 @@ def _walk(place: Path, refuse: Callable[[OSError], None]) -> Iterator[tuple[str,
         yield folder, folders, names
 
 
-def find_recordings(paths: Sequence[Path | str], columns: Path | None = None) -> tuple[list[Recording], list[dict[str, str]]]:
+def find_recordings(
+    paths: Sequence[Path | str], columns: Path | None = None
+) -> tuple[list[Recording], list[dict[str, str]]]:
     """Which files below ``paths`` are recordings, of what source, with which sheets. Sorted by path.
 
     Raises InputError for a place that does not exist or holds nothing at all. A file that nobody recognises and that
@@ -109,6 +119,8 @@ def find_recordings(paths: Sequence[Path | str], columns: Path | None = None) ->
     sheets: list[Sheet] = []
     for path in files_in(places, failed):
         try:
+            if not path.is_file():  # a pipe would be waited for, a broken link names nothing
+                raise InputError(str(path), "not a regular file", "remove it or check where it points")
             start = head(path)
             if looks_like_sheet(start):
                 sheets.append(parse_sheet(str(path), unpack(read_file(path), str(path)).data))
@@ -121,10 +133,14 @@ def find_recordings(paths: Sequence[Path | str], columns: Path | None = None) ->
         except NanobenchError as error:
             failed.append({"path": str(path), "error": str(error)})
     if not found and not failed:
-        raise InputError(", ".join(map(str, places)) or "no path", "no recording in it", "give a folder with recordings")
+        raise InputError(
+            ", ".join(map(str, places)) or "no path", "no recording in it", "give a folder with recordings"
+        )
     names = _labels([path for path, _, _ in found])
-    return [Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
-            for (path, source, start), label in zip(found, names, strict=True)], failed
+    return [
+        Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
+        for (path, source, start), label in zip(found, names, strict=True)
+    ], failed
 
 
 def _candidates(source: Source, sheets: Sequence[Sheet], path: Path, start: bytes) -> tuple[Sheet, ...]:
@@ -212,12 +228,19 @@ def _attempt(recording: Recording, cache: bool) -> Flight | dict[str, str]:
     except NanobenchError as error:
         return {"path": str(recording.path), "error": str(error)}
     except Exception as error:  # a source may come from outside; one file must not take the others with it
-        return {"path": str(recording.path),
-                "error": f"{recording.path}: source {recording.source} failed, {type(error).__name__}: {error}"}
+        return {
+            "path": str(recording.path),
+            "error": f"{recording.path}: source {recording.source} failed, {type(error).__name__}: {error}",
+        }
 
 
-def load_recordings(paths: Sequence[Path | str], columns: Path | None = None, cache: bool = True,
-                    progress: Progress | None = None, jobs: int = 1) -> Loaded:
+def load_recordings(
+    paths: Sequence[Path | str],
+    columns: Path | None = None,
+    cache: bool = True,
+    progress: Progress | None = None,
+    jobs: int = 1,
+) -> Loaded:
     """Read every recording below ``paths``; the result does not depend on ``jobs`` or on the file system.
 
     ``columns`` is a column map for the user's own tables. ``progress(done, all, path)`` is called after each file.
@@ -226,7 +249,8 @@ def load_recordings(paths: Sequence[Path | str], columns: Path | None = None, ca
     """
     recordings, failed = find_recordings(paths, columns)
     results = joblib.Parallel(n_jobs=jobs, backend="threading", return_as="generator")(
-        joblib.delayed(_attempt)(recording, cache) for recording in recordings)
+        joblib.delayed(_attempt)(recording, cache) for recording in recordings
+    )
     flights: list[Flight] = []
     for done, (recording, result) in enumerate(zip(recordings, results, strict=True), start=1):
         if isinstance(result, Flight):

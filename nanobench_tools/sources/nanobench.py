@@ -14,8 +14,9 @@ import numpy as np
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream
 from .base import cell_faults, text_fault
-from .cells import Grid, LostRow, header_of, normalise_text, parse_number, read_grid, split_line
+from .cells import Grid, LostRow, parse_number, read_grid
 from .describe import describe
+from .dialect import header_of, normalise_text, split_line
 from .kinks import Packets, count_packets
 from .nanobench_columns import COLUMN_NAMES, ROW_COUNT_KEYS, STREAMS, scales_of, units_of
 from .nanobench_writer import write_nanobench
@@ -37,7 +38,7 @@ class NanoBench:
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names, _ = header_of(head)
-        return len(KNOWN.intersection(names)) >= FEWEST_NAMES and "t" in names
+        return len(KNOWN.intersection(names)) >= FEWEST_NAMES
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         grid = read_grid(data, str(path), numeric=KNOWN)
@@ -50,9 +51,13 @@ class NanoBench:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
         if not streams:
             raise InputError(str(path), "none of the 52 columns holds a number", "is this a NanoBench recording?")
-        flight = Flight(path.name, streams, {"rows_in_file": grid.rows_in_file},
-                        Provenance(str(path), "", self.name, findings=tuple(faults), notes=tuple(grid.notes)),
-                        epoch_s=float(time_unix[0]))
+        flight = Flight(
+            path.name,
+            streams,
+            {"rows_in_file": grid.rows_in_file},
+            Provenance(str(path), "", self.name, findings=tuple(faults), notes=tuple(grid.notes)),
+            epoch_s=float(time_unix[0]),
+        )
         flight = replace(flight, metadata={**flight.metadata, **describe(flight)})
         return with_sheet(flight, sheet, own=True) if sheet else flight
 
@@ -73,12 +78,13 @@ class NanoBench:
 def _time(grid: Grid, place: str) -> tuple[np.ndarray, np.ndarray]:
     """Times of the rows that have one [Unix s] and their indices; a row without is added to ``grid.lost``."""
     if "t" not in grid.columns:
-        raise InputError(f"{place}: column t", "holds no time", "rows cannot be placed")
+        found = "holds no number" if "t" in (*grid.empty, *grid.text) else "is not in the file"
+        raise InputError(f"{place}: column t", found, "without times the rows cannot be placed")
     time = grid.columns["t"]
     readable = np.isfinite(time)
     kept = np.flatnonzero(readable)
     if not len(kept):
-        raise InputError(f"{place}: column t", "holds no number", "rows cannot be placed")
+        raise InputError(f"{place}: column t", "holds no number", "without times the rows cannot be placed")
     bad = grid.bad.pop("t", None)
     for row in np.flatnonzero(~readable):
         what = bad.what.get(int(row), "no number") if bad else "no number"
@@ -96,8 +102,17 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
         if missing:
             empty = [c for c in missing if c in grid.empty]
             how = "without any value" if len(empty) == len(missing) else "not in the file"
-            faults.append(text_fault("missing_column", name, missing, f"{', '.join(missing)}: {how}", span,
-                                     float(len(missing)), "columns"))
+            faults.append(
+                text_fault(
+                    "missing_column",
+                    name,
+                    missing,
+                    f"{', '.join(missing)}: {how}",
+                    span,
+                    float(len(missing)),
+                    "columns",
+                )
+            )
         if not here:
             continue
         scales = scales_of(here)
@@ -106,21 +121,47 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
             raw = raw[kept]
         resolution = np.array([10.0 ** -grid.decimals.get(c.name, 9) for c in here])
         packets = Packets(len(raw), span[1]) if name == "mocap" else count_packets(time_s, raw, resolution)
-        streams[name] = Stream(time_s, raw * scales, tuple(c.name for c in here), tuple(c.quantity for c in here),
-                               units_of(here), frame=FRAMES.get(name, "world"), samples=packets.count,
-                               rate_hz=packets.count / packets.last_s if packets.last_s > 0.0 else float("nan"))
+        streams[name] = Stream(
+            time_s,
+            raw * scales,
+            tuple(c.name for c in here),
+            tuple(c.quantity for c in here),
+            units_of(here),
+            frame=FRAMES.get(name, "world"),
+            samples=packets.count,
+            rate_hz=packets.count / packets.last_s if packets.last_s > 0.0 else float("nan"),
+        )
     extra = [c for c in grid.columns if c not in KNOWN]
     if extra:
         values = np.stack([grid.columns[c] for c in extra], axis=1)[kept]
         streams["extra"] = Stream(time_s, values, tuple(extra), tuple(extra), ("1",) * len(extra))
     for column in (*extra, *grid.text, *(c for c in grid.empty if c not in KNOWN)):
-        what = "kept in stream extra" if column in extra else "text, left out" if column in grid.text else "no value in it"
-        faults.append(text_fault("extra_column", "extra", (column,), f"column {column} is not of this format; {what}",
-                                 span, 1.0, "columns"))
+        what = (
+            "kept in stream extra" if column in extra else "text, left out" if column in grid.text else "no value in it"
+        )
+        faults.append(
+            text_fault(
+                "extra_column",
+                "extra",
+                (column,),
+                f"column {column} is not of this format; {what}",
+                span,
+                1.0,
+                "columns",
+            )
+        )
     for column in grid.repeated:
-        faults.append(text_fault("extra_column", next((s for s, cs in STREAMS.items() if column in [c.name for c in cs]), ""),
-                                 (column,), f"column {column} stands there more than once; the first was read", span,
-                                 1.0, "columns"))
+        faults.append(
+            text_fault(
+                "extra_column",
+                next((s for s, cs in STREAMS.items() if column in [c.name for c in cs]), ""),
+                (column,),
+                f"column {column} stands there more than once; the first was read",
+                span,
+                1.0,
+                "columns",
+            )
+        )
     return streams, faults
 
 
@@ -143,8 +184,15 @@ def with_sheet(flight: Flight, sheet: Sheet, own: bool) -> Flight:
                 streams[name] = replace(stream, samples=count, rate_hz=stream.rate_hz * count / stream.samples)
     elif own and stated is not None and rows < stated:
         end = flight.span.end_s
-        fault = text_fault("truncated", "", (), f"{rows} rows where the sheet counts {stated}", (end, end),
-                           float(stated - rows), "rows")
+        fault = text_fault(
+            "truncated",
+            "",
+            (),
+            f"{rows} rows where the sheet counts {stated}",
+            (end, end),
+            float(stated - rows),
+            "rows",
+        )
         provenance = replace(provenance, findings=(*provenance.findings, fault))
     synthetic = sheet.content.get("synthetic")
     provenance = replace(provenance, synthetic=synthetic is True or str(synthetic).lower() == "true")

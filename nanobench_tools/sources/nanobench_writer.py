@@ -17,7 +17,9 @@ from ..flight import Flight, Stream
 from .nanobench_columns import ROW_COUNT_KEYS, STREAMS, scales_of
 from .sheets import utc_text
 
-OWN_KEYS = frozenset({"family", "speed", "reference_speed_m_s", "duration_s", "start_unix_s", "end_unix_s", "rows_in_file"})
+OWN_KEYS = frozenset(
+    {"family", "speed", "reference_speed_m_s", "duration_s", "start_unix_s", "end_unix_s", "rows_in_file"}
+)
 """Keys of Flight.metadata that the reader makes; the sheet says the same in its own words."""
 
 SUFFIXES = (".xz", ".gz", ".csv")
@@ -37,7 +39,9 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.unlink(temporary)
             raise
     except OSError as error:
-        raise InputError(str(path), f"cannot be written ({error.strerror or error})", "check folder and permissions") from None
+        raise InputError(
+            str(path), f"cannot be written ({error.strerror or error})", "check folder and permissions"
+        ) from None
 
 
 def _umask() -> int:
@@ -121,8 +125,11 @@ def _pack(path: Path, data: bytes) -> bytes:
 def _sheet(flight: Flight, stamps: np.ndarray) -> dict[str, Any]:
     """The sheet's own keys as they came, and what can be said of any flight."""
     meta = flight.metadata
-    counts = {ROW_COUNT_KEYS.get(n, n): int(s.samples if s.samples is not None else len(s))
-              for n, s in flight.streams.items() if n in STREAMS}
+    counts = {
+        ROW_COUNT_KEYS.get(n, n): int(s.samples if s.samples is not None else len(s))
+        for n, s in flight.streams.items()
+        if n in STREAMS
+    }
     counts["vicon"] = len(stamps)
     sheet: dict[str, Any] = {k: _plain(v) for k, v in meta.items() if k not in OWN_KEYS}
     params = dict(sheet.get("params") or {})
@@ -131,8 +138,11 @@ def _sheet(flight: Flight, stamps: np.ndarray) -> dict[str, Any]:
     if "duration_s" not in params and meta.get("duration_s") is not None:
         params["duration_s"] = float(meta["duration_s"])
     family, speed = meta.get("family"), meta.get("speed")
-    sheet |= {"row_counts": counts, "recording_start_utc": utc_text(flight.epoch_s + float(stamps[0])),
-              "recording_end_utc": utc_text(flight.epoch_s + float(stamps[-1]))}
+    sheet |= {
+        "row_counts": counts,
+        "recording_start_utc": utc_text(flight.epoch_s + float(stamps[0])),
+        "recording_end_utc": utc_text(flight.epoch_s + float(stamps[-1])),
+    }
     if params:
         sheet["params"] = params
     if family and "trajectory_type" not in sheet:

@@ -62,12 +62,19 @@ def parse_sheet(path: str, data: bytes) -> Sheet:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         place = f"{path}: line {mark.line + 1}" if mark else path
-        raise InputError(place, f"bad YAML ({getattr(error, 'problem', None) or str(error)[:80]})",
-                         "mend the sheet; the recording is read without it") from None
+        raise InputError(
+            place,
+            f"bad YAML ({getattr(error, 'problem', None) or str(error)[:80]})",
+            "mend the sheet; the recording is read without it",
+        ) from None
     if not isinstance(content, Mapping):
-        raise InputError(path, f"a sheet holds keys and values, this holds a {type(content).__name__}", "mend the sheet")
+        raise InputError(
+            path, f"a sheet holds keys and values, this holds a {type(content).__name__}", "mend the sheet"
+        )
     content = {str(k): v for k, v in content.items()}
-    return Sheet(path, content, unix_time(content.get("recording_start_utc")), unix_time(content.get("recording_end_utc")))
+    return Sheet(
+        path, content, unix_time(content.get("recording_start_utc")), unix_time(content.get("recording_end_utc"))
+    )
 
 
 @functools.lru_cache(maxsize=1024)
@@ -118,10 +125,14 @@ def may_hold(sheet: Sheet, path: Path, first_s: float | None) -> bool:
     """
     if sheet.start_s is None:
         return _beside(sheet, path)
-    return first_s is None or (sheet.start_s - SLACK_S <= first_s and (sheet.end_s is None or first_s <= sheet.end_s + SLACK_S))
+    return first_s is None or (
+        sheet.start_s - SLACK_S <= first_s and (sheet.end_s is None or first_s <= sheet.end_s + SLACK_S)
+    )
 
 
-def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray, rows: int | None) -> tuple[Sheet | None, bool]:
+def choose_sheet(
+    sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray, rows: int | None
+) -> tuple[Sheet | None, bool]:
     """The sheet of a recording with these times (n,) [Unix s], and whether it is its own or that of a longer recording.
 
     It is its own when the recording starts in the second the sheet gives (or the sheet gives none and lies beside

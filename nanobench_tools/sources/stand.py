@@ -16,18 +16,47 @@ from ..errors import InputError
 from ..flight import Flight, Provenance, Stream, make_stream
 from ..units import SI_FACTOR
 from .base import cell_faults, text_fault
-from .cells import Grid, header_of, read_grid
+from .cells import Grid, read_grid
+from .dialect import header_of
 from .sheets import Sheet
 
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
-_BASES = {"pwm": ("motor", "m"), "rpm": ("rpm", "m"), "vbat": ("battery", "vbat"), "weight": ("stand", "thrust"),
-          "thrust": ("stand", "thrust"), "i": ("stand", "current"), "current": ("stand", "current")}
-_DEFAULT_UNIT = {"pwm": "pwm16", "rpm": "rpm", "vbat": "V", "weight": "gram_force", "thrust": "gram_force", "i": "A", "current": "A"}
-_SPELLINGS = {"g": "gram_force", "gram": "gram_force", "grams": "gram_force", "gf": "gram_force", "kg": "kg_force",
-              "rpm": "rpm", "pwm": "pwm16", "": ""}
-_ALLOWED = {"motor": ("pwm16", "1"), "rpm": ("rpm", "rad/s"), "vbat": ("V", "mV"), "thrust": ("gram_force", "kg_force", "N"),
-            "current": ("A", "mA")}
+_BASES = {
+    "pwm": ("motor", "m"),
+    "rpm": ("rpm", "m"),
+    "vbat": ("battery", "vbat"),
+    "weight": ("stand", "thrust"),
+    "thrust": ("stand", "thrust"),
+    "i": ("stand", "current"),
+    "current": ("stand", "current"),
+}
+_DEFAULT_UNIT = {
+    "pwm": "pwm16",
+    "rpm": "rpm",
+    "vbat": "V",
+    "weight": "gram_force",
+    "thrust": "gram_force",
+    "i": "A",
+    "current": "A",
+}
+_SPELLINGS = {
+    "g": "gram_force",
+    "gram": "gram_force",
+    "grams": "gram_force",
+    "gf": "gram_force",
+    "kg": "kg_force",
+    "rpm": "rpm",
+    "pwm": "pwm16",
+    "": "",
+}
+_ALLOWED = {
+    "motor": ("pwm16", "1"),
+    "rpm": ("rpm", "rad/s"),
+    "vbat": ("V", "mV"),
+    "thrust": ("gram_force", "kg_force", "N"),
+    "current": ("A", "mA"),
+}
 _FACTORS = {**SI_FACTOR, "kg_force": 1e3 * SI_FACTOR["gram_force"], "mA": 1e-3}
 
 
@@ -65,7 +94,7 @@ class ThrustStand:
         return "pwm" in bases and bool(bases & {"rpm", "weight", "thrust"})
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
-        known = [h for h in map(heading, dict.fromkeys(header_of(data[:1 << 16])[0])) if h]
+        known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
         grid = read_grid(data, str(path), numeric={h.column for h in known})
         n = len(grid.lines)
         row = np.arange(n, dtype=float)
@@ -76,18 +105,39 @@ class ThrustStand:
         span = (0.0, float(row[-1]))
         where = {c: s for s, stream in streams.items() for c in stream.columns}
         faults = cell_faults(grid, row, np.arange(n), where)
-        faults += [text_fault("extra_column", "extra", (c,), f"column {c} holds text and was left out", span, 1.0, "columns")
-                   for c in grid.text]
-        faults += [text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")
-                   for c in grid.empty]
-        faults += [text_fault("extra_column", "", (c,), f"column {c} stands there more than once; the first was read", span,
-                              1.0, "columns") for c in grid.repeated]
+        faults += [
+            text_fault("extra_column", "extra", (c,), f"column {c} holds text and was left out", span, 1.0, "columns")
+            for c in grid.text
+        ]
+        faults += [
+            text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")
+            for c in grid.empty
+        ]
+        faults += [
+            text_fault(
+                "extra_column",
+                "",
+                (c,),
+                f"column {c} stands there more than once; the first was read",
+                span,
+                1.0,
+                "columns",
+            )
+            for c in grid.repeated
+        ]
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
-        notes = (*grid.notes, "rows have no time: their numbers stand in for seconds",
-                 "thrust is what the load cell shows, zero offset included")
-        return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
-                      Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
+        notes = (
+            *grid.notes,
+            "rows have no time: their numbers stand in for seconds",
+            "thrust is what the load cell shows, zero offset included",
+        )
+        return Flight(
+            path.name,
+            streams,
+            {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
+            Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes),
+        )
 
 
 def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> tuple[dict[str, Stream], set[str]]:
@@ -99,14 +149,18 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         stream, quantity = _BASES[head.base]
         allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
         if head.unit not in allowed:
-            raise InputError(f"{place}: column {head.column}", f"unit {head.unit!r}", f"known here: {', '.join(allowed)}")
+            raise InputError(
+                f"{place}: column {head.column}", f"unit {head.unit!r}", f"known here: {', '.join(allowed)}"
+            )
         motors = (1, 2, 3, 4) if quantity == "m" and not head.motor else (head.motor,)
         for motor in motors:  # one PWM column drives all four motors
             chosen.setdefault(stream, {}).setdefault(f"m{motor}" if quantity == "m" else quantity, head)
     streams = {}
     for stream, heads in chosen.items():
         values = np.stack([grid.columns[h.column] * _FACTORS[h.unit] for h in heads.values()], axis=1)
-        streams[stream] = make_stream(stream, row, values, tuple(heads), [h.column for h in heads.values()], samples=len(row))
+        streams[stream] = make_stream(
+            stream, row, values, tuple(heads), [h.column for h in heads.values()], samples=len(row)
+        )
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
 
 

@@ -17,8 +17,9 @@ import pyarrow.parquet as pq
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import cell_faults, text_fault
-from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, header_of, numbers, read_grid, read_text_columns
+from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
 from .column_map import ColumnMap, Entry, read_column_map
+from .dialect import header_of
 from .kinks import count_changes, count_packets
 from .sheets import Sheet
 
@@ -46,16 +47,21 @@ class TableSource:
         place = str(path)
         cells = _parquet(data, place, self.map) if data.startswith(PARQUET_MAGIC) else _text(data, place, self.map)
         if _key(self.map.time) not in cells.columns:
-            raise InputError(f"{place}: column {self.map.time.column}", "is not there or holds no number",
-                             f"{self.map.path} names it as time")
+            raise InputError(
+                f"{place}: column {self.map.time.column}",
+                "is not there or holds no number",
+                f"{self.map.path} names it as time",
+            )
         absolute = cells.columns[_key(self.map.time)] * self.map.time.scale
         readable = np.isfinite(absolute)
         kept = np.flatnonzero(readable)
         if not len(kept):
             raise InputError(f"{place}: column {self.map.time.column}", "holds no time", "rows cannot be placed")
         cells.bad.pop(_key(self.map.time), None)
-        cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
-                       for r in np.flatnonzero(~readable)]
+        cells.lost += [
+            LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
+            for r in np.flatnonzero(~readable)
+        ]
         epoch = float(absolute[kept[0]])
         time_s = absolute[kept] - epoch
         streams, faults = _streams(self.map, cells, time_s, kept)
@@ -67,9 +73,13 @@ class TableSource:
             faults.append(text_fault("truncated", "", (), cells.truncated, (end, end), 1.0, "rows"))
         used = set(self.map.columns)
         notes = [*cells.notes, *(f"column {c} is not in the map" for c in cells.empty if c not in used)]
-        return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None,
-                                           "vehicle": dict(self.map.vehicle)},
-                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)), epoch_s=epoch)
+        return Flight(
+            path.name,
+            streams,
+            {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(self.map.vehicle)},
+            Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)),
+            epoch_s=epoch,
+        )
 
 
 def _key(entry: Entry) -> str:
@@ -77,7 +87,9 @@ def _key(entry: Entry) -> str:
     return entry.column if entry.index is None else f"{entry.column}[{entry.index}]"
 
 
-def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str, Stream], list[Fault]]:
+def _streams(
+    column_map: ColumnMap, cells: Grid, time_s: np.ndarray, kept: np.ndarray
+) -> tuple[dict[str, Stream], list[Fault]]:
     streams: dict[str, Stream] = {}
     faults: list[Fault] = []
     span = (0.0, float(time_s[-1]))
@@ -85,8 +97,17 @@ def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray, kept: np.nd
         wanted = [e for e in column_map.entries if e.stream == name]
         here = [e for e in wanted if _key(e) in cells.columns]
         if missing := tuple(_key(e) for e in wanted if e not in here):
-            faults.append(text_fault("missing_column", name, missing, f"{', '.join(missing)}: not in the file or without any value",
-                                     span, float(len(missing)), "columns"))
+            faults.append(
+                text_fault(
+                    "missing_column",
+                    name,
+                    missing,
+                    f"{', '.join(missing)}: not in the file or without any value",
+                    span,
+                    float(len(missing)),
+                    "columns",
+                )
+            )
         if not here:
             continue
         values = np.stack([cells.columns[_key(e)][kept] * e.scale for e in here], axis=1)
@@ -100,8 +121,15 @@ def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray, kept: np.nd
         packets, changes = count_packets(stamps, values), count_changes(values)
         count = min(packets.count, changes if changes is not None else len(values))
         duration = packets.last_s - float(stamps[0])
-        streams[name] = make_stream(name, stamps, values, tuple(e.quantity for e in here), [_key(e) for e in here],
-                                    samples=count, rate_hz=count / duration if duration > 0.0 else float("nan"))
+        streams[name] = make_stream(
+            name,
+            stamps,
+            values,
+            tuple(e.quantity for e in here),
+            [_key(e) for e in here],
+            samples=count,
+            rate_hz=count / duration if duration > 0.0 else float("nan"),
+        )
     return streams, faults
 
 
@@ -152,7 +180,9 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
             names = set(file.schema_arrow.names)
             table = file.read(columns=[c for c in column_map.columns if c in names])
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})", "take another copy") from None
+        raise InputError(
+            place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})", "take another copy"
+        ) from None
     if not table.num_rows:
         raise InputError(place, "a table without rows", "the recording is empty")
     grid = Grid({}, np.arange(1, table.num_rows + 1), table.num_rows)
@@ -176,7 +206,11 @@ def _add_arrow(grid: Grid, entry: Entry, column: pa.Array, place: str) -> None:
         if len(short) == len(column):
             raise InputError(where, f"no cell has an element {entry.index}", "check the index in the map")
         if len(short):
-            grid.bad[key] = BadCells(short, np.zeros(len(short), dtype=bool), {int(i): f"a list of {int(lengths[i])} without element {entry.index}" for i in short[:5]})
+            grid.bad[key] = BadCells(
+                short,
+                np.zeros(len(short), dtype=bool),
+                {int(i): f"a list of {int(lengths[i])} without element {entry.index}" for i in short[:5]},
+            )
         long_enough = pc.if_else(pa.array(lengths > entry.index), column, pa.scalar(None, kind))
         column = pc.list_element(pc.drop_null(long_enough), entry.index)
         values = np.full(len(lengths), np.nan)
@@ -206,4 +240,3 @@ def _as_float(column: pa.Array, where: str) -> np.ndarray:
     if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)):
         raise InputError(where, f"holds {kind}", "numbers are needed")
     return column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False).astype(float)
-

@@ -9,7 +9,8 @@ import numpy as np
 from ..errors import InputError
 from ..flight import Flight, Provenance, make_stream
 from .base import cell_faults, text_fault
-from .cells import Grid, LostRow, normalise_text, numbers, parse_number
+from .cells import Grid, LostRow, numbers, parse_number
+from .dialect import normalise_text
 from .sheets import Sheet
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
@@ -25,9 +26,15 @@ class TumTrajectory:
     version = 1
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        lines = [line.split() for line in normalise_text(head).split(b"\n")[:-1][:50]
-                 if line.strip() and not line.lstrip().startswith(b"#")] or \
-                [line.split() for line in normalise_text(head).split(b"\n") if line.strip() and not line.lstrip().startswith(b"#")]
+        lines = [
+            line.split()
+            for line in normalise_text(head).split(b"\n")[:-1][:50]
+            if line.strip() and not line.lstrip().startswith(b"#")
+        ] or [
+            line.split()
+            for line in normalise_text(head).split(b"\n")
+            if line.strip() and not line.lstrip().startswith(b"#")
+        ]
         poses = [[parse_number(c.decode("latin-1")) for c in line] for line in lines if len(line) == 8]
         right = sum(abs(np.linalg.norm(p[4:]) - 1.0) < NORM_TOLERANCE for p in poses)
         return right > 0 and 2 * right >= len(lines)
@@ -38,7 +45,9 @@ class TumTrajectory:
         kept = np.flatnonzero(readable)
         if not len(kept):
             raise InputError(str(path), "no line of eight numbers", "a TUM trajectory has time x y z qx qy qz qw")
-        grid.lost += [LostRow(int(grid.lines[r]), int(r) - 1, "no number in column timestamp") for r in np.flatnonzero(~readable)]
+        grid.lost += [
+            LostRow(int(grid.lines[r]), int(r) - 1, "no number in column timestamp") for r in np.flatnonzero(~readable)
+        ]
         absolute = grid.columns["timestamp"][kept]
         time_s = absolute - absolute[0]
         values = np.stack([grid.columns[c][kept] for c in COLUMNS[1:]], axis=1)
@@ -46,10 +55,22 @@ class TumTrajectory:
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (float(time_s[-1]),) * 2, 1.0, "rows"))
         duration = float(time_s[-1])
-        mocap = make_stream("mocap", time_s, values, QUANTITIES, COLUMNS[1:], samples=len(time_s),
-                            rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"))
-        return Flight(path.name, {"mocap": mocap}, {"family": None, "speed": None, "reference_speed_m_s": None},
-                      Provenance(str(path), "", self.name, findings=tuple(faults)), epoch_s=float(absolute[0]))
+        mocap = make_stream(
+            "mocap",
+            time_s,
+            values,
+            QUANTITIES,
+            COLUMNS[1:],
+            samples=len(time_s),
+            rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"),
+        )
+        return Flight(
+            path.name,
+            {"mocap": mocap},
+            {"family": None, "speed": None, "reference_speed_m_s": None},
+            Provenance(str(path), "", self.name, findings=tuple(faults)),
+            epoch_s=float(absolute[0]),
+        )
 
 
 def _grid(data: bytes) -> Grid:

@@ -57,15 +57,20 @@ class UsdLog:
     version = 1
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        return len(head) >= 5 and head[0] == MAGIC and (
-            struct.unpack_from("<H", head, 1)[0] in TIMES or f"{FIXED_FREQUENCY}\x00".encode() in head)
+        return (
+            len(head) >= 5
+            and head[0] == MAGIC
+            and (struct.unpack_from("<H", head, 1)[0] in TIMES or f"{FIXED_FREQUENCY}\x00".encode() in head)
+        )
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         log = parse_log(data, str(path))
         unit = TIMES[log.version][1]
         filled = {i: r for i, r in log.records.items() if len(r)}
         if not filled:
-            raise InputError(str(path), "a uSD log without any record", "logging was never started, or the card lost it")
+            raise InputError(
+                str(path), "a uSD log without any record", "logging was never started, or the card lost it"
+            )
         start = min(int(r["time"][0]) for r in filled.values())
         streams = _streams(log, filled, start, unit)
         if not streams:
@@ -73,11 +78,19 @@ class UsdLog:
         end = max(s.span.end_s for s in streams.values())
         notes = [f"extra: {c} kept as found" for n, s in streams.items() if n.startswith("extra") for c in s.columns]
         return Flight(
-            path.name, streams,
-            {"family": None, "speed": None, "reference_speed_m_s": None, "clock": "seconds since boot",
-             "usd_version": log.version, "records": {log.types[i].name: len(r) for i, r in log.records.items()}},
+            path.name,
+            streams,
+            {
+                "family": None,
+                "speed": None,
+                "reference_speed_m_s": None,
+                "clock": "seconds since boot",
+                "usd_version": log.version,
+                "records": {log.types[i].name: len(r) for i, r in log.records.items()},
+            },
             Provenance(str(path), "", self.name, findings=_faults(log.fault, end), notes=tuple(notes)),
-            epoch_s=start * unit)
+            epoch_s=start * unit,
+        )
 
 
 def parse_log(data: bytes, place: str) -> Log:
@@ -89,7 +102,11 @@ def parse_log(data: bytes, place: str) -> Log:
     records = {}
     for i, kind in types.items():
         at = np.array(offsets[i], dtype=np.int64)
-        block = raw[at[:, None] + np.arange(kind.dtype.itemsize)] if len(at) else np.empty((0, kind.dtype.itemsize), np.uint8)
+        block = (
+            raw[at[:, None] + np.arange(kind.dtype.itemsize)]
+            if len(at)
+            else np.empty((0, kind.dtype.itemsize), np.uint8)
+        )
         records[i] = np.ascontiguousarray(block).view(kind.dtype).reshape(-1)
     return Log(version, types, records, _verdict(data, stop, whole, types))
 
@@ -100,7 +117,9 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
     def number() -> int:
         nonlocal at
         if at + 2 > len(data):
-            raise InputError(f"{place}: byte {at}", "the header of the uSD log ends early", "take another copy of the file")
+            raise InputError(
+                f"{place}: byte {at}", "the header of the uSD log ends early", "take another copy of the file"
+            )
         at += 2
         return struct.unpack_from("<H", data, at - 2)[0]
 
@@ -108,7 +127,9 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
         nonlocal at
         end = data.find(b"\x00", at, at + 256)
         if end < 0:
-            raise InputError(f"{place}: byte {at}", "a name in the header of the uSD log has no end", "take another copy of the file")
+            raise InputError(
+                f"{place}: byte {at}", "a name in the header of the uSD log has no end", "take another copy of the file"
+            )
         start, at = at, end + 1
         return data[start:end].decode("latin-1")
 
@@ -125,7 +146,9 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
             variable = text()
             if len(variable) < 4 or variable[-3] != "(" or variable[-1] != ")" or variable[-2] not in DTYPES:
                 shown = "".join(c if c.isprintable() else "?" for c in variable[:40])
-                raise InputError(f"{place}: byte {where}", f"variable '{shown}' of unknown type", "the header is damaged")
+                raise InputError(
+                    f"{place}: byte {where}", f"variable '{shown}' of unknown type", "the header is damaged"
+                )
             names.append(variable[:-3])
             fields.append((f"v{len(names)}", DTYPES[variable[-2]]))
         if key in types:
@@ -134,8 +157,9 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
     return version, types, at
 
 
-def _walk(data: bytes, at: int, end: int, types: dict[int, EventType], time: tuple[str, float],
-          trusted: bool) -> tuple[dict[int, list[int]], int]:
+def _walk(
+    data: bytes, at: int, end: int, types: dict[int, EventType], time: tuple[str, float], trusted: bool
+) -> tuple[dict[int, list[int]], int]:
     """Byte offsets of whole records per event type, and where the walk stopped."""
     sizes = {i: t.dtype.itemsize for i, t in types.items()}
     offsets: dict[int, list[int]] = {i: [] for i in types}
@@ -180,7 +204,10 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
         for stream, quantities in plan.items():
             best = owner.get(stream)
             events_first = log.types[i].name != FIXED_FREQUENCY
-            if best is None or (len(quantities), events_first) > (len(plans[best][stream]), log.types[best].name != FIXED_FREQUENCY):
+            if best is None or (len(quantities), events_first) > (
+                len(plans[best][stream]),
+                log.types[best].name != FIXED_FREQUENCY,
+            ):
                 owner[stream] = i
     streams: dict[str, Stream] = {}
     for i, records in filled.items():
@@ -191,17 +218,33 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
         for stream, quantities in plans[i].items():
             if owner[stream] != i:
                 continue
-            values = np.stack([records[fields[v.name]].astype(float) * v.scale + v.offset for v in quantities.values()], axis=1)
+            values = np.stack(
+                [records[fields[v.name]].astype(float) * v.scale + v.offset for v in quantities.values()], axis=1
+            )
             used.update(v.name for v in quantities.values())
             count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
-            streams[stream] = make_stream(stream, time_s, values, tuple(quantities), [v.name for v in quantities.values()],
-                                          samples=count, rate_hz=_rate(count, time_s))
+            streams[stream] = make_stream(
+                stream,
+                time_s,
+                values,
+                tuple(quantities),
+                [v.name for v in quantities.values()],
+                samples=count,
+                rate_hz=_rate(count, time_s),
+            )
         rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
         if rest:
             values = np.stack([records[fields[v]].astype(float) for v in rest], axis=1)
             name = "extra" if kind.name == FIXED_FREQUENCY else f"extra_{kind.name}"
-            streams[name] = Stream(time_s, values, tuple(rest), tuple(rest), ("1",) * len(rest), rate_hz=_rate(len(values), time_s),
-                                   samples=len(values))
+            streams[name] = Stream(
+                time_s,
+                values,
+                tuple(rest),
+                tuple(rest),
+                ("1",) * len(rest),
+                rate_hz=_rate(len(values), time_s),
+                samples=len(values),
+            )
     return dict(sorted(streams.items()))
 
 

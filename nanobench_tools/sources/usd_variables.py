@@ -30,26 +30,43 @@ def _table() -> dict[str, dict[str, tuple[Variable, ...]]]:
     motors = range(1, 5)
     millimetres = {a: v(f"stateEstimateZ.{a}", "mm") for a in "xyz"}
     return {
-        "mocap": {**{f"p{a}": (v(f"locSrv.{a}", "m"),) for a in "xyz"}, **{q: (v(f"locSrv.{q}"),) for q in ("qx", "qy", "qz", "qw")}},
-        "imu": {**{f"acc_{a}": (v(f"acc.{a}", "g"),) for a in "xyz"},
-                # compressed rates: the pitch rate keeps the legacy sign there, gyro.y does not
-                **{f"gyro_{a}": (v(f"gyro.{a}", "deg/s"), v(f"stateEstimateZ.rate{n}", "mrad/s", s))
-                   for a, n, s in (("x", "Roll", 1.0), ("y", "Pitch", -1.0), ("z", "Yaw", 1.0))}},
+        "mocap": {
+            **{f"p{a}": (v(f"locSrv.{a}", "m"),) for a in "xyz"},
+            **{q: (v(f"locSrv.{q}"),) for q in ("qx", "qy", "qz", "qw")},
+        },
+        "imu": {
+            **{f"acc_{a}": (v(f"acc.{a}", "g"),) for a in "xyz"},
+            # compressed rates: the pitch rate keeps the legacy sign there, gyro.y does not
+            **{
+                f"gyro_{a}": (v(f"gyro.{a}", "deg/s"), v(f"stateEstimateZ.rate{n}", "mrad/s", s))
+                for a, n, s in (("x", "Roll", 1.0), ("y", "Pitch", -1.0), ("z", "Yaw", 1.0))
+            },
+        },
         # pwm.* is what the motors got; motor.* before the battery compensation where both exist, else the same
         "motor": {f"m{i}": (v(f"pwm.m{i}_pwm", "pwm16"), v(f"motor.m{i}", "pwm16")) for i in motors},
         "motor_request": {f"m{i}": (v(f"motor.m{i}req", "pwm16"), v(f"motor.m{i}", "pwm16")) for i in motors},
-        "estimator": {**{a: (v(f"stateEstimate.{a}", "m"), millimetres[a]) for a in "xyz"},
-                      **{f"v{a}": (v(f"stateEstimate.v{a}", "m/s"), v(f"stateEstimateZ.v{a}", "mm/s")) for a in "xyz"}},
+        "estimator": {
+            **{a: (v(f"stateEstimate.{a}", "m"), millimetres[a]) for a in "xyz"},
+            **{f"v{a}": (v(f"stateEstimate.v{a}", "m/s"), v(f"stateEstimateZ.v{a}", "mm/s")) for a in "xyz"},
+        },
         # the compressed acceleration still has gravity in z
-        "estimator_acc": {f"a{a}": (v(f"stateEstimate.a{a}", "g"),
-                                    v(f"stateEstimateZ.a{a}", "mm/s^2", offset=-GRAVITY_M_S2 if a == "z" else 0.0))
-                          for a in "xyz"},
-        "attitude": {a: (v(f"stateEstimate.{a}", "deg", s), v(f"stabilizer.{a}", "deg", s))
-                     for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))},
+        "estimator_acc": {
+            f"a{a}": (
+                v(f"stateEstimate.a{a}", "g"),
+                v(f"stateEstimateZ.a{a}", "mm/s^2", offset=-GRAVITY_M_S2 if a == "z" else 0.0),
+            )
+            for a in "xyz"
+        },
+        "attitude": {
+            a: (v(f"stateEstimate.{a}", "deg", s), v(f"stabilizer.{a}", "deg", s))
+            for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))
+        },
         "attitude_qw": {q: (v(f"stateEstimate.{q}"),) for q in ("qx", "qy", "qz", "qw")},
         "setpoint": {a: (v(f"ctrltarget.{a}", "m"),) for a in "xyz"},  # ctrltarget.yaw is a rate, hence in extra
-        "pid": {**{a: (v(f"controller.{a}", "deg", s),) for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))},
-                "cmd_thrust": (v("controller.cmd_thrust", "pwm16"),)},
+        "pid": {
+            **{a: (v(f"controller.{a}", "deg", s),) for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))},
+            "cmd_thrust": (v("controller.cmd_thrust", "pwm16"),),
+        },
         "command": {"thrust": (v("stabilizer.thrust", "pwm16"),)},
         "battery": {"vbat": (v("pm.vbat", "V"), v("pm.vbatMV", "mV"))},
         "rpm": {f"m{i}": (v(f"rpm.m{i}", "rpm"),) for i in motors},
