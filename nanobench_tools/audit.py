@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .clock.offset import read_clocks
 from .clock.reading import ClockReading
+from .clock.readings import read_clocks
 from .content.airborne import airborne_spans
 from .content.context import Context
 from .content.controller import controller_of
@@ -96,7 +96,6 @@ def _nan(value: float | None) -> float:
 def audit(flight: Flight) -> Audit:
     """Everything that can be said about one recording from its own content. Pure; about 0.2 s for 42 s of flight."""
     context = Context(flight)
-    clock = read_clocks(context)
     faults: list[Fault] = []
     for module in load_all("faults").values():
         faults.extend(module.find(flight, context))
@@ -104,8 +103,9 @@ def audit(flight: Flight) -> Audit:
     cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
     return Audit(
         flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
-        controller=controller_of(context), airborne=airborne_spans(context),
-        clean=subtract_spans([flight.span], cuts), faults=tuple(faults), clock=clock, rates=rates_of(context),
+        controller=controller_of(context), airborne=context.once(airborne_spans),
+        clean=subtract_spans([flight.span], cuts), faults=tuple(faults), clock=context.once(read_clocks),
+        rates=context.once(rates_of),
         span=flight.span)
 
 

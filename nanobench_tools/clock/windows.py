@@ -1,4 +1,4 @@
-"""How the time error of a stream moves within the flight, from windows of one second.
+"""How the time error of a stream moves within the flight, from windows of half a second.
 
 In every window the lag is what makes s(t) = A r(t - lag) fit best, A and the noise fixed by the whole flight. How far
 such lags scatter without any clock error is read from a placebo: the same fit with the reference's slope turned by a

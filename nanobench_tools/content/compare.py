@@ -18,6 +18,7 @@ from ..clock.lags import LagSums, lag_sums
 from ..flight import Stream
 from .airborne import airborne_spans
 from .context import Context
+from .quaternions import ORDERS, quaternion_orders
 from .rows import usable_streams
 from .tails import alive_until
 from .truth import STEP_S, Truth, body_rate, truth_of, widened
@@ -148,8 +149,10 @@ def attitude_pair(context: Context) -> Pair | None:
 
 def attitude_qw_pair(context: Context) -> Pair | None:
     """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
+    found = context.once(quaternion_orders).get("attitude_qw")
+    order = list(ORDERS[found.name] if found else range(4))
     return _pair(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
-                 signal=_rate_of_quaternion, prepare=so3.make_continuous)
+                 signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(q[:, order]))
 
 
 def position_pair(context: Context) -> Pair | None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from ..sources.kinks import count_packets
 from .context import Context
+from .tails import alive_until
 
 
 @dataclass(frozen=True)
@@ -16,6 +20,13 @@ class RateReading:
 
 
 def rates_of(context: Context) -> dict[str, RateReading]:
-    """A reading for every stream."""
-    return {name: RateReading(len(s) if s.samples is None else s.samples, s.rate_hz)
-            for name, s in context.flight.streams.items()}
+    """A reading for every stream: the count of the recording's sheet, else the kink test's."""
+    alive = context.once(alive_until)
+    readings = {}
+    for name, stream in context.flight.streams.items():
+        samples = stream.samples
+        if samples is None:
+            samples = len(stream) if name in ("mocap", "stand") else count_packets(stream.time_s, stream.values).count
+        lived = alive.get(name, np.nan) - (stream.time_s[0] if len(stream) else np.nan)
+        readings[name] = RateReading(int(samples), float(samples / lived) if lived > 0.0 else float("nan"))
+    return readings

@@ -38,3 +38,16 @@ def runs(flags: np.ndarray) -> np.ndarray:
 def typical_step_s(time_s: np.ndarray) -> float:
     """Median distance of stamps [s]; nan for fewer than two."""
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
+
+
+def tables(context: Context) -> list[tuple[str, np.ndarray]]:
+    """The different columns of stamps of a flight, as they are (finite ones): stream name, empty when several share it."""
+    found: list[tuple[str, np.ndarray]] = []
+    for name, stream in context.flight.streams.items():
+        for i, (_, t) in enumerate(found):
+            if t is stream.time_s or np.array_equal(t, stream.time_s, equal_nan=True):
+                found[i] = ("", t)
+                break
+        else:
+            found.append((name, stream.time_s))
+    return [(name, t[np.isfinite(t)]) for name, t in found]

@@ -1,0 +1,18 @@
+"""extra_column: a column that the format does not have, or the same one twice.
+
+Found by the reader, which keeps its numbers in a stream of their own.
+Size: columns. Smallest found: one column.
+"""
+
+from __future__ import annotations
+
+from ..content.context import Context
+from ..flight import Fault, Flight
+from .making import findings
+
+KIND = "extra_column"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """The reader's findings."""
+    return findings(flight, KIND)

@@ -1,0 +1,60 @@
+"""gap: no sample of a stream for a while.
+
+Found in two ways. Resampled streams: rows on a straight chord that moves (kink test) between two packets further apart
+than 0.1 s, or than 5 of its usual packet intervals if the stream is slower than 50 Hz. Streams with stamps of their
+own: stamps that far apart. For the motion capture: frames further apart than 0.05 s (single frames are lost
+ordinarily, 20-40 ms). When the rows of a table are missing, they are missing for each of its streams.
+
+A setpoint that is planned as a straight line is a straight chord by right, so setpoints are judged only beyond 0.25 s
+and only if the stream bends again and again around (commands of the streamed paths change at 100 Hz).
+
+Size: seconds between the samples. Smallest found: 0.1 s (0.05 s motion capture, 0.25 s setpoint, 0.5 s battery), plus
+one row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..content.context import Context
+from ..content.packets import packets_of
+from ..content.rows import runs, typical_step_s, usable_streams
+from ..content.tails import alive_until
+from ..flight import Fault, Flight
+
+KIND = "gap"
+
+SHORTEST_S = 0.1
+SHORTEST_MOCAP_S = 0.05
+SHORTEST_SETPOINT_S = 0.25
+
+
+def shortest_s(name: str, interval_s: float) -> float:
+    """The shortest gap reported for a stream whose packets come every ``interval_s``."""
+    at_least = {"mocap": SHORTEST_MOCAP_S, "setpoint": SHORTEST_SETPOINT_S}.get(name, SHORTEST_S)
+    return max(at_least, 5.0 * interval_s) if np.isfinite(interval_s) else at_least
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per gap and stream."""
+    faults = []
+    packets = context.once(packets_of)
+    for name, stream in context.once(usable_streams).items():
+        if len(stream) < 3 or name not in packets:
+            continue
+        shortest = shortest_s(name, packets[name].interval_s)
+        found: set[tuple[float, float]] = set()
+        t = stream.time_s
+        step = typical_step_s(t)
+        for i in np.flatnonzero(np.diff(t) > max(shortest, 2.5 * step)):
+            found.add((float(t[i]), float(t[i + 1])))
+        if name != "mocap":
+            end = context.once(alive_until)[name]
+            for a, b in runs(packets[name].straight & ~packets[name].still):
+                if t[b] - t[a - 1] > shortest + 0.5 * step and t[a - 1] < end - 1e-9 and b < len(t) - 1:
+                    found.add((float(t[a - 1]), float(t[b])))
+        for start, stop in sorted(found):
+            faults.append(Fault(KIND, name, stream.columns, start, stop, stop - start, "s",
+                                f"no sample of {name} for {stop - start:.3f} s; usual is one in {packets[name].interval_s:.3f} s",
+                                shortest))
+    return faults

@@ -1,0 +1,28 @@
+"""interpolated (information, no fault): how many rows of a stream carry no packet of their own.
+
+Found from the number of packets: the recording's sheet counts them, else they are estimated from the kinks of the
+piecewise straight lines. Interpolated rows must not count as independent measurements. Size: share of the rows.
+Smallest reported: 1 %.
+"""
+
+from __future__ import annotations
+
+from ..content.context import Context
+from ..content.rates import rates_of
+from ..flight import Fault, Flight
+
+KIND = "interpolated"
+
+SMALLEST = 0.01
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One entry per resampled stream."""
+    faults = []
+    for name, rate in context.once(rates_of).items():
+        stream = flight.streams[name]
+        share = 1.0 - rate.samples / len(stream) if len(stream) else 0.0
+        if share > SMALLEST:
+            faults.append(Fault(KIND, name, stream.columns, stream.span.start_s, stream.span.end_s, share, "1",
+                                f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second", SMALLEST))
+    return faults

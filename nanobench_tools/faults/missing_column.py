@@ -1,0 +1,48 @@
+"""missing_column: a column of the format is not in the file, or holds no value.
+
+Found by the reader. In a flight that no reader has judged, elements that are missing from a vector of which others
+are there (two axes of a gyro, three motors of four) are found here. Takes no time away: whoever needs the column gets
+an InputError that names it.
+
+Size: columns. Smallest found: one column.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..content.context import Context
+from ..flight import Fault, Flight
+from .making import findings
+
+KIND = "missing_column"
+
+VECTORS = {
+    "mocap": (("px", "py", "pz"), ("qx", "qy", "qz", "qw"), ("vx", "vy", "vz"), ("wx", "wy", "wz"), ("roll", "pitch", "yaw")),
+    "imu": (("acc_x", "acc_y", "acc_z"), ("gyro_x", "gyro_y", "gyro_z")),
+    "motor": (("m1", "m2", "m3", "m4"),), "motor_request": (("m1", "m2", "m3", "m4"),), "rpm": (("m1", "m2", "m3", "m4"),),
+    "estimator": (("x", "y", "z"), ("vx", "vy", "vz")), "estimator_acc": (("ax", "ay", "az"),),
+    "attitude": (("roll", "pitch", "yaw"),), "attitude_qw": (("qx", "qy", "qz", "qw"),),
+    "setpoint": (("x", "y", "z", "yaw"),), "pid": (("roll", "pitch", "yaw", "cmd_thrust"),),
+}
+"""What belongs together in every source."""
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """The reader's findings, else one fault per stream with holes in its vectors."""
+    faults = findings(flight, KIND)
+    told = {fault.stream for fault in faults}
+    for name, vectors in VECTORS.items():
+        if name not in flight or name in told:
+            continue
+        stream = flight[name]
+        empty = {q for q, k in zip(stream.quantities, range(stream.values.shape[1]), strict=True)
+                 if len(stream) and not np.isfinite(stream.values[:, k]).any()}
+        there = set(stream.quantities) - empty
+        missing = tuple(q for vector in vectors if there & set(vector) for q in vector if q not in there)
+        # a stream of which nothing is left but what stands alone was never recorded
+        if missing:
+            span = stream.span
+            faults.append(Fault(KIND, name, missing, span.start_s, span.end_s, float(len(missing)), "columns",
+                                f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}", 1.0))
+    return faults

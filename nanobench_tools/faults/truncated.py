@@ -1,0 +1,18 @@
+"""truncated: the file ends early.
+
+Found by the reader: a last row or record that is cut off, or fewer rows than the recording's sheet counts.
+Size: rows or bytes that are missing, as far as known. Smallest found: one.
+"""
+
+from __future__ import annotations
+
+from ..content.context import Context
+from ..flight import Fault, Flight
+from .making import findings
+
+KIND = "truncated"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """The reader's findings."""
+    return findings(flight, KIND)
