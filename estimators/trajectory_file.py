@@ -21,7 +21,7 @@ class TrajectoryFile:
     given = "not known: a trajectory file"
 
     def __init__(self, path: Path) -> None:
-        """InputError if the file cannot be read. The content's hash makes a changed file another method to the runner."""
+        """InputError if the file cannot be read. By its content hash a changed file is another method to the runner."""
         self.path = Path(path)
         self.name = self.path.absolute().parent.name
         self.sha256 = hashlib.sha256(self._read()).hexdigest()
