@@ -86,7 +86,7 @@ def clocks(audit: Mapping[str, Any] | None) -> dict[str, Any]:
         clock = (flight.get("clock") or {}).get(stream) or {}
         offset, interval = number(clock.get("offset_s")), clock.get("ci95_s")
         if offset is None or not clock.get("identifiable", True):
-            unknown.append([flight["flight"], clock.get("reason") or "not compared"])
+            unknown.append(flight["flight"])
             continue
         low, high = interval or (offset, offset)
         rows.append({"flight": flight["flight"], "ms": 1e3 * offset, "low": 1e3 * low, "high": 1e3 * high,

@@ -86,9 +86,10 @@ def number(value: float | None) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def format_number(value: float | None, decimals: int, exact: bool = False) -> str:
+def format_number(value: float | None, decimals: int, exact: bool = False, like: float | None = None) -> str:
     """``value`` with ``decimals``; unless ``exact``, more of them where fewer than two significant digits would stay.
 
+    ``like``: the number whose size decides how many (the mean, for its deviation and its interval), default ``value``.
     A value that is not a finite number is a dash.
 
     >>> format_number(0.00012, 3), format_number(3142.7175, 1), format_number(float("nan"), 1)
@@ -97,13 +98,12 @@ def format_number(value: float | None, decimals: int, exact: bool = False) -> st
     value = number(value)
     if value is None:
         return DASH
-    size = abs(value)
-    if exact or size == 0.0:
-        text = f"{value:.{decimals}f}"
-    elif size >= 1e6 or size < 1e-6:
+    size = abs(value if like is None else like)
+    if not exact and size and (abs(value) >= 1e6 or size < 1e-6):
         text = f"{value:.1e}"
     else:
-        text = f"{value:.{max(decimals, 1 - math.floor(math.log10(size)))}f}"
+        needed = 0 if exact or not size else 1 - math.floor(math.log10(size))
+        text = f"{value:.{max(decimals, needed)}f}"
     return text.replace("-", MINUS) if value < 0 else text
 
 

@@ -59,22 +59,23 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         for h in horizons:
             title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
             scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
-    columns = (Column("model", "Model"), Column("information", "Given"), Column("truth", "Truth"),
-               Column("group", "Group"), Column("n_windows", "Windows", "count"),
-               Column("n_flights", "Flights", "count"), DATA, *scores)
+    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"), *scores,
+               Column("n_windows", "Windows", "count"), Column("n_flights", "Flights", "count"),
+               Column("information", "Given"), DATA)
     groups = [_text(row.get("group")) for row in rows]
     rank = {group: (_rank(group, TASK1_GROUPS), groups.index(group)) for group in groups}
     rows = sorted(rows, key=lambda row: (rank[_text(row.get("group"))], _text(row.get("truth")) != "onboard"))
     lines: list[tuple[Cell, ...]] = []
     main = 0
     for row in rows:
-        head = (_text(row.get("model")), _text(row.get("information")), _text(row.get("truth")),
-                _text(row.get("group")), _count(row.get("n_windows")), _count(row.get("n_flights")))
-        lines.append((*head, data_label(synthetic), *_horizon_scores(row.get("metrics"), row, horizons)))
+        model, group, truth = (_text(row.get(key)) for key in ("model", "group", "truth"))
+        information = _text(row.get("information"))
         if published := row.get("published"):
-            lines.append((f"{head[0]} (published)", head[1], head[2], "published table", None, None, "published",
-                          *_horizon_scores(published, {}, horizons, exact=True)))
-        main = len(lines) if head[3] in ("", *TASK1_GROUPS) else main
+            lines.append((f"{model} (published)", "published table", truth,
+                          *_horizon_scores(published, {}, horizons, exact=True), None, None, information, "published"))
+        lines.append((model, group, truth, *_horizon_scores(row.get("metrics"), row, horizons),
+                      _count(row.get("n_windows")), _count(row.get("n_flights")), information, data_label(synthetic)))
+        main = len(lines) if group in ("", *TASK1_GROUPS) else main
     note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
     if main < len(lines):
         note += " Further groups are in the CSV file."
@@ -130,7 +131,7 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
     columns = (Column("protocol", "Protocol"), Column("controller", "Controller"), Column("reference", "Reference"),
                Column("speed", "Speed"), Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2),
-               Column("information", "Given"), Column("n", "n", "count"), DATA, *scores)
+               Column("n", "n", "count"), *scores, Column("information", "Given"), DATA)
     titles = {"real": ("table_task2", "Task 2: tracking of the onboard controllers on logged flights"),
               "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
     tables = []
@@ -138,14 +139,14 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
         lines: list[tuple[Cell, ...]] = []
         mine = [row for row in rows if (row.get("plant") or "real") == plant]
         for row in mine:
-            protocol = _text(row.get("protocol"))
             head = (_text(row.get("controller")), _text(row.get("reference")), _text(row.get("speed")),
-                    Score.of(row.get("speed_m_s"), reason="no single reference speed"), _text(row.get("information")))
-            lines.append((protocol, *head, _count(row.get("n")), data_label(synthetic),
-                          *_scores(row.get("metrics"), row, scores)))
+                    Score.of(row.get("speed_m_s"), reason="no single reference speed"))
+            information = _text(row.get("information"))
             if published := row.get("published"):
-                lines.append(("published table", *head, _count(row.get("published_n")), "published",
-                              *_scores(published, {}, scores, exact=True)))
+                lines.append(("published table", *head, _count(row.get("published_n")),
+                              *_scores(published, {}, scores, exact=True), information, "published"))
+            lines.append((_text(row.get("protocol")), *head, _count(row.get("n")),
+                          *_scores(row.get("metrics"), row, scores), information, data_label(synthetic)))
         dropped = dict.fromkeys(name for row in mine for name in row.get("dropped") or [])
         note = "Mean ± SD over flights and 95 % interval of the mean."
         if dropped:
@@ -185,18 +186,19 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
     """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
     scores = tuple(replace(_score_column(metric), aside=metric not in known) for metric in _metrics(rows, known))
     columns = (Column("group", "Group"), Column("protocol", "Protocol"), Column("method", "Method"),
-               Column("causal", "Causal"), Column("n", "n", "count"), DATA, *scores, Column("given", "Given"))
+               Column("n", "n", "count"), *scores, Column("causal", "Causal"), Column("given", "Given", noted=True),
+               DATA)
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
     main = 0
     for row in sorted(rows, key=lambda row: order[_group(row)]):
-        protocol, causal = _text(row.get("protocol")), row.get("causal")
+        causal, method = row.get("causal"), _text(row.get("method"))
         if published := row.get("published"):
-            lines.append((_group(row), "published table", _text(row.get("method")), "",
-                          _count(row.get("published_n")), "published", *_scores(published, {}, scores, exact=True), ""))
-        lines.append((_group(row), protocol, _text(row.get("method")),
-                      "" if causal is None else "yes" if causal else "no", _count(row.get("n")), data_label(synthetic),
-                      *_scores(row.get("metrics"), row, scores), _text(row.get("given"))))
+            lines.append((_group(row), "published table", method, _count(row.get("published_n")),
+                          *_scores(published, {}, scores, exact=True), "", "", "published"))
+        lines.append((_group(row), _text(row.get("protocol")), method, _count(row.get("n")),
+                      *_scores(row.get("metrics"), row, scores), "" if causal is None else "yes" if causal else "no",
+                      _text(row.get("given")), data_label(synthetic)))
         main = len(lines) if "/" not in _group(row) else main
     note = "Mean ± SD over flights and 95 % interval of the mean."
     if any(c.aside for c in scores) or main < len(lines):

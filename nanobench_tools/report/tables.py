@@ -30,20 +30,25 @@ class Score:
 
     @classmethod
     def of(cls, found: Any, ci95: Any = None, reason: str = NOT_GIVEN, exact: bool = False) -> Score:
-        """From a plain number, or ``{mean | value, std, median, p90, ci95: [lo, hi]}``, or nothing."""
+        """From a plain number, or ``{mean | value, std, median, p90, ci95: [lo, hi], n}``, or nothing.
+
+        One flight (``n`` = 1) has no deviation, whatever is said.
+        """
         body = found if isinstance(found, Mapping) else {"mean": found}
         interval = body.get("ci95", ci95) or (None, None)
         mean = number(body.get("mean", body.get("value")))
         if mean is None:
             mean = number(body.get("median"))
-        return cls(mean, number(body.get("std")), number(body.get("median")), number(body.get("p90")),
+        std = None if body.get("n") == 1 else number(body.get("std"))
+        return cls(mean, std, number(body.get("median")), number(body.get("p90")),
                    number(interval[0]), number(interval[1]), str(body.get("reason") or reason), exact)
 
 
 @dataclass(frozen=True)
 class Column:
     """``kind``: ``text``, ``count`` or ``score``; an SI score times ``factor`` is in ``unit``. ``aside``: a column that
-    only the CSV file has, so that the page and the LaTeX table stay readable."""
+    only the CSV file has, so that the page and the LaTeX table stay readable; ``noted``: long texts, which readers
+    get as numbers explained under the table."""
 
     key: str
     title: str
@@ -52,6 +57,7 @@ class Column:
     factor: float = 1.0
     decimals: int = 3
     aside: bool = False
+    noted: bool = False
 
     @property
     def heading(self) -> str:
@@ -79,9 +85,17 @@ class Table:
                            any(isinstance(row[i], Score) and row[i].mean is not None for row in self.rows)])
 
     def for_readers(self) -> Table:
-        """The same table less the rows and columns that stand aside."""
-        short = replace(self, rows=self.rows[:self.main], main=None)
-        return short._keep([i for i, column in enumerate(self.columns) if not column.aside])
+        """The same table less the rows and columns that stand aside, long texts moved to the note."""
+        table = replace(self, rows=self.rows[:self.main], main=None)
+        for i, column in enumerate(self.columns):
+            if column.noted:
+                texts = [text for text in dict.fromkeys(row[i] for row in table.rows) if text]
+                marks = {text: str(k + 1) for k, text in enumerate(texts)}
+                rows = tuple((*row[:i], marks.get(row[i], ""), *row[i + 1:]) for row in table.rows)
+                said = "; ".join(f"{mark}: {text}" for text, mark in marks.items())
+                note = f"{table.note} {column.title} {said}." if said else table.note
+                table = replace(table, rows=rows, note=note)
+        return table._keep([i for i, column in enumerate(self.columns) if not column.aside])
 
     def without_column(self, key: str) -> Table:
         return self._keep([i for i, column in enumerate(self.columns) if column.key != key])
@@ -95,12 +109,13 @@ def score_text(cell: Score, column: Column) -> tuple[str, str]:
     """What is printed: (``mean ± std``, ``[low, high]``), the second empty without an interval."""
     if cell.mean is None:
         return DASH, ""
-    text = " ± ".join(format_number(value * column.factor, column.decimals, cell.exact)
-                      for value in (cell.mean, cell.std) if value is not None)
-    if cell.low is None or cell.high is None:
-        return text, ""
-    low, high = (format_number(value * column.factor, column.decimals) for value in (cell.low, cell.high))
-    return text, f"[{low}, {high}]"
+    mean = cell.mean * column.factor
+
+    def text(value: float) -> str:
+        return format_number(value * column.factor, column.decimals, cell.exact, like=mean)
+
+    middle = text(cell.mean) + ("" if cell.std is None else f" ± {text(cell.std)}")
+    return middle, "" if cell.low is None or cell.high is None else f"[{text(cell.low)}, {text(cell.high)}]"
 
 
 _SPREAD = (("std", "std"), ("median", "median"), ("p90", "p90"), ("ci95_low", "low"), ("ci95_high", "high"))
@@ -175,7 +190,8 @@ def to_latex(table: Table, label: str = "") -> str:
             else:
                 cells.append("--" if cell in (None, "") else latex_escape(str(cell)))
         lines.append(" & ".join(cells) + r" \\")
-    return "\n".join([*lines, r"\hline", r"\end{tabular}", ""])
+    note = [f"% {_one_line(table.note)}"] if table.note else []
+    return "\n".join([*lines, r"\hline", r"\end{tabular}", *note, ""])
 
 
 def _one_line(text: str) -> str:

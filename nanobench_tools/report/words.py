@@ -185,7 +185,8 @@ def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) ->
     name = shown(metric).title
     if abs(a - b) <= ALIKE * max(abs(a), abs(b)):
         return f"{name} {_show(metric, b)}, unchanged by the correction"
-    return f"{name} {_show(metric, a)} as published, {_show(metric, b)} corrected ({_times(a, b)})"
+    off = f" ({_times(a, b)})" if b > 0 else ""
+    return f"{name} {_show(metric, a)} as published, {_show(metric, b)} corrected{off}"
 
 
 def _compared(theirs: float, ours: float) -> str:
@@ -196,8 +197,6 @@ def _compared(theirs: float, ours: float) -> str:
 
 def _times(before: float, after: float) -> str:
     """In words, how far off ``before`` was."""
-    if after == 0.0:
-        return "the corrected value is zero"
     ratio = before / after
     if abs(ratio - 1) <= ALIKE:
         return "alike"

@@ -37,6 +37,20 @@ def test_a_published_row_shows_only_the_digits_that_were_printed():
     assert score_text(Score(0.0211046, 0.0033372, low=0.0190, high=0.0232), METRES) == ("21.1 ± 3.3", "[19.0, 23.2]")
 
 
+def test_deviation_and_interval_have_the_digits_of_the_mean_and_one_flight_has_no_deviation():
+    assert score_text(Score.of({"mean": 0.0000212, "std": 0.0000001, "n": 4}), METRES) == ("0.021 ± 0.000", "")
+    assert score_text(Score.of({"mean": 0.02, "std": 0.0, "n": 1}), METRES) == ("20.0", "")
+
+
+def test_long_texts_are_numbers_for_readers_and_whole_in_the_csv(results):
+    table = next(t for t in tables_of(results, False) if t.name == "table_task3_clean")
+    short = table.for_readers()
+    at = [c.key for c in short.columns].index("given")
+    assert short.rows[0][at] == "1"
+    assert short.note.endswith("Given 1: all.")
+    assert ",all," in to_csv(table)
+
+
 @settings(deadline=None)
 @given(st.text(st.characters(exclude_categories=["Cs"]), max_size=40))
 def test_no_text_reaches_latex_as_a_command(text):
@@ -68,11 +82,12 @@ def test_csv_holds_full_precision_every_spread_and_empty_cells():
 
 
 def test_latex_table_is_whole_and_as_wide_as_its_rows():
-    text = to_latex(Table("t", "50 % of\nit", (Column("flight", "Flight_name"), METRES), (("a&b", Score(None)),)))
+    columns = (Column("flight", "Flight_name"), METRES)
+    text = to_latex(Table("t", "50 % of\nit", columns, (("a&b", Score(None)),), "noted"))
     lines = text.splitlines()
     assert lines[0] == "% 50 % of it"
     assert lines[1] == r"\begin{tabular}{lr}"
-    assert lines[-1] == r"\end{tabular}"
+    assert lines[-2:] == [r"\end{tabular}", "% noted"]
     assert r"a\&b & -- \\" in lines
     assert r"Flight\_name & Error [mm] \\" in lines
 

@@ -21,8 +21,8 @@ def test_task3_says_what_was_wrong_and_by_how_much(results):
 
 def test_task2_pairs_rows_by_their_flights_and_not_by_their_names(results):
     text = flat(words.task2(results))
-    assert "PID: RMSE position 0.300 m as published, 0.270 m corrected (11 % too large)" in text
-    assert "Heading error 6.00 deg as published, 1.00 deg corrected (6.0 times too large)" in text
+    assert "PID: RMSE position 0.3000 m as published, 0.2700 m corrected (11 % too large)" in text
+    assert "Heading error 6.000 deg as published, 1.000 deg corrected (6.0 times too large)" in text
     other = copy.deepcopy(results)
     other["control"]["rows"][1]["flights"] = ["another flight"]
     assert "corrected (" not in flat(words.task2(other))
