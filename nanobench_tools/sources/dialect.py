@@ -51,6 +51,8 @@ def header_of(head: bytes) -> tuple[list[str], Dialect]:
     text = normalise_text(head).lstrip(b"\n \t").split(b"\n", 1)[0].decode("utf-8", errors="replace").rstrip("\r")
     best: tuple[list[str], Dialect] = ([clean_name(text)] if text.strip() else [], Dialect(","))
     for delimiter in (",", ";", "\t", "|", None):
+        if delimiter is None and len(best[0]) > 1:
+            break  # names may hold blanks
         names = [clean_name(c) for c in split_line(text, delimiter)]
         if len(names) > len(best[0]):
             best = names, Dialect(delimiter)

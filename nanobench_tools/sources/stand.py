@@ -98,6 +98,13 @@ class ThrustStand:
         grid = read_grid(data, str(path), numeric={h.column for h in known})
         n = len(grid.lines)
         row = np.arange(n, dtype=float)
+        silent = [
+            h.column
+            for h in known
+            if h.base not in ("pwm", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()
+        ]
+        for column in silent:  # zero from the first row to the last: the sensor was not connected
+            del grid.columns[column]
         streams, taken = _streams(grid, known, row, str(path))
         if "motor" not in streams:
             raise InputError(str(path), "no column of PWM holds a number", "a thrust stand table has one")
@@ -108,6 +115,12 @@ class ThrustStand:
         faults += [
             text_fault("extra_column", "extra", (c,), f"column {c} holds text and was left out", span, 1.0, "columns")
             for c in grid.text
+        ]
+        faults += [
+            text_fault(
+                "missing_column", "", (c,), f"column {c} shows 0 in every row and was left out", span, 1.0, "columns"
+            )
+            for c in silent
         ]
         faults += [
             text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")

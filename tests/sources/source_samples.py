@@ -10,22 +10,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NAMES = (
-    "t,px,py,pz,qx,qy,qz,qw,roll,pitch,yaw,vx,vy,vz,wx_vicon,wy_vicon,wz_vicon,imu_acc_x,imu_acc_y,imu_acc_z,"
-    "imu_gyro_x,imu_gyro_y,imu_gyro_z,motor_motor_m1,motor_motor_m2,motor_motor_m3,motor_motor_m4,"
-    "est_stateEstimate_x,est_stateEstimate_y,est_stateEstimate_z,est_stateEstimate_vx,est_stateEstimate_vy,"
-    "est_stateEstimate_vz,est_stateEstimate_ax,est_stateEstimate_ay,est_stateEstimate_az,att_stateEstimate_roll,"
-    "att_stateEstimate_pitch,att_stateEstimate_yaw,att_stateEstimate_qx,att_stateEstimate_qy,att_stateEstimate_qz,"
-    "att_stateEstimate_qw,sp_ctrltarget_x,sp_ctrltarget_y,sp_ctrltarget_z,sp_ctrltarget_yaw,pid_controller_roll,"
-    "pid_controller_pitch,pid_controller_yaw,pid_controller_cmd_thrust,pwr_pm_vbat"
-).split(",")
+NAMES = ["t", "px", "py", "pz", "qx", "qy", "qz", "qw", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx_vicon", "wy_vicon", "wz_vicon", "imu_acc_x", "imu_acc_y", "imu_acc_z", "imu_gyro_x", "imu_gyro_y", "imu_gyro_z", "motor_motor_m1", "motor_motor_m2", "motor_motor_m3", "motor_motor_m4", "est_stateEstimate_x", "est_stateEstimate_y", "est_stateEstimate_z", "est_stateEstimate_vx", "est_stateEstimate_vy", "est_stateEstimate_vz", "est_stateEstimate_ax", "est_stateEstimate_ay", "est_stateEstimate_az", "att_stateEstimate_roll", "att_stateEstimate_pitch", "att_stateEstimate_yaw", "att_stateEstimate_qx", "att_stateEstimate_qy", "att_stateEstimate_qz", "att_stateEstimate_qw", "sp_ctrltarget_x", "sp_ctrltarget_y", "sp_ctrltarget_z", "sp_ctrltarget_yaw", "pid_controller_roll", "pid_controller_pitch", "pid_controller_yaw", "pid_controller_cmd_thrust", "pwr_pm_vbat"]
 """The 52 columns, typed off a recording."""
 
-TO_SI = {"imu_acc_x": 9.81, "imu_acc_y": 9.81, "imu_acc_z": 9.81, "est_stateEstimate_ax": 9.81,
-         "est_stateEstimate_ay": 9.81, "est_stateEstimate_az": 9.81, "sp_ctrltarget_yaw": math.pi / 180,
-         **{f"motor_motor_m{i}": 1 / 65535 for i in (1, 2, 3, 4)}, "pid_controller_cmd_thrust": 1 / 65535,
-         **{f"{a}_{b}": (-1 if b == "pitch" else 1) * math.pi / 180
-            for a in ("att_stateEstimate", "pid_controller") for b in ("roll", "pitch", "yaw")}}
+TO_SI = {
+    "imu_acc_x": 9.81,
+    "imu_acc_y": 9.81,
+    "imu_acc_z": 9.81,
+    "est_stateEstimate_ax": 9.81,
+    "est_stateEstimate_ay": 9.81,
+    "est_stateEstimate_az": 9.81,
+    "sp_ctrltarget_yaw": math.pi / 180,
+    **{f"motor_motor_m{i}": 1 / 65535 for i in (1, 2, 3, 4)},
+    "pid_controller_cmd_thrust": 1 / 65535,
+    **{
+        f"{a}_{b}": (-1 if b == "pitch" else 1) * math.pi / 180
+        for a in ("att_stateEstimate", "pid_controller")
+        for b in ("roll", "pitch", "yaw")
+    },
+}
 """By hand: g, degrees, PWM counts, and the pitch that is nose up in the firmware."""
 
 EPOCH = 1772689631.595269680
@@ -95,7 +98,26 @@ def _put_text(values, rng) -> Broken:
     """Text, or what other programs write for a missing number, in a few cells of one row or column."""
     cells = _cells(values)
     row, column = int(rng.integers(len(cells))), int(rng.integers(52))
-    word = rng.choice(["abc", "", "nan", "NaN", "inf", "-inf", "1.2.3", "--1", "0x10", "1_000", "1e999", "#N/A", "٣", "1 2", "True", "-"])
+    word = rng.choice(
+        [
+            "abc",
+            "",
+            "nan",
+            "NaN",
+            "inf",
+            "-inf",
+            "1.2.3",
+            "--1",
+            "0x10",
+            "1_000",
+            "1e999",
+            "#N/A",
+            "٣",
+            "1 2",
+            "True",
+            "-",
+        ]
+    )
     deep = int(rng.integers(1, 4))
     hit = range(row, min(row + deep, len(cells)))
     for i in hit:
@@ -162,7 +184,9 @@ def _header_bytes(values, rng) -> Broken:
 
 def _reordered(values, rng) -> Broken:
     order = rng.permutation(52)
-    return Broken(_join([[row[k] for k in order] for row in _cells(values)], [NAMES[k] for k in order]), frozenset(), frozenset())
+    return Broken(
+        _join([[row[k] for k in order] for row in _cells(values)], [NAMES[k] for k in order]), frozenset(), frozenset()
+    )
 
 
 def _renamed(values, rng) -> Broken:
@@ -185,8 +209,12 @@ def _twice(values, rng) -> Broken:
     """A column name that stands there twice: the first is read, the second reported."""
     k, names = int(rng.integers(1, 51)), list(NAMES)
     names[k + 1] = names[k]
-    return Broken(_join(_cells(values), names), frozenset(range(len(values))), frozenset([NAMES[k + 1]]),
-                  frozenset(["extra_column"]))
+    return Broken(
+        _join(_cells(values), names),
+        frozenset(range(len(values))),
+        frozenset([NAMES[k + 1]]),
+        frozenset(["extra_column"]),
+    )
 
 
 def _times(values, rng) -> Broken:
@@ -226,18 +254,46 @@ def _line_ends(values, rng) -> Broken:
 
 
 MUTATIONS: dict[str, Callable[[np.ndarray, np.random.Generator], Broken]] = {
-    "text": _put_text, "gigantic": _gigantic, "nan_block": _nan_block, "truncated": _truncated, "noise": _noise,
-    "any_bytes": _any_bytes, "header_bytes": _header_bytes, "reordered": _reordered, "renamed": _renamed,
-    "dropped": _dropped, "twice": _twice, "times": _times, "delimiter": _delimiter, "ragged": _ragged,
+    "text": _put_text,
+    "gigantic": _gigantic,
+    "nan_block": _nan_block,
+    "truncated": _truncated,
+    "noise": _noise,
+    "any_bytes": _any_bytes,
+    "header_bytes": _header_bytes,
+    "reordered": _reordered,
+    "renamed": _renamed,
+    "dropped": _dropped,
+    "twice": _twice,
+    "times": _times,
+    "delimiter": _delimiter,
+    "ragged": _ragged,
     "line_ends": _line_ends,
 }
 
 
-USD_FIXED = [("stateEstimate.x", "f"), ("gyro.y", "f"), ("acc.z", "f"), ("motor.m1", "H"), ("motor.m2", "H"),
-             ("motor.m3", "H"), ("motor.m4", "H"), ("pm.vbatMV", "H"), ("stateEstimate.pitch", "f"), ("someone.else", "b"),
-             ("half.float", "e")]
-USD_POSE = [("locSrv.x", "f"), ("locSrv.y", "f"), ("locSrv.z", "f"), ("locSrv.qx", "f"), ("locSrv.qy", "f"),
-            ("locSrv.qz", "f"), ("locSrv.qw", "f")]
+USD_FIXED = [
+    ("stateEstimate.x", "f"),
+    ("gyro.y", "f"),
+    ("acc.z", "f"),
+    ("motor.m1", "H"),
+    ("motor.m2", "H"),
+    ("motor.m3", "H"),
+    ("motor.m4", "H"),
+    ("pm.vbatMV", "H"),
+    ("stateEstimate.pitch", "f"),
+    ("someone.else", "b"),
+    ("half.float", "e"),
+]
+USD_POSE = [
+    ("locSrv.x", "f"),
+    ("locSrv.y", "f"),
+    ("locSrv.z", "f"),
+    ("locSrv.qx", "f"),
+    ("locSrv.qy", "f"),
+    ("locSrv.qz", "f"),
+    ("locSrv.qw", "f"),
+]
 
 
 @dataclass(frozen=True)
@@ -256,16 +312,28 @@ def usd_log(version: int = 2, records: int = 40, seed: int = 0) -> UsdSample:
     rng = np.random.default_rng(seed)
     out = bytearray([0xBC])
     out += struct.pack("<HH", version, 3)
-    for key, name, variables in ((0xFFFF, b"fixedFrequency", USD_FIXED), (9, b"estPose", USD_POSE), (4, b"estTDOA", [])):
+    for key, name, variables in (
+        (0xFFFF, b"fixedFrequency", USD_FIXED),
+        (9, b"estPose", USD_POSE),
+        (4, b"estTDOA", []),
+    ):
         out += struct.pack("<H", key) + name + b"\0" + struct.pack("<H", len(variables))
         for variable, kind in variables:
             out += f"{variable}({kind})".encode() + b"\0"
     body, ends, fixed, poses = len(out), [], [], []
     stamp = 5_000_000 if version == 2 else 5_000
     for k in range(records):
-        step = (10_000 if version == 2 else 10)
-        values = (float(np.float32(rng.normal())), float(np.float32(rng.normal() * 50)), 1.0, *rng.integers(0, 65536, 4).tolist(),
-                  3700 + k, float(np.float32(rng.normal())), int(rng.integers(-128, 128)), 0.5)
+        step = 10_000 if version == 2 else 10
+        values = (
+            float(np.float32(rng.normal())),
+            float(np.float32(rng.normal() * 50)),
+            1.0,
+            *rng.integers(0, 65536, 4).tolist(),
+            3700 + k,
+            float(np.float32(rng.normal())),
+            int(rng.integers(-128, 128)),
+            0.5,
+        )
         out += struct.pack("<HQ" if version == 2 else "<HI", 0xFFFF, stamp)
         out += struct.pack("<" + "".join(t for _, t in USD_FIXED), *values)
         fixed.append((stamp, values))

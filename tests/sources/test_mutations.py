@@ -52,8 +52,11 @@ def check_numbers(flight: Flight, broken: Broken) -> set[int]:
 
 
 def test_enough_distinct_mutations():
-    digests = {hashlib.sha256(mutate(VALUES, np.random.default_rng(seed)).data).digest()
-               for mutate in MUTATIONS.values() for seed in SEEDS}
+    digests = {
+        hashlib.sha256(mutate(VALUES, np.random.default_rng(seed)).data).digest()
+        for mutate in MUTATIONS.values()
+        for seed in SEEDS
+    }
     digests |= {hashlib.sha256(b).digest() for b in broken_logs()}
     assert len(digests) >= 500
 
@@ -68,7 +71,9 @@ def test_mutated_recording(kind, tmp_path):
             continue
         read += 1
         survived = check_numbers(result, broken)
-        whole_rows_hit = broken.rows if not broken.columns or "t" in broken.columns or len(broken.columns) == 52 else set()
+        whole_rows_hit = (
+            broken.rows if not broken.columns or "t" in broken.columns or len(broken.columns) == 52 else set()
+        )
         assert survived >= set(range(len(VALUES))) - set(whole_rows_hit), f"seed {seed}: untouched rows are gone"
         found = {f.kind for f in result.provenance.findings}
         assert not broken.kinds or found & broken.kinds, f"seed {seed}: not reported, only {found}"
@@ -91,7 +96,7 @@ def test_cut_anywhere_reports_or_loses_nothing(tmp_path):
         if last and kept == rows:
             assert "truncated" in {f.kind for f in result.provenance.findings}
         if kept > rows:
-            assert whole[end:end + 1] == b"\n"
+            assert whole[end : end + 1] == b"\n"
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -101,15 +106,31 @@ def test_arbitrary_bytes(tmp_path, data):
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(prefix=st.sampled_from([csv_text(VALUES[:4]).encode(), b"pwm,vbat[V],rpm1,thrust[g]\n1,2,3,4\n", usd_log().data,
-                               b"1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n", b"PAR1", b"\xfd7zXZ\x00", b"\x1f\x8b\x08\x00"]),
-       cut=st.integers(0, 4000), tail=st.binary(max_size=400))
+@given(
+    prefix=st.sampled_from(
+        [
+            csv_text(VALUES[:4]).encode(),
+            b"pwm,vbat[V],rpm1,thrust[g]\n1,2,3,4\n",
+            usd_log().data,
+            b"1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n",
+            b"PAR1",
+            b"\xfd7zXZ\x00",
+            b"\x1f\x8b\x08\x00",
+        ]
+    ),
+    cut=st.integers(0, 4000),
+    tail=st.binary(max_size=400),
+)
 def test_start_of_a_format_and_then_anything(tmp_path, prefix, cut, tail):
     read_one(tmp_path, prefix[:cut] + tail)
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(row=st.integers(0, 59), column=st.integers(1, 51), cell=st.text(max_size=12).filter(lambda s: "\n" not in s and "\r" not in s))
+@given(
+    row=st.integers(0, 59),
+    column=st.integers(1, 51),
+    cell=st.text(max_size=12).filter(lambda s: "\n" not in s and "\r" not in s),
+)
 def test_any_text_in_a_cell(tmp_path, row, column, cell):
     """Either the number that was written, or NaN and a finding, or the row is left out and reported."""
     cells = [[f"{v:.9f}" for v in line] for line in VALUES]
@@ -158,21 +179,30 @@ def test_broken_logs(tmp_path):
             whole = sum(end <= len(data) for end in sample.ends)
             rows = sum(len(result[n]) for n in ("imu", "mocap") if n in result)
             assert rows == whole
-            assert result["imu"]["gyro_y"] == pytest.approx(np.radians([v[1] for _, v in sample.fixed][: len(result["imu"])]))
+            assert result["imu"]["gyro_y"] == pytest.approx(
+                np.radians([v[1] for _, v in sample.fixed][: len(result["imu"])])
+            )
 
 
 def test_bad_sheet_is_reported_and_the_recording_is_read(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(VALUES))
-    (tmp_path / "a_metadata.yaml").write_text("trajectory_type: trefoil\nrow_counts:\n  imu: [1, 2\nrecording_start_utc: x\n")
+    (tmp_path / "a_metadata.yaml").write_text(
+        "trajectory_type: trefoil\nrow_counts:\n  imu: [1, 2\nrecording_start_utc: x\n"
+    )
     loaded = load_recordings([tmp_path], cache=False)
     assert len(loaded.flights) == 1
     assert len(loaded.failed) == 1
     assert "a_metadata.yaml: line" in loaded.failed[0]["error"]
 
 
-@pytest.mark.parametrize("sheet", ["trajectory_type: [1, 2]\ntrajectory_id: {a: 1}\nrow_counts: 7\nparams: no\n",
-                                   "trajectory_id: x\nrecording_start_utc: yesterday\nrow_counts: {imu: many, vicon: -4}\n",
-                                   "trajectory_id: null\nrecording_start_utc: 2026-03-05T05:47:11Z\nparams: {speed_mps: fast}\n"])
+@pytest.mark.parametrize(
+    "sheet",
+    [
+        "trajectory_type: [1, 2]\ntrajectory_id: {a: 1}\nrow_counts: 7\nparams: no\n",
+        "trajectory_id: x\nrecording_start_utc: yesterday\nrow_counts: {imu: many, vicon: -4}\n",
+        "trajectory_id: null\nrecording_start_utc: 2026-03-05T05:47:11Z\nparams: {speed_mps: fast}\n",
+    ],
+)
 def test_sheet_with_values_of_the_wrong_type(tmp_path, sheet):
     (tmp_path / "a.csv").write_text(csv_text(VALUES))
     (tmp_path / "a_metadata.yaml").write_text(sheet)

@@ -1,0 +1,98 @@
+"""Thrust-stand tables and TUM trajectories."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.stand import heading
+
+
+def load(folder):
+    return load_recordings([folder], cache=False)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "pwm,vbat[V],rpm1,rpm2,rpm3,rpm4, weight",
+        "pwm,vbat[V],rpm1,rpm2,rpm3,rpm4,thrust[g]",
+        "PWM, vbat (V), rpm_m1, rpm_m2, rpm_m3, rpm_m4, thrust[gf]",
+    ],
+)
+def test_headers_that_differ(tmp_path, header):
+    (tmp_path / "a").write_text(f"{header}\n65535,3.9,600,1200,1800,60,100\n0,4.0,0,0,0,0,-1.5\n")
+    flight = load(tmp_path).flights[0]
+    assert flight.provenance.source == "stand"
+    np.testing.assert_allclose(flight["stand"]["thrust"], [0.981, -0.014715])
+    np.testing.assert_allclose(flight["motor"]["m1", "m2", "m3", "m4"], [[1.0] * 4, [0.0] * 4])
+    np.testing.assert_allclose(flight["rpm"]["m1", "m4"][0], [20 * math.pi, 2 * math.pi])
+    np.testing.assert_allclose(flight["battery"]["vbat"], [3.9, 4.0])
+    assert flight["stand"].samples == 2
+
+
+def test_units_in_names_and_columns_of_other_meaning(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "thrust[N],pwm,vbat[mV],v[V],i[A],note\n0.4,30000,3900,3.8,1.5,\n0.5,31000,3800,3.7,oops,\n"
+    )
+    flight = load(tmp_path).flights[0]
+    np.testing.assert_allclose(flight["stand"]["thrust"], [0.4, 0.5])
+    np.testing.assert_allclose(flight["battery"]["vbat"], [3.9, 3.8])
+    np.testing.assert_allclose(flight["extra"]["v[V]"], [3.8, 3.7])
+    assert np.isnan(flight["stand"]["current"][1])
+    assert {f.kind for f in flight.provenance.findings} == {"bad_cell", "missing_column"}
+
+
+def test_a_sensor_that_shows_zero_in_every_row_was_not_there(tmp_path):
+    (tmp_path / "a.csv").write_text("weight[g],pwm,vbat[V],rpm1,rpm2\n0,0,4,0,0\n0,30000,3.9,12000,0\n")
+    flight = load(tmp_path).flights[0]
+    assert "stand" not in flight
+    assert flight["rpm"].quantities == ("m1",)
+    assert [f.columns for f in flight.provenance.findings] == [("weight[g]",), ("rpm2",)]
+    assert {f.kind for f in flight.provenance.findings} == {"missing_column"}
+
+
+def test_unknown_unit_names_the_column(tmp_path):
+    (tmp_path / "a.csv").write_text("thrust[lbf],pwm\n0.4,30000\n")
+    (failure,) = load(tmp_path).failed
+    assert "column thrust[lbf]: unit 'lbf'; known here: gram_force, kg_force, N" in failure["error"]
+
+
+def test_heading():
+    assert heading("rpm") is None
+    assert heading("temperature[C]") is None
+    assert (heading("pwm").motor, heading("pwm3").motor, heading("rpm_2").motor) == (0, 3, 2)
+
+
+POSES = "# a comment\n1000.5 1 2 3 0 0 0 1\n1000.6 1.1 2 3 0 0 0.6 0.8\n1000.7 1.2 2 3 0 0 0 -1\n"
+
+
+def test_tum(tmp_path):
+    (tmp_path / "a").write_text(POSES)
+    flight = load(tmp_path).flights[0]
+    assert flight.provenance.source == "tum"
+    assert flight.epoch_s == 1000.5
+    np.testing.assert_allclose(flight["mocap"].time_s, [0.0, 0.1, 0.2], atol=1e-9)
+    np.testing.assert_allclose(flight["mocap"]["px", "qz", "qw"], [[1, 0, 1], [1.1, 0.6, 0.8], [1.2, 0, -1]])
+    assert flight["mocap"].rate_hz == pytest.approx(10.0)
+    assert flight["mocap"].samples == 3
+
+
+def test_tum_with_faults(tmp_path):
+    (tmp_path / "a").write_text(
+        POSES + "1000.8 1 2 3\n1000.9 x 2 3 0 0 0 1\nnan 1 2 3 0 0 0 1\n1001 1 2 3 0 0 0 1\n1001.1 4 5"
+    )
+    flight = load(tmp_path).flights[0]
+    assert len(flight["mocap"]) == 5
+    assert np.isnan(flight["mocap"]["px"][3])
+    found = [(f.kind, f.evidence) for f in flight.provenance.findings]
+    assert [k for k, _ in found] == ["bad_cell", "bad_cell", "bad_cell", "truncated"]
+    assert "line 5" in found[1][1]
+
+
+def test_eight_numbers_are_no_pose_without_a_quaternion(tmp_path):
+    (tmp_path / "a").write_text("1 2 3 4 5 6 7 8\n2 3 4 5 6 7 8 9\n")
+    assert "not a recording of any known format" in load(tmp_path).failed[0]["error"]

@@ -1,0 +1,115 @@
+"""uSD logs against logs packed by struct from the description of the firmware."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from source_samples import usd_log
+
+from nanobench_tools import InputError
+from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.usd import UsdLog, parse_log
+from nanobench_tools.sources.usd_variables import assign
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_values_units_and_clocks(tmp_path, version):
+    sample = usd_log(version)
+    (tmp_path / "log00").write_bytes(sample.data)
+    flight = load_recordings([tmp_path], cache=False).flights[0]
+    fixed = np.array([v for _, v in sample.fixed])
+    assert flight.provenance.findings == ()
+    assert flight.epoch_s == pytest.approx(5.0)
+    np.testing.assert_allclose(flight["imu"].time_s, 0.01 * np.arange(40), atol=1e-12)
+    np.testing.assert_allclose(flight["imu"]["gyro_y"], np.radians(fixed[:, 1]))
+    np.testing.assert_allclose(flight["imu"]["acc_z"], 9.81)
+    np.testing.assert_allclose(flight["attitude"]["pitch"], -np.radians(fixed[:, 8]))
+    np.testing.assert_allclose(flight["motor"]["m1", "m2", "m3", "m4"], fixed[:, 3:7] / 65535.0)
+    np.testing.assert_allclose(flight["battery"]["vbat"], 3.7 + 0.001 * np.arange(40))
+    np.testing.assert_allclose(flight["extra"]["someone.else"], fixed[:, 9])
+    np.testing.assert_allclose(flight["extra"]["half.float"], 0.5)
+    poses = np.array([p for _, p in sample.poses])
+    assert flight["mocap"].samples == len(poses) == 14
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz", "qx", "qy", "qz", "qw"], poses)
+    np.testing.assert_allclose(flight["mocap"].time_s, 0.005 + 0.03 * np.arange(14), atol=1e-12)
+
+
+def test_every_cut_keeps_all_whole_records():
+    sample = usd_log(records=8)
+    for end in range(sample.body + 1, len(sample.data)):
+        log = parse_log(sample.data[:end], "x")
+        assert sum(map(len, log.records.values())) == sum(e <= end for e in sample.ends)
+        assert log.fault is not None
+
+
+def test_flipped_bit_in_a_value_is_a_checksum_fault_over_everything(tmp_path):
+    sample = usd_log()
+    data = bytearray(sample.data)
+    data[sample.ends[5] + 14] ^= 0x40
+    flight = UsdLog().read(tmp_path / "x", bytes(data))
+    (fault,) = flight.provenance.findings
+    assert fault.kind == "checksum"
+    assert (fault.start_s, fault.end_s) == (0.0, flight.span.end_s)
+
+
+def test_motor_is_what_the_motors_got():
+    both = assign(("motor.m1", "pwm.m1_pwm", "motor.m1req"))
+    assert both["motor"]["m1"].name == "pwm.m1_pwm"
+    assert both["motor_request"]["m1"].name == "motor.m1req"
+    old = assign(("motor.m1", "pwm.m1_pwm"))
+    assert (old["motor"]["m1"].name, old["motor_request"]["m1"].name) == ("pwm.m1_pwm", "motor.m1")
+    new = assign(("motor.m1", "motor.m1req"))
+    assert (new["motor"]["m1"].name, new["motor_request"]["m1"].name) == ("motor.m1", "motor.m1req")
+    assert "motor_request" not in assign(("motor.m1",))
+
+
+def test_compressed_state_estimate():
+    plan = assign(("stateEstimateZ.az", "stateEstimateZ.ratePitch", "stateEstimateZ.x"))
+    az, rate, x = plan["estimator_acc"]["az"], plan["imu"]["gyro_y"], plan["estimator"]["x"]
+    assert 9810.0 * az.scale + az.offset == pytest.approx(0.0)
+    assert 1000.0 * rate.scale == pytest.approx(-1.0)
+    assert 1500.0 * x.scale == pytest.approx(1.5)
+
+
+def _log(header: bytes, body: bytes = b"") -> bytes:
+    data = b"\xbc" + header + body
+    return data + struct.pack("<I", zlib.crc32(data))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (_log(struct.pack("<HH", 7, 0)) + b"fixedFrequency\0", "uSD log version 7"),
+        (_log(struct.pack("<HH", 2, 1)), "header of the uSD log ends early|no end"),
+        (
+            _log(struct.pack("<HHH", 2, 1, 0xFFFF) + b"fixedFrequency\0" + struct.pack("<H", 1) + b"gyro.x(q)\0"),
+            "of unknown type",
+        ),
+        (
+            _log(struct.pack("<HHH", 2, 1, 0xFFFF) + b"fixedFrequency\0" + struct.pack("<H", 1) + b"gyro.x(f)\0"),
+            "without any record",
+        ),
+        (
+            _log(struct.pack("<HHH", 2, 1, 3) + b"tick\0" + struct.pack("<H", 0), struct.pack("<HQ", 3, 17)),
+            "without any variable",
+        ),
+        (
+            _log(struct.pack("<HHH", 2, 2, 3) + b"a\0" + struct.pack("<HH", 0, 3) + b"b\0" + struct.pack("<H", 0)),
+            "two event types",
+        ),
+    ],
+)
+def test_headers_that_cannot_be_read(tmp_path, data, words):
+    with pytest.raises(InputError, match=words):
+        UsdLog().read(tmp_path / "x", data)
+
+
+def test_zeros_after_a_power_cut_are_not_records(tmp_path):
+    """A card that lost power may hold zeros behind the last block; event 4 of the sample has number 4, not 0."""
+    sample = usd_log()
+    flight = UsdLog().read(tmp_path / "x", sample.data[: sample.ends[20]] + bytes(5000))
+    assert len(flight["imu"]) + len(flight["mocap"]) == 21
+    assert {f.kind for f in flight.provenance.findings} == {"checksum"}
