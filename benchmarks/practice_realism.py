@@ -90,7 +90,8 @@ def tracking_rmse_m(flight: Flight) -> float:
     """Setpoint minus position on the path."""
     start, end = motors_s(flight)
     path = flight.during(Span(start + 5.5, end - 4.0))
-    return float(np.sqrt(np.mean(np.sum((path["mocap"]["px", "py", "pz"] - path["setpoint"]["x", "y", "z"]) ** 2, axis=1))))
+    error = path["mocap"]["px", "py", "pz"] - path["setpoint"]["x", "y", "z"]
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
 
 def at_rest(flight: Flight, stream: str, column: str) -> float:
@@ -135,7 +136,8 @@ STATISTICS: dict[str, Callable[[Flight], float]] = {
         (airborne(f)["estimator"]["vx", "vy", "vz"] - airborne(f)["mocap"]["vx", "vy", "vz"]) ** 2, axis=1)))),
     "tracking RMSE, m": tracking_rmse_m,
     "largest tilt, deg": lambda f: math.degrees(np.abs(airborne(f)["mocap"]["roll", "pitch"]).max()),
-    "motor ceiling reached, % of rows": lambda f: 100.0 * float(np.mean((airborne(f)["motor"].values > 0.99).any(axis=1))),
+    "motor ceiling reached, % of rows": lambda f: 100.0 * float(
+        np.mean((airborne(f)["motor"].values > 0.99).any(axis=1))),
 }
 """Name -> number of one flight."""
 
@@ -179,9 +181,9 @@ def main() -> None:
             columns[f"real, n = {len(real)}"] = column(real)
     else:
         print("REAL RECORDINGS ABSENT: only practice flights are shown")
-    print(f"{'':38s}" + "".join(f"{name:>30s}" for name in columns))
+    print(f"{'':38s}" + "".join(f"{name:>34s}" for name in columns))
     for name in STATISTICS:
-        cells = "".join(f"{'%.4g (%.4g .. %.4g)' % c[name]:>30s}" for c in columns.values())
+        cells = "".join(f"{'{:.4g} ({:.4g} .. {:.4g})'.format(*c[name]):>34s}" for c in columns.values())
         print(f"{name:38s}{cells}")
 
 

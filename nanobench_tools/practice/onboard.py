@@ -22,8 +22,8 @@ from .thrust_curve import compensated_ratio
 PERIOD_S = 0.002
 POSITION_EVERY = 5
 """The position and velocity loops run at every fifth attitude step: 100 Hz."""
-BATTERY_FILTER_S = 0.0995
-"""Time constant of the battery voltage used in the compensation (stabilizer.c: 0.01 per millisecond)."""
+BATTERY_FILTER = 1.0 - 0.99**2
+"""Share of a new voltage in the filtered one per step (stabilizer.c: 0.01 per millisecond)."""
 BATTERY_FILTER_START_V = 4.2
 
 
@@ -39,21 +39,31 @@ class ControllerLog:
     written: np.ndarray
 
 
+def mix(thrust: np.ndarray, roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Counts (n,) in the firmware's legacy signs -> whole counts of the four motors (4, n), not capped.
+
+    Roll and pitch are halved, yaw is not (power_distribution_quadrotor.c).
+    """
+    r, p = np.trunc(roll / 2.0), np.trunc(pitch / 2.0)
+    return np.trunc(np.stack([thrust - r + p + yaw, thrust - r - p - yaw, thrust + r - p + yaw, thrust + r + p - yaw]))
+
+
+def cap(counts: np.ndarray) -> np.ndarray:
+    """What the strongest of the four motors has too much is taken from all (4, n); none goes below zero."""
+    return np.maximum(counts - np.maximum(counts.max(axis=0) - PWM_FULL_SCALE, 0.0), 0.0)
+
+
 class MotorOutput:
-    """Mixer, battery compensation and cap shared by both controllers (power_distribution_quadrotor.c, motors.c)."""
+    """Mixer, battery compensation and cap shared by both controllers (stabilizer.c, motors.c)."""
 
     def __init__(self, n: int) -> None:
         self.filtered_V = np.full(n, BATTERY_FILTER_START_V)
-        self._share = 1.0 - np.exp(-PERIOD_S / BATTERY_FILTER_S)
 
     def __call__(self, thrust, roll, pitch, yaw, battery_V: np.ndarray) -> np.ndarray:
-        """Counts (n,), legacy signs, battery (n,) V -> PWM ratios (n, 4). Roll and pitch are halved, yaw is not."""
-        self.filtered_V = self.filtered_V + self._share * (battery_V - self.filtered_V)
-        r, p = np.trunc(roll / 2.0), np.trunc(pitch / 2.0)
-        command = np.stack([thrust - r + p + yaw, thrust - r - p - yaw, thrust + r - p + yaw, thrust + r + p - yaw])
-        counts = np.trunc(PWM_FULL_SCALE * compensated_ratio(np.trunc(command) / PWM_FULL_SCALE, self.filtered_V))
-        counts -= np.maximum(counts.max(axis=0) - PWM_FULL_SCALE, 0.0)
-        return (np.maximum(counts, 0.0) / PWM_FULL_SCALE).T
+        """Counts (n,), legacy signs, battery (n,) V -> PWM ratios (n, 4)."""
+        self.filtered_V = self.filtered_V + BATTERY_FILTER * (battery_V - self.filtered_V)
+        ratio = compensated_ratio(mix(thrust, roll, pitch, yaw) / PWM_FULL_SCALE, self.filtered_V)
+        return (cap(np.trunc(PWM_FULL_SCALE * ratio)) / PWM_FULL_SCALE).T
 
 
 class _Pid:
@@ -64,17 +74,22 @@ class _Pid:
         self.integral_limit, self.output_limit = (np.reshape(np.asarray(x, float), (-1, 1))
                                                   for x in (integral_limit, output_limit))
         self.integral = np.zeros((self.kp.shape[0], n))
-        self.previous: np.ndarray | None = None
+        self.previous = np.zeros((self.kp.shape[0], n))
 
     def __call__(self, error: np.ndarray, measured: np.ndarray | None = None, wrap=None) -> np.ndarray:
         """error, measured (k, n) -> output (k, n); ``wrap`` maps differences of angles into one turn."""
         self.integral = np.clip(self.integral + error * self.dt_s, -self.integral_limit, self.integral_limit)
         out = self.kp * error + self.ki * self.integral
         if measured is not None:
-            change = np.zeros_like(measured) if self.previous is None else measured - self.previous
+            change = measured - self.previous
             self.previous = measured
             out = out - self.kd * (change if wrap is None else wrap(change)) / self.dt_s
         return np.clip(out, -self.output_limit, self.output_limit)
+
+    def forget(self, which: np.ndarray, measured: np.ndarray | float) -> None:
+        """Starts anew at ``measured`` for some vehicles (n,) bool, as the firmware does while it asks for no thrust."""
+        self.integral[:, which] = 0.0
+        self.previous = np.where(which, measured, self.previous)
 
 
 def _wrap_deg(angle: np.ndarray) -> np.ndarray:
@@ -97,23 +112,33 @@ class PidCascade:
         self._rate = _Pid(n, PERIOD_S, (250.0, 250.0, 120.0), (500.0, 500.0, 16.7), (2.5, 2.5, 0.0),
                           (33.3, 33.3, 166.7), 32767.0)
         self._output = MotorOutput(n)
-        self._count = 0
+        self._count = 1  # the stabilizer counts its steps from 1: the position loop first runs 10 ms after the start
         self._desired = np.zeros((3, n))
         self._thrust = np.zeros(n)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4). ``time_s`` is not used: like the firmware it counts its own steps."""
+        return self._output(*self.actuation(state, reference), state.battery_V)
+
+    def actuation(self, state: VehicleState, reference: Reference) -> tuple[np.ndarray, ...]:
+        """thrust, roll, pitch, yaw (n,) in counts as the mixer takes them; one step of 2 ms."""
         attitude = np.degrees(so3.euler_zyx(state.quaternion).T)
         attitude[1] = -attitude[1]
         if self._count % POSITION_EVERY == 0:
             self._outer(state, reference, np.radians(attitude[2]))
         self._count += 1
+        self._desired[2] = np.degrees(reference.yaw_rad)
         error = self._desired - attitude
         error[2] = _wrap_deg(error[2])
         rate = np.degrees(state.rate_rad_s.T)
         rate[1] = -rate[1]
         roll, pitch, yaw = np.trunc(self._rate(self._attitude(error, attitude, _wrap_deg) - rate, rate))
-        return self._output(self._thrust, roll, pitch, -yaw, state.battery_V)
+        if (self._thrust == 0.0).any():
+            flying = self._thrust != 0.0
+            for loop in (self._position, self._velocity, self._attitude, self._rate):
+                loop.forget(~flying, attitude if loop is self._attitude else 0.0)
+            roll, pitch, yaw = roll * flying, pitch * flying, yaw * flying
+        return self._thrust, roll, pitch, -yaw
 
     def _outer(self, state: VehicleState, reference: Reference, yaw: np.ndarray) -> None:
         """Position and velocity loops in the yaw frame; no thrust compensation for tilt, no feed-forward."""
@@ -125,9 +150,8 @@ class PidCascade:
 
         wanted = self._position(in_yaw_frame(reference.position_m - state.position_m))
         out = self._velocity(wanted - in_yaw_frame(state.velocity_m_s))
-        self._desired = np.stack([np.clip(-out[1], -20.0, 20.0), np.clip(-out[0], -20.0, 20.0),
-                                  np.degrees(reference.yaw_rad)])
-        self._thrust = np.trunc(np.clip(1000.0 * out[2] + self.thrust_base, self.thrust_min, PWM_FULL_SCALE))
+        self._desired[:2] = np.clip(-out[1::-1], -20.0, 20.0)
+        self._thrust = np.clip(1000.0 * out[2] + self.thrust_base, self.thrust_min, PWM_FULL_SCALE)
 
     @property
     def log(self) -> ControllerLog:
@@ -161,6 +185,10 @@ class MellingerLike:
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4)."""
+        return self._output(*self.actuation(state, reference), state.battery_V)
+
+    def actuation(self, state: VehicleState, reference: Reference) -> tuple[np.ndarray, ...]:
+        """thrust, roll, pitch, yaw (n,) in counts as the mixer takes them; one step of 2 ms."""
         error = (reference.position_m - state.position_m).T
         self._integral = np.clip(self._integral + error * PERIOD_S, -self.i_range, self.i_range)
         wanted = reference.acceleration_m_s2.T + np.array([[0.0], [0.0], [GRAVITY_M_S2]])
@@ -185,8 +213,7 @@ class MellingerLike:
                        for m, d in zip(moment[:2], change, strict=True))
         yaw = np.trunc(np.clip(-(moment[2] + self.k_i_z * self._integral_m), -32000.0, 32000.0))
         flying = thrust > 0.0
-        thrust = np.trunc(np.maximum(thrust, 0.0))
-        return self._output(thrust, roll * flying, pitch * flying, yaw * flying, state.battery_V)
+        return np.maximum(thrust, 0.0), roll * flying, pitch * flying, yaw * flying
 
 
 class OnboardFleet:

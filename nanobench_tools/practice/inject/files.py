@@ -48,10 +48,9 @@ def extra_column(data: bytes, rng: np.random.Generator, size: float = 1) -> tupl
 
 
 def truncated(data: bytes, rng: np.random.Generator, size: float = 0.3) -> tuple[bytes, Fault]:
-    """The last ``size`` share of the bytes is gone, in the middle of a row."""
-    cut = int(len(data) * (1.0 - size))
-    while data[cut - 1:cut] in (b"\n", b",") or data[cut:cut + 1] in (b"\n", b","):
-        cut -= 1
+    """About the last ``size`` share of the bytes is gone; the cut is in the middle of a row."""
+    start = data.rindex(b"\n", 0, int(len(data) * (1.0 - size)))
+    cut = (start + data.index(b"\n", start + 1)) // 2
     lines = _lines(data[:cut])
     lost = len(_lines(data)) - len(lines)
     at = _time(lines, len(lines) - 3)

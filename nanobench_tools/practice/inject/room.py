@@ -6,26 +6,32 @@ import numpy as np
 
 from ... import so3
 from ...flight import Fault, Flight
-from ..mocap import body_rate, savgol_derivative
+from ..mocap import WINDOW, body_rate, savgol_derivative
 from .place import choose, choose_time, truth, with_values
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 
 def _with_poses(flight: Flight, poses: np.ndarray) -> Flight:
-    """The mocap stream with poses (n, 7), and everything that is derived from them made again; NaN stays NaN."""
+    """The mocap stream with poses (n, 7); what is derived from them is made again where the filters reach.
+
+    Rows with NaN become NaN as a whole and leave the others as they were.
+    """
     s = flight["mocap"]
     values = s.values.copy()
-    values[:, [s.index(n) for n in POSE]] = poses
-    good = np.isfinite(poses).all(axis=1)
-    derived = {("vx", "vy", "vz"): lambda: savgol_derivative(s.time_s, poses[:, :3]),
-               ("wx", "wy", "wz"): lambda: body_rate(s.time_s, poses[:, 3:])}
-    if good.all():
-        derived["roll", "pitch", "yaw"] = lambda: so3.euler_zyx(poses[:, 3:])
-    for names, make in derived.items():
-        if good.all() and names[0] in s:
-            values[:, [s.index(n) for n in names]] = make()
-    values[~good] = np.nan
+    pose_columns = [s.index(n) for n in POSE]
+    new = (poses != values[:, pose_columns]).any(axis=1)
+    values[:, pose_columns] = poses
+    lost = ~np.isfinite(poses).all(axis=1)
+    values[lost] = np.nan
+    if not lost.any():
+        near = np.convolve(new, np.ones(WINDOW), mode="same") > 0.5
+        derived = {("roll", "pitch", "yaw"): (new, so3.euler_zyx(poses[:, 3:])),
+                   ("vx", "vy", "vz"): (near, savgol_derivative(s.time_s, poses[:, :3])),
+                   ("wx", "wy", "wz"): (near, body_rate(s.time_s, poses[:, 3:]))}
+        for names, (rows, made) in derived.items():
+            if names[0] in s:
+                values[np.ix_(rows, [s.index(n) for n in names])] = made[rows]
     return flight.with_streams(mocap=with_values(s, values))
 
 

@@ -1,0 +1,91 @@
+"""Paths against finite differences, their own speed and the recorded setpoints; the timeline."""
+
+import numpy as np
+import pytest
+
+from nanobench_tools.errors import UsageError
+from nanobench_tools.practice.references import FAMILIES, path_spec
+from nanobench_tools.practice.timeline import HOVER, LANDING, OFF, PATH, TAKEOFF, Timeline, draw_events
+from nanobench_tools.sources.discover import load_recordings
+
+CORNERED = {"star", "linear_ramp"}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("speed", ["slow", "fast"])
+def test_velocity_and_acceleration_are_the_derivatives(family, speed):
+    spec = path_spec(family, speed)
+    t = np.linspace(0.1, 8.9, 400)
+    h = 1e-5
+    here, before, after = (spec.at(t + d) for d in (0.0, -h, h))
+    velocity = (after.position_m - before.position_m) / (2 * h)
+    acceleration = (after.velocity_m_s - before.velocity_m_s) / (2 * h)
+    smooth = np.abs(velocity - here.velocity_m_s).max(axis=1) < 1e-6
+    assert smooth.all() or (family in CORNERED and smooth.mean() > 0.97)
+    np.testing.assert_allclose(acceleration[smooth], here.acceleration_m_s2[smooth], atol=1e-5)
+
+
+@pytest.mark.parametrize("family", sorted(set(FAMILIES) - {"linear_ramp"}))
+def test_mean_speed_over_many_laps_is_the_one_asked_for(family):
+    spec = path_spec(family, "medium", speed_m_s=0.8)
+    speed = np.linalg.norm(spec.at(np.linspace(0.0, 400.0, 200_000)).velocity_m_s, axis=1)
+    assert speed.mean() == pytest.approx(0.8, rel=0.09)  # rounded lap lengths of the published ones: 8 %
+
+
+@pytest.mark.real
+def test_paths_are_those_of_the_recorded_setpoints(real_data):
+    folder = real_data / "nanobench" / "datasets"
+    sheets = {}
+    for flight in load_recordings([folder]).flights:
+        if flight.metadata.get("params") and flight.metadata["family"] in FAMILIES and flight.span.duration_s > 20.0:
+            sheets.setdefault(flight.metadata["trajectory_id"], flight)
+    assert len(sheets) > 15
+    for name, flight in sheets.items():
+        params = dict(flight.metadata["params"])
+        spec = path_spec(flight.metadata["family"], flight.metadata["speed"] or "slow", **params)
+        setpoint = flight["setpoint"]
+        rows = (setpoint.time_s > 7.0) & (setpoint.time_s < 5.5 + min(spec.duration_s, 12.0) - 0.5)
+        t, told = setpoint.time_s[rows], setpoint["x", "y", "z"][rows]
+        # the start is not in the sheet, and the vehicle's clock wanders by 0.03 s and more: the middle error is judged
+        errors = [np.median(np.linalg.norm(spec.at(t - start).position_m - told, axis=1))
+                  for start in np.arange(5.3, 6.0, 0.01)]
+        assert min(errors) < 0.05, name
+
+
+@pytest.mark.parametrize(("call", "says"), [
+    ({"family": "spiral"}, "known: circle"), ({"speed": "quick"}, "known: slow, medium, fast"),
+    ({"family": "circle", "scale_m": 1.0}, "circle has no parameter scale_m")])
+def test_unknown_names_are_answered_with_the_known_ones(call, says):
+    with pytest.raises(UsageError, match=says):
+        path_spec(**call)
+
+
+def test_the_timeline_is_the_published_one():
+    specs = [path_spec("circle", "slow", duration_s=15.0), path_spec("helix", "fast")]
+    events = [draw_events(s, np.random.default_rng(i)) for i, s in enumerate(specs)]
+    line = Timeline(specs, events)
+    place, yaw = np.array([[0.02, 0.01, 0.06], [0.0, 0.0, 0.07]]), np.array([0.1, -0.2])
+    seen = []
+    heights = []
+    for tick in range(line.ticks):
+        armed, reference, _ = line.at(tick, place, yaw)
+        seen.append(line.phase[tick].tolist())
+        heights.append(reference.position_m[:, 2].tolist())
+        assert np.isfinite(reference.position_m).all()
+        flown = line.as_flown(tick, reference)
+        for i in range(2):
+            streamed = line.phase[tick, i] in (HOVER, PATH)
+            assert not (streamed and flown.velocity_m_s[i].any())
+            assert armed[i] == (line.phase[tick, i] != OFF)
+    seen, heights, time = np.array(seen), np.array(heights), 0.01 * np.arange(line.ticks)
+    for i, event in enumerate(events):
+        phases = seen[:, i]
+        order = [p for k, p in enumerate(phases) if k == 0 or p != phases[k - 1]]
+        assert order == [OFF, TAKEOFF, HOVER, PATH, LANDING, OFF]
+        assert np.sum(phases == PATH) == pytest.approx(100 * (specs[i].duration_s + 0.15), abs=2)
+        hover = heights[phases == HOVER, i]
+        np.testing.assert_allclose(hover, specs[i].altitude_m)
+        landing = heights[phases == LANDING, i]
+        assert landing[-1] == pytest.approx(0.08)
+        assert np.abs(np.diff(heights[phases == TAKEOFF, i])).max() < 0.012  # 2.2/2 m/s at most
+        assert time[phases != OFF][-1] < event.end_s
