@@ -1,0 +1,63 @@
+"""Copies and slices are found by content: names, places and order do not matter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flights import cut, made_flight
+
+from nanobench_tools.protocols.selection import distinct, is_piece, without_copies
+
+
+def other_name(flight, name):
+    return replace(flight, name=name, provenance=replace(flight.provenance, path=f"elsewhere/{name}.csv"))
+
+
+def test_copies_and_slices_are_left_out_whatever_the_order():
+    whole, later = made_flight("b"), made_flight("c", epoch_s=2e9, seed=1)
+    copy, piece = other_name(whole, "a_copy"), cut(whole, 4.0, 12.0)
+    for flights in ([whole, copy, piece, later], [piece, later, copy, whole]):
+        kept, repeats = distinct(flights)
+        assert {f.name for f in kept} == {"b", "c"}
+        found = {(r.flight.name, r.of.name, r.kind) for r in repeats}
+        assert found == {("a_copy", "b", "copy"), ("piece", "b", "slice")}
+
+
+def test_slices_stay_when_only_copies_go():
+    whole = made_flight("b")
+    kept, repeats = without_copies([cut(whole, 4.0, 12.0), whole, other_name(whole, "a_copy")])
+    assert [f.name for f in kept] == ["piece", "b"]
+    assert [r.flight.name for r in repeats] == ["a_copy"]
+
+
+def test_the_same_times_with_other_numbers_are_another_flight():
+    whole = made_flight("b")
+    assert not is_piece(cut(made_flight("x", seed=7), 4.0, 12.0), whole)
+    assert is_piece(cut(whole, 4.0, 12.0), whole)
+
+
+def test_the_same_numbers_at_another_time_are_another_flight():
+    whole = made_flight("b")
+    assert not is_piece(replace(cut(whole, 4.0, 12.0), epoch_s=whole.epoch_s + 3.0), whole)
+    assert not is_piece(replace(whole, epoch_s=whole.epoch_s + 1e-3), whole)
+
+
+def test_flights_without_motion_capture_are_never_repeats():
+    bare = made_flight("b").without_streams("mocap")
+    kept, repeats = distinct([bare, other_name(bare, "c")])
+    assert len(kept) == 2
+    assert not repeats
+
+
+@pytest.mark.real
+def test_real_copies_and_slices(real):
+    flights, _ = real
+    kept, repeats = distinct(flights)
+    kinds = [r.kind for r in repeats]
+    assert len(kept) + len(repeats) == len(flights)
+    # 68 distinct whole recordings, of which one never flew, and one piece whose whole is not in the data.
+    assert len(kept) == 69
+    assert kinds.count("slice") + kinds.count("copy") == 33
+    assert len({round(f.epoch_s, 3) for f in kept}) == len(kept)
+    again = distinct([flights[i] for i in np.random.default_rng(0).permutation(len(flights))])[0]
+    assert {f.provenance.sha256 for f in again} == {f.provenance.sha256 for f in kept}
