@@ -71,7 +71,7 @@ def read_grid(data: bytes, place: str, numeric: Collection[str] = (), time: str 
     grid = _fast(body, columns, dialect, set(numeric), time)
     if grid is None:
         grid = _exact(_split_rows(body, columns, dialect, place), columns, dialect, set(numeric), time)
-        grid.decimals = decimals_of(body.rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
+        grid.decimals = decimals_of(body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
     grid.repeated = repeated
     for name in [n for n in grid.columns if "\x00" in n]:
         del grid.columns[name]
@@ -144,7 +144,7 @@ def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], 
             column,
             np.inf if name == time else GIGANTIC,
         )
-    grid.decimals = decimals_of(body.rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
+    grid.decimals = decimals_of(body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
     return grid
 
 

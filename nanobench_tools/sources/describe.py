@@ -17,11 +17,11 @@ from .kinks import count_packets
 
 UNKNOWN: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None}
 
-POINTS = 160
+POINTS = 130
 """Samples of the curve that are fitted."""
 
-FREQUENCIES_RAD_S = np.linspace(0.15, 2.6, 360)
-"""Grid: half a step is a phase error below 0.2 rad of the third harmonic after 15 s from the middle."""
+FREQUENCIES_RAD_S = np.linspace(0.15, 2.6, 260)
+"""Grid: half a step is a phase error of 0.2 rad in the third harmonic 15 s from the middle."""
 
 CLEARLY = 1.6
 """The second best family must leave this many times more than the best."""
@@ -152,7 +152,8 @@ class _Fits:
 
     def __init__(self, time_s: np.ndarray, position: np.ndarray) -> None:
         phase = FREQUENCIES_RAD_S[:, None] * time_s
-        self.waves = {k: (np.cos(k * phase), np.sin(k * phase)) for k in (1, 2, 3)}
+        turn = np.exp(1j * phase)
+        self.waves = {k: (w.real, w.imag) for k, w in ((1, turn), (2, turn**2), (3, turn**3))}
         self.line = np.broadcast_to(time_s / np.abs(time_s).max(), phase.shape)
         self.position = position
         self.solved: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}

@@ -20,10 +20,11 @@ from ..registry import load_all
 from . import cache as store
 from .base import SheetSource, Source, text_fault
 from .companions import companion
-from .payload import digest, head, read_file, unpack
+from .payload import HEAD_BYTES, digest, head, read_file, unpack
 from .sheets import Sheet, choose_sheet, looks_like_sheet, may_hold, parse_sheet
 from .table import TableSource
 
+BLANK = b"\x00 \r\n\t"
 PACKED_SUFFIXES = (".xz", ".gz")
 Progress = Callable[[int, int, str], None]
 
@@ -197,7 +198,7 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     flight = store.fetch(entry, str(path), sha256) if cache else None
     if flight is None:
         payload = unpack(stored, str(path))
-        if not payload.data.strip(b"\x00 \r\n\t"):
+        if not payload.data[:HEAD_BYTES].strip(BLANK) and not payload.data.strip(BLANK):
             raise InputError(str(path), "the file is empty", payload.broken or "take another copy")
         flight = source.read(path, payload.data)
         flight = _with_break(flight, payload.broken)

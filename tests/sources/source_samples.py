@@ -10,7 +10,60 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NAMES = ["t", "px", "py", "pz", "qx", "qy", "qz", "qw", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx_vicon", "wy_vicon", "wz_vicon", "imu_acc_x", "imu_acc_y", "imu_acc_z", "imu_gyro_x", "imu_gyro_y", "imu_gyro_z", "motor_motor_m1", "motor_motor_m2", "motor_motor_m3", "motor_motor_m4", "est_stateEstimate_x", "est_stateEstimate_y", "est_stateEstimate_z", "est_stateEstimate_vx", "est_stateEstimate_vy", "est_stateEstimate_vz", "est_stateEstimate_ax", "est_stateEstimate_ay", "est_stateEstimate_az", "att_stateEstimate_roll", "att_stateEstimate_pitch", "att_stateEstimate_yaw", "att_stateEstimate_qx", "att_stateEstimate_qy", "att_stateEstimate_qz", "att_stateEstimate_qw", "sp_ctrltarget_x", "sp_ctrltarget_y", "sp_ctrltarget_z", "sp_ctrltarget_yaw", "pid_controller_roll", "pid_controller_pitch", "pid_controller_yaw", "pid_controller_cmd_thrust", "pwr_pm_vbat"]
+NAMES = [
+    "t",
+    "px",
+    "py",
+    "pz",
+    "qx",
+    "qy",
+    "qz",
+    "qw",
+    "roll",
+    "pitch",
+    "yaw",
+    "vx",
+    "vy",
+    "vz",
+    "wx_vicon",
+    "wy_vicon",
+    "wz_vicon",
+    "imu_acc_x",
+    "imu_acc_y",
+    "imu_acc_z",
+    "imu_gyro_x",
+    "imu_gyro_y",
+    "imu_gyro_z",
+    "motor_motor_m1",
+    "motor_motor_m2",
+    "motor_motor_m3",
+    "motor_motor_m4",
+    "est_stateEstimate_x",
+    "est_stateEstimate_y",
+    "est_stateEstimate_z",
+    "est_stateEstimate_vx",
+    "est_stateEstimate_vy",
+    "est_stateEstimate_vz",
+    "est_stateEstimate_ax",
+    "est_stateEstimate_ay",
+    "est_stateEstimate_az",
+    "att_stateEstimate_roll",
+    "att_stateEstimate_pitch",
+    "att_stateEstimate_yaw",
+    "att_stateEstimate_qx",
+    "att_stateEstimate_qy",
+    "att_stateEstimate_qz",
+    "att_stateEstimate_qw",
+    "sp_ctrltarget_x",
+    "sp_ctrltarget_y",
+    "sp_ctrltarget_z",
+    "sp_ctrltarget_yaw",
+    "pid_controller_roll",
+    "pid_controller_pitch",
+    "pid_controller_yaw",
+    "pid_controller_cmd_thrust",
+    "pwr_pm_vbat",
+]
 """The 52 columns, typed off a recording."""
 
 TO_SI = {
@@ -298,7 +351,7 @@ USD_POSE = [
 
 @dataclass(frozen=True)
 class UsdSample:
-    """A log and what is in it: fixed and poses are lists of (stamp, values), ends are the offsets behind each record."""
+    """A log and what is in it: fixed and poses are lists of (stamp, values), ends the offsets behind each record."""
 
     data: bytes
     fixed: list[tuple[int, tuple]]

@@ -223,7 +223,7 @@ def test_writer_names_a_place_it_cannot_write(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(VALUES))
     flight = load(tmp_path).flights[0]
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="file/b.csv: cannot be written"):
+    with pytest.raises(InputError, match=r"file/b\.csv: cannot be written"):
         write_nanobench(flight, tmp_path / "file" / "b.csv")
     with pytest.raises(InputError, match="has no rows"):
         write_nanobench(replace(flight, streams={}), tmp_path / "c.csv")
