@@ -29,8 +29,11 @@ class Source(Protocol):
     ``path`` is for messages and for the label of the flight.
     """
 
-    name: str
-    version: int
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def version(self) -> int | str: ...
 
     def recognises(self, path: Path, head: bytes) -> bool: ...
 

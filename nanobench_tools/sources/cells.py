@@ -187,11 +187,11 @@ def parse_number(cell: str, decimal: str = ".", limit: float = GIGANTIC) -> floa
 def numbers(cells: Sequence[str], decimal: str = ".", limit: float = GIGANTIC) -> tuple[np.ndarray, BadCells | None]:
     """(n,) numbers of a column of text, NaN where there is none, and the list of those cells."""
     values = np.array([parse_number(c, decimal, limit) for c in cells])
-    wrong = np.flatnonzero(np.isnan(values))
-    if not len(wrong):
+    wrong = np.flatnonzero(np.isnan(values)).tolist()
+    if not wrong:
         return values, None
     empty = np.array([cells[i] in EMPTY_CELLS for i in wrong])
-    return values, BadCells(wrong, empty, {int(i): describe_cell(cells[i]) for i in wrong[:5]})
+    return values, BadCells(np.array(wrong), empty, {i: describe_cell(cells[i]) for i in wrong[:5]})
 
 
 def _split_rows(body: bytes, columns: list[str], dialect: Dialect, place: str) -> TextRows:

@@ -149,6 +149,7 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
         raise reader.fail(f"{key}.index", f"index {index!r}", "an index is a whole number from 0")
     if isinstance(sign, bool) or sign not in (1, -1):
         raise reader.fail(f"{key}.sign", f"sign {sign!r}", "a sign is 1 or -1")
+    allowed: tuple[str, ...]
     if stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
         allowed = (*PWM_UNITS, "rpm") if stream == "motor" else PWM_UNITS
     else:

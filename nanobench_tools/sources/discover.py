@@ -209,7 +209,7 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     if recording.sheets and flight.streams:
         time_s = max(flight.streams.values(), key=len).time_s
         sheet, own = choose_sheet(recording.sheets, path, flight.epoch_s + time_s, flight.metadata.get("rows_in_file"))
-        if sheet is not None:
+        if sheet is not None and isinstance(source, SheetSource):
             flight = source.with_sheet(flight, sheet, own)
     return flight
 

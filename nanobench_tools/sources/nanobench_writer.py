@@ -72,8 +72,7 @@ def write_nanobench(flight: Flight, path: str | Path) -> Path:
     names, blocks = ["t"], [(flight.epoch_s + stamps)[:, None]]
     for stream_name, columns in STREAMS.items():
         stream = flight.streams.get(stream_name)
-        here = tuple(c for c in columns if stream is not None and c.quantity in stream)
-        if not here:
+        if stream is None or not (here := tuple(c for c in columns if c.quantity in stream)):
             continue
         values = _on_stamps(stream, tuple(c.quantity for c in here), stamps) / scales_of(here)
         names += [c.name for c in here]

@@ -37,7 +37,7 @@ class TumTrajectory:
         ]
         poses = [[parse_number(c.decode("latin-1")) for c in line] for line in lines if len(line) == 8]
         right = sum(abs(np.linalg.norm(p[4:]) - 1.0) < NORM_TOLERANCE for p in poses)
-        return right > 0 and 2 * right >= len(lines)
+        return bool(right > 0 and 2 * right >= len(lines))
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         grid = _grid(data)
@@ -76,7 +76,10 @@ class TumTrajectory:
 def _grid(data: bytes) -> Grid:
     text = normalise_text(data).decode("utf-8", errors="replace")
     open_end = bool(text) and not text.endswith("\n")
-    rows, lines, lost, truncated = [], [], [], ""
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    lost: list[LostRow] = []
+    truncated = ""
     pieces = text.split("\n")
     for number, line in enumerate(pieces, start=1):
         cells = line.split("#", 1)[0].split()
