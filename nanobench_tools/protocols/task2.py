@@ -66,6 +66,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     check_protocol(protocol)
     needed = {"mocap", "setpoint", "motor"}
     usable = [f for f in distinct(flights)[0] if needed <= set(f.streams) and f.name in audits]
+    if protocol == "as-published":
+        usable = [f for f in usable if not is_cut(f) and (family_of(f), speed_of(f)) == PUBLISHED]
     usable = [f for f in usable if audits[f.name].controller in CONTROLLERS]
     cases = [case for flight in usable for case in _cases(flight, audits[flight.name], protocol)]
     if not cases:
@@ -77,8 +79,6 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
 
 def _cases(flight: Flight, audit: Audit, protocol: str) -> list[Case]:
     if protocol == "as-published":
-        if is_cut(flight) or (family_of(flight), speed_of(flight)) != PUBLISHED:
-            return []
         return [Case(flight, audit.controller, protocol, (), protocol, speed_of(flight))]
     logged = audit.clean_for(["setpoint", "motor"], LOG_KINDS)
     valid = intersect_spans(audit.clean_for(["mocap"], CUTTING_KINDS), logged)

@@ -1,0 +1,193 @@
+"""The verbs estimate, control and sysid on practice recordings: files, exit codes, errors in one line."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from nanobench_tools.cli.main import main
+from nanobench_tools.practice.flights import practice_flights
+from nanobench_tools.sources.nanobench_writer import write_nanobench
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three short practice recordings (SYNTHETIC)."""
+    place = tmp_path_factory.mktemp("practice")
+    for flight in practice_flights(3, seed=11, families=("circle", "trefoil", "helix"), duration_s=8.0):
+        write_nanobench(flight, place / f"{flight.name}.csv")
+    return place
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def call(capsys, tmp_path):
+    """(exit code, result file or None, stdout, stderr) of a command line."""
+    def run(*arguments):
+        path = tmp_path / "result.json"
+        path.unlink(missing_ok=True)
+        code = main([*map(str, arguments), "--json", str(path), "--jobs", "1"])
+        out = capsys.readouterr()
+        return code, json.loads(path.read_text()) if path.exists() else None, out.out, out.err
+
+    return run
+
+
+def test_estimate(call, folder, tmp_path):
+    code, result, out, err = call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o")
+    assert code == 0, err
+    assert (result["schema"], result["synthetic"], result["failed"]) == ("nanobench-estimate/1", True, [])
+    assert "SYNTHETIC" in out
+    rows = {(row["method"], row["group"]): row for row in result["rows"]}
+    row = rows["onboard_ekf", "all"]
+    assert (row["protocol"], row["causal"], row["n"], len(row["flights"])) == ("clean", True, 3, 3)
+    assert set(row["metrics"]["ate_rmse_m"]) == {"mean", "std", "median", "p90", "ci95", "n"}
+    assert row["metrics"]["ate_rmse_m"]["mean"] < 0.1 < rows["hold_position", "all"]["metrics"]["ate_rmse_m"]["mean"]
+    assert rows["onboard_ekf", "circle"]["metrics"]["ate_rmse_m"]["ci95"] is None
+    assert {"slow/circle", "trefoil", "helix"} <= {group for _, group in rows}
+
+
+def test_written_trajectories_give_the_same_scores(call, folder, tmp_path):
+    _, first, _, _ = call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o")
+    made = tmp_path / "o" / "trajectories"
+    assert {p.name for p in made.iterdir()} == {"onboard_ekf", "hold_position", "constant_velocity", "truth"}
+    for path in (made / "onboard_ekf").iterdir():
+        scored, truth = np.loadtxt(path), np.loadtxt(made / "truth" / path.name)
+        assert np.array_equal(scored[:, 0], truth[:, 0])
+        assert scored[0, 0] > 1e9
+    code, again, _, err = call("estimate", "--data", folder, "--trajectory-dir", made / "onboard_ekf")
+    assert code == 0, err
+    a, b = (next(r for r in result["rows"] if (r["method"], r["group"]) == ("onboard_ekf", "all"))["metrics"]
+            for result in (first, again))
+    for name in ("ate_rmse_m", "rte_1m_m", "attitude_geodesic_rmse_deg", "rte_1m_start_frame_m"):
+        assert b[name]["mean"] == pytest.approx(a[name]["mean"], rel=1e-5), name
+    assert b["velocity_rmse_m_s"]["mean"] is None
+    # A second run is answered from the store; deleted trajectories come back all the same.
+    shutil.rmtree(made)
+    _, third, _, _ = call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o")
+    assert third["rows"] == first["rows"]
+    assert len(list((made / "onboard_ekf").iterdir())) == 3
+
+
+def test_truth_scored_as_a_trajectory_has_no_error(call, folder, tmp_path):
+    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--method", "onboard_ekf")
+    shutil.move(tmp_path / "o" / "trajectories" / "truth", tmp_path / "mine")
+    next(iter((tmp_path / "mine").iterdir())).unlink()
+    code, result, _, _ = call("estimate", "--data", folder, "--trajectory-dir", tmp_path / "mine")
+    row = next(r for r in result["rows"] if r["group"] == "all")
+    assert (code, row["method"], row["causal"], row["n"]) == (0, "mine", None, 2)
+    assert row["metrics"]["ate_unaligned_rmse_m"]["mean"] < 1e-6
+    assert "not known" in row["given"]
+
+
+def test_broken_trajectories_fail_alone_and_are_named(call, folder, tmp_path):
+    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--method", "onboard_ekf")
+    made = tmp_path / "o" / "trajectories" / "onboard_ekf"
+    broken = sorted(made.iterdir())[0]
+    broken.write_text(broken.read_text().replace(".", ",", 5))
+    code, result, _, _ = call("estimate", "--data", folder, "--trajectory-dir", made)
+    assert code == 1
+    assert len(result["failed"]) == 1
+    assert broken.name in result["failed"][0]["error"]
+    assert next(r for r in result["rows"] if r["group"] == "all")["n"] == 2
+
+
+def test_control(call, folder):
+    code, result, out, err = call("control", "--data", folder)
+    assert code == 0, err
+    assert result["gate"] == []
+    assert "plant" in result["gate_note"]
+    assert "SYNTHETIC" in out
+    assert {row["plant"] for row in result["rows"]} == {"real"}
+    assert {row["reference"] for row in result["rows"]} == {"circle", "trefoil", "helix"}
+    for row in result["rows"]:
+        assert 0.0 < row["metrics"]["rmse_m"] < 2.0
+        assert row["statistics"]["rmse_m"]["n"] == row["n"]
+    code, result, _, _ = call("control", "--data", folder, "--controller", "pid", "--protocol", "clean")
+    assert {row["controller"] for row in result["rows"]} == {"pid"}
+
+
+def test_sysid(call, folder, tmp_path):
+    for place, files in (("train", sorted(folder.glob("*"))[:2]), ("test", sorted(folder.glob("*"))[2:])):
+        (tmp_path / place).mkdir()
+        for path in files:
+            shutil.copy(path, tmp_path / place)  # a recording and its sheet
+    code, result, out, err = call("sysid", "--train", tmp_path / "train", "--test", tmp_path / "test")
+    assert code == 0, err
+    assert "SYNTHETIC" in out
+    assert (len(result["train"]), len(result["test"])) == (1, 2)
+    assert {row["truth"] for row in result["rows"]} == {"onboard", "mocap"}
+    assert result["best"] in {row["model"] for row in result["rows"]}
+    assert any("naive" in row["model"] for row in result["rows"])
+    row = next(r for r in result["rows"] if (r["model"], r["truth"], r["group"]) == ("naive", "onboard", "all"))
+    assert set(row["metrics"]["position_mae_m"]) == {"1", "10", "50", "sum"}
+    assert (row["information"], row["n_flights"]) == ("state", 2)
+    assert row["n_windows"] > 50
+    assert result["parameters"]["published_physics"]["mass"] == {"value": 0.04085, "ci95": None, "unit": "kg"}
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["estimate", "--protocol", "blackout"], "unknown protocol 'blackout'; known: as-published"),
+    (["estimate", "--method", "nonsense"], "unknown name 'nonsense' among estimators; known:"),
+    (["estimate", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
+    (["estimate", "--method", "json:loads"], "is none of the estimators"),
+    (["estimate", "--trajectory-dir", "nowhere"], "--trajectory-dir nowhere: is no folder"),
+    (["control", "--plant", "moon"], "unknown plant 'moon'; known: real"),
+    (["control", "--controller", "lqr"], "unknown controller 'lqr'; known: pid, mellinger"),
+    (["control", "--protocol", "x"], "unknown protocol 'x'; known: as-published, clean"),
+    (["sysid", "--method", "nonsense"], "unknown name 'nonsense' among predictors"),
+    (["sysid", "--train", "x"], "--train and --test go together")])
+def test_bad_usage_is_one_line_and_exit_2(call, folder, arguments, says):
+    code, result, _, err = call(*arguments, "--data", folder)
+    assert (code, result) == (2, None)
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_too_little_data_is_one_line_that_names_the_place(call, folder, tmp_path):
+    lone = tmp_path / "lone"
+    lone.mkdir()
+    lines = sorted(folder.glob("*.csv"))[0].read_text().splitlines()
+    header = lines[0].split(",")
+    keep = [i for i, name in enumerate(header) if not name.startswith("est_")]
+    (lone / "f.csv").write_text("\n".join(",".join(line.split(",")[i] for i in keep) for line in lines) + "\n")
+    code, _, _, err = call("estimate", "--data", lone, "--protocol", "clean", "--quiet")
+    assert code == 2
+    assert "f.csv" in err
+    assert "estimator" in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_an_own_estimator_beside_the_logged_one(call, folder, tmp_path, monkeypatch):
+    (tmp_path / "mine_smooth.py").write_text(
+        "import numpy as np\nfrom nanobench_tools import Estimate\n\n\nclass Smooth:\n    name = 'smooth'\n"
+        "    causal = False\n\n    def estimate(self, flight):\n"
+        "        s, q = flight['estimator'], flight['attitude_qw']\n"
+        "        p = np.stack([np.convolve(s[c], np.ones(5) / 5, 'same') for c in 'xyz'], 1)\n"
+        "        return Estimate(s.time_s, p, q['qx', 'qy', 'qz', 'qw'], s['vx', 'vy', 'vz'])\n")
+    monkeypatch.chdir(tmp_path)
+    code, result, _, err = call("estimate", "--data", folder, "--protocol", "clean", "--method", "mine_smooth:Smooth",
+                                "--method", "onboard_ekf")
+    assert code == 0, err
+    rows = {row["method"]: row for row in result["rows"] if row["group"] == "all"}
+    assert set(rows) == {"smooth", "onboard_ekf"}
+    assert "until 0.5 s" in rows["smooth"]["given"]
+    assert rows["smooth"]["causal"] is False
+    ratio = rows["smooth"]["metrics"]["ate_rmse_m"]["mean"] / rows["onboard_ekf"]["metrics"]["ate_rmse_m"]["mean"]
+    assert 0.2 < ratio < 5.0
+
+
+@pytest.mark.real
+def test_the_verbs_give_the_published_tables(call, real_data):
+    trefoils = real_data / "nanobench" / "benchmarks" / "task3_stateEst"
+    code, result, _, err = call("estimate", "--data", trefoils, "--protocol", "as-published", "--quiet")
+    assert code == 0, err
+    assert not result["synthetic"]
+    found = {row["group"]: (row["n"], round(1e3 * row["metrics"]["ate_rmse_m"]["mean"], 1),
+                            round(row["metrics"]["attitude_rmse_deg"]["mean"], 2)) for row in result["rows"]}
+    assert found == {"Slow": (11, 21.1, 2.12), "Medium": (10, 21.8, 2.71), "Fast": (7, 3142.7, 29.67)}
