@@ -30,6 +30,8 @@ LOGGED: dict[str, tuple[int, int]] = {
 TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "battery_V": 1, "motor": 4}
 """What is kept of the truth at every tick, and its width; ``motor`` is the PWM ratio from that tick on."""
 
+NOISE_TICKS = 50
+"""Sensor noise is drawn for so many ticks at once."""
 BATTERY_NOISE_V = 0.004
 GUST_S, FLICKER_S = 0.5, 0.05
 """Correlation times of the air's force and of the flicker of each motor's thrust."""
@@ -98,7 +100,9 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     recorder = _Recorder(ticks, n)
     command = np.zeros((n, 4))
     for tick in range(ticks):
-        noise = np.stack([r.standard_normal((SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
+        if tick % NOISE_TICKS == 0:
+            drawn = np.stack([r.standard_normal((NOISE_TICKS, SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
+        noise = drawn[tick % NOISE_TICKS]
         plant.disturbance_m_s2, plant.flicker = gusts[tick], flicker[tick]
         position, velocity, quaternion = estimator.read(tick)
         yaw = so3.euler_zyx(quaternion)[:, 2]

@@ -17,6 +17,7 @@ from .. import so3
 from ..errors import UsageError
 from ..methods import Reference, VehicleState
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
+from .plant import rotation_columns
 from .thrust_curve import compensated_ratio
 
 PERIOD_S = 0.002
@@ -194,16 +195,15 @@ class MellingerLike:
         wanted = reference.acceleration_m_s2.T + np.array([[0.0], [0.0], [GRAVITY_M_S2]])
         force = (self.mass_kg * wanted + self.kp * error + self.kd * (reference.velocity_m_s - state.velocity_m_s).T
                  + self.ki * self._integral)
-        r = np.moveaxis(so3.matrix(state.quaternion), 0, -1)
-        thrust = self.mass_thrust * _dot(force, r[:, 2])
+        body_x, body_y, body_z = rotation_columns(state.quaternion.T)
+        thrust = self.mass_thrust * _dot(force, body_z)
         z = force / np.sqrt(_dot(force, force))
-        heading = np.stack([np.cos(reference.yaw_rad), np.sin(reference.yaw_rad), np.zeros_like(reference.yaw_rad)])
-        y = np.cross(z, heading, axis=0)
+        y = _cross(z, (np.cos(reference.yaw_rad), np.sin(reference.yaw_rad), 0.0))
         y = y / np.sqrt(_dot(y, y))
-        x = np.cross(y, z, axis=0)
+        x = _cross(y, z)
         # e = vee(Rd^T R - R^T Rd) without the textbook's one half; the y part is negated for the legacy frame
-        e_r = np.stack([_dot(z, r[:, 1]) - _dot(y, r[:, 2]), _dot(z, r[:, 0]) - _dot(x, r[:, 2]),
-                        _dot(y, r[:, 0]) - _dot(x, r[:, 1])])
+        e_r = np.stack([_dot(z, body_y) - _dot(y, body_z), _dot(z, body_x) - _dot(x, body_z),
+                        _dot(y, body_x) - _dot(x, body_y)])
         rate = state.rate_rad_s.T * np.array([[1.0], [-1.0], [1.0]])
         change = -(rate[:2] - self._previous) / PERIOD_S
         self._previous = rate[:2]
@@ -254,9 +254,14 @@ class OnboardFleet:
         return log
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _dot(a, b) -> np.ndarray:
     """Column dot products (3, n), (3, n) -> (n,), summed in a fixed order."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a, b) -> np.ndarray:
+    """Column cross products (3, n), (3, n) -> (3, n)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 CONTROLLERS = {"pid": PidCascade, "mellinger": MellingerLike}
