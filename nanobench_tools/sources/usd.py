@@ -16,7 +16,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .base import text_fault
+from .base import row_edges, text_fault
+from .cells import GIGANTIC
 from .kinks import count_changes
 from .sheets import Sheet
 from .usd_variables import assign
@@ -54,7 +55,7 @@ class UsdLog:
     """Source ``usd``."""
 
     name = "usd"
-    version = 1
+    version = 2
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return (
@@ -88,7 +89,13 @@ class UsdLog:
                 "usd_version": log.version,
                 "records": {log.types[i].name: len(r) for i, r in log.records.items()},
             },
-            Provenance(str(path), "", self.name, findings=_faults(log.fault, end), notes=tuple(notes)),
+            Provenance(
+                str(path),
+                "",
+                self.name,
+                findings=(*_faults(log.fault, end), *_not_numbers(streams)),
+                notes=tuple(notes),
+            ),
             epoch_s=start * unit,
         )
 
@@ -213,14 +220,13 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
     for i, records in filled.items():
         kind = log.types[i]
         fields = {name: f"v{k}" for k, name in reversed(list(enumerate(kind.variables, start=1)))}
-        time_s = (records["time"].astype(np.int64) - start) * unit
+        time_s = (records["time"].astype(np.uint64) - np.uint64(start)).astype(np.int64) * unit
         used: set[str] = set()
         for stream, quantities in plans[i].items():
             if owner[stream] != i:
                 continue
-            values = np.stack(
-                [records[fields[v.name]].astype(float) * v.scale + v.offset for v in quantities.values()], axis=1
-            )
+            values = _numbers(records, [fields[v.name] for v in quantities.values()])
+            values = values * [v.scale for v in quantities.values()] + [v.offset for v in quantities.values()]
             used.update(v.name for v in quantities.values())
             count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
             streams[stream] = make_stream(
@@ -234,7 +240,7 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             )
         rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
         if rest:
-            values = np.stack([records[fields[v]].astype(float) for v in rest], axis=1)
+            values = _numbers(records, [fields[v] for v in rest])
             name = "extra" if kind.name == FIXED_FREQUENCY else f"extra_{kind.name}"
             streams[name] = Stream(
                 time_s,
@@ -246,6 +252,39 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
                 samples=len(values),
             )
     return dict(sorted(streams.items()))
+
+
+def _numbers(records: np.ndarray, fields: list[str]) -> np.ndarray:
+    """(n, k) as logged; what is no measurement (not finite, gigantic) is NaN."""
+    with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaN
+        values = np.stack([records[f].astype(float) for f in fields], axis=1)
+    return np.where(np.abs(values) < GIGANTIC, values, np.nan)
+
+
+def _not_numbers(streams: dict[str, Stream]) -> list[Fault]:
+    """One bad_cell finding per stream that holds values which are none."""
+    faults = []
+    for name, stream in streams.items():
+        wrong = np.isnan(stream.values)
+        if not wrong.any():
+            continue
+        rows, columns = np.flatnonzero(wrong.any(axis=1)), np.flatnonzero(wrong.any(axis=0))
+        edges = row_edges(stream.time_s)
+        names = tuple(stream.columns[i] for i in columns)
+        first = names[int(np.argmax(wrong[rows[0], columns]))]
+        faults.append(
+            text_fault(
+                "bad_cell",
+                name,
+                names,
+                f"column {first}, record {rows[0] + 1}: no number a measurement could have; {wrong.sum()} values in "
+                f"{len(rows)} records",
+                (float(edges[rows[0]]), float(edges[rows[-1] + 1])),
+                float(wrong.sum()),
+                "cells",
+            )
+        )
+    return faults
 
 
 def _rate(samples: int | None, time_s: np.ndarray) -> float:

@@ -55,6 +55,27 @@ def test_flipped_bit_in_a_value_is_a_checksum_fault_over_everything(tmp_path):
     assert (fault.start_s, fault.end_s) == (0.0, flight.span.end_s)
 
 
+def test_values_that_are_no_measurement(tmp_path):
+    """A NaN and 1e30 in a log whose checksum is right."""
+    sample = usd_log()
+    data = bytearray(sample.data[:-4])
+    data[sample.ends[2] + 10 : sample.ends[2] + 14] = struct.pack("<f", float("nan"))
+    data[sample.ends[3] + 10 : sample.ends[3] + 14] = struct.pack("<f", 1e30)
+    flight = UsdLog().read(tmp_path / "x", bytes(data) + struct.pack("<I", zlib.crc32(bytes(data))))
+    (fault,) = flight.provenance.findings
+    assert (fault.kind, fault.stream, fault.columns, fault.size) == ("bad_cell", "estimator", ("stateEstimate.x",), 2.0)
+    assert np.isnan(flight["estimator"]["x"]).sum() == 2
+    assert np.isfinite(flight["imu"].values).all()
+
+
+def test_stamps_of_any_size(tmp_path):
+    """Time since boot is unsigned and may use all 64 bits."""
+    header = struct.pack("<HHH", 2, 1, 3) + b"tick\0" + struct.pack("<H", 1) + b"pm.vbat(f)\0"
+    body = b"".join(struct.pack("<HQf", 3, 2**64 - 50 + 10 * i, 3.7) for i in range(5))
+    flight = UsdLog().read(tmp_path / "x", _log(header, body))
+    np.testing.assert_allclose(flight["battery"].time_s, 1e-5 * np.arange(5), atol=1e-12)
+
+
 def test_motor_is_what_the_motors_got():
     both = assign(("motor.m1", "pwm.m1_pwm", "motor.m1req"))
     assert both["motor"]["m1"].name == "pwm.m1_pwm"
