@@ -1,0 +1,103 @@
+"""Exact inference in a hidden Markov chain whose state is one number on a grid and moves by small steps.
+
+Forward-backward in the scaled form of Rabiner, "A tutorial on hidden Markov models" (1989), eq. 19-27, with a
+banded transition that may differ from row to row. Cost: rows x states x band.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+
+@nb.njit(cache=True, fastmath=True)
+def posterior(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int, causal: bool) -> np.ndarray:
+    """(n, m) probabilities of the states given all rows (causal: given the rows up to each one).
+
+    log_likelihood (n, m); log_transition (n, b): row i holds the log weight of the step from row i - 1 in cells,
+    column c meaning a step of c - (b - 1 - up), so at most ``up`` cells upward; row 0 is not used.
+    """
+    n, m = log_likelihood.shape
+    width = log_transition.shape[1]
+    low = width - 1 - up
+    alpha = np.empty((n, m))
+    step = np.empty(width)
+    top = log_likelihood[0].max()
+    total = 0.0
+    for j in range(m):
+        alpha[0, j] = math.exp(log_likelihood[0, j] - top)
+        total += alpha[0, j]
+    for j in range(m):
+        alpha[0, j] /= total
+    for i in range(1, n):
+        top_step = log_transition[i].max()
+        for c in range(width):
+            step[c] = math.exp(log_transition[i, c] - top_step)
+        top = log_likelihood[i].max()
+        total = 0.0
+        for j in range(m):
+            inflow = 0.0
+            for c in range(max(0, j + low - m + 1), min(width, j + low + 1)):
+                inflow += alpha[i - 1, j - c + low] * step[c]
+            inflow *= math.exp(log_likelihood[i, j] - top)
+            alpha[i, j] = inflow
+            total += inflow
+        if total > 0.0:
+            for j in range(m):
+                alpha[i, j] /= total
+        else:  # the evidence contradicts itself here: start afresh rather than carry zeros
+            for j in range(m):
+                alpha[i, j] = 1.0 / m
+    if causal:
+        return alpha
+    beta = np.ones(m)
+    weighted = np.empty(m)
+    for i in range(n - 2, -1, -1):
+        top_step = log_transition[i + 1].max()
+        for c in range(width):
+            step[c] = math.exp(log_transition[i + 1, c] - top_step)
+        top = log_likelihood[i + 1].max()
+        for j in range(m):
+            weighted[j] = math.exp(log_likelihood[i + 1, j] - top) * beta[j]
+        total = 0.0
+        for k in range(m):
+            outflow = 0.0
+            for c in range(max(0, low - k), min(width, m - k + low)):
+                outflow += step[c] * weighted[k + c - low]
+            beta[k] = outflow
+            total += outflow
+        scale = m / total if total > 0.0 else 0.0
+        for k in range(m):
+            beta[k] = beta[k] * scale if total > 0.0 else 1.0
+        total = 0.0
+        for k in range(m):
+            alpha[i, k] *= beta[k]
+            total += alpha[i, k]
+        for k in range(m):
+            alpha[i, k] = alpha[i, k] / total if total > 0.0 else 1.0 / m
+    return alpha
+
+
+@nb.njit(cache=True, fastmath=True)
+def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.ndarray, predicted: np.ndarray,
+                         measured: np.ndarray, sigma: np.ndarray, weight: float, first_state: int) -> None:
+    """Adds to (n, m) ``log_likelihood`` how well each delay explains each sample; in place.
+
+    row (s,): chain row of the sample; cell (s,): its stamp on the fine grid of ``predicted`` (g, k); state j means
+    that the sample shows cell - (j + first_state). measured (s, k), sigma (k,) in the unit of the stream. Student t
+    with 6 degrees of freedom, so that a spike cannot vote more than about twice; ``weight`` < 1 where neighbouring
+    errors are alike.
+    """
+    degrees = 6.0
+    m = log_likelihood.shape[1]
+    cells, channels = predicted.shape
+    for s in range(len(row)):
+        for j in range(m):
+            g = min(max(cell[s] - (j + first_state), 0), cells - 1)
+            squared = 0.0
+            for k in range(channels):
+                z = (measured[s, k] - predicted[g, k]) / sigma[k]
+                squared += z * z
+            log_likelihood[row[s], j] -= 0.5 * weight * degrees * math.log1p(squared / degrees)

@@ -1,0 +1,196 @@
+"""What says how late a sample is: every stream that the motion capture can predict, each with its own constant lag.
+
+The motion capture is put on a grid of CELL_S, so that a delay is a shift by cells. A stream's noise and how alike
+neighbouring errors are (``weight``) are read off its own residual, never set per recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from .. import so3
+from ..content.context import Context
+from ..content.rows import usable_streams
+from ..content.tails import alive_until
+from ..content.truth import STEP_S, Truth, truth_of
+from ..flight import Stream
+from ..frames import gravity_up
+from .delivery import CELL_S
+
+MARGIN_S = 0.5
+"""The truth is held so far beyond its ends, so that shifted stamps stay on the grid."""
+
+DETREND_S = 3.0
+"""Slow differences that are not time (drag, tilt of the frames, yaw drift) are removed below 1 / DETREND_S; the time
+error itself has forgotten its past after 0.5 s."""
+
+LAGS_S = 0.12
+"""A stream's constant lag is sought within +-LAGS_S of the delay believed so far."""
+
+ALIKE_S = 0.5
+"""Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """stream and its quantities; ``start_sigma`` and ``floor``: first and smallest noise believed, SI;
+    ``detrended``: only its fast part is compared; ``group``: ``inertial`` or ``estimator``."""
+
+    stream: str
+    quantities: tuple[str, ...]
+    start_sigma: float
+    floor: float
+    detrended: bool
+    group: str
+
+
+KINDS: dict[str, Kind] = {
+    "gyro": Kind("imu", ("gyro_x", "gyro_y", "gyro_z"), 0.15, 0.02, False, "inertial"),
+    "acceleration": Kind("imu", ("acc_x", "acc_y", "acc_z"), 0.8, 0.1, True, "inertial"),
+    "attitude": Kind("attitude_qw", ("qx", "qy", "qz", "qw"), 0.012, 0.002, True, "estimator"),
+    "velocity": Kind("estimator", ("vx", "vy", "vz"), 0.06, 0.01, False, "estimator"),
+    "position": Kind("estimator", ("x", "y", "z"), 0.002, 0.0005, False, "estimator"),
+}
+
+
+@dataclass
+class Evidence:
+    """Samples of one kind: time_s (s,), measured (s, k), predicted (g, k) on the fine grid from grid_start_s, and the
+    present belief about its lag_s, sigma (k,) and weight."""
+
+    kind: str
+    time_s: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+    grid_start_s: float
+    lag_s: float
+    sigma: np.ndarray
+    weight: float
+
+    def predicted_at(self, delay_s: np.ndarray, lag_s: float) -> np.ndarray:
+        """(s, k) what the samples should show if each is late by ``delay_s`` (s,) and the stream by ``lag_s``."""
+        x = np.clip((self.time_s - delay_s - lag_s - self.grid_start_s) / CELL_S, 0, len(self.predicted) - 1.001)
+        i = x.astype(np.int64)
+        part = (x - i)[:, None]
+        return self.predicted[i] * (1.0 - part) + self.predicted[i + 1] * part
+
+    def cells(self) -> np.ndarray:
+        """(s,) stamps less the lag, as cells of the grid."""
+        return np.round((self.time_s - self.lag_s - self.grid_start_s) / CELL_S).astype(np.int64)
+
+    def detrended(self, delay_s: np.ndarray) -> np.ndarray:
+        """(s, k) measured, with its slow difference from the prediction taken off where the kind asks for it."""
+        if not KINDS[self.kind].detrended:
+            return self.measured
+        slow = uniform_filter1d(self.measured - self.predicted_at(delay_s, self.lag_s), self._rows(DETREND_S), axis=0,
+                                mode="nearest")
+        return self.measured - slow
+
+    def learn_lag(self, delay_s: np.ndarray) -> None:
+        """Updates the constant lag under ``delay_s`` (s,): coarse over LAGS_S, then fine about the best."""
+        coarse = np.arange(-LAGS_S, LAGS_S + 1e-9, 4 * CELL_S)
+        best = self._lowest(delay_s, coarse)
+        self.lag_s = self._lowest(delay_s, best + CELL_S * np.arange(-4, 5))
+
+    def learn_noise(self, delay_s: np.ndarray) -> None:
+        """Updates noise and weight from the residual under ``delay_s`` (s,)."""
+        residual = self.residual(delay_s)
+        self.sigma = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), KINDS[self.kind].floor)
+        fast = residual - uniform_filter1d(residual, self._rows(ALIKE_S), axis=0, mode="nearest")
+        self.weight = float(np.clip(1.0 / _alike_rows(np.clip(fast / self.sigma, -4.0, 4.0)), 0.02, 1.0))
+
+    def residual(self, delay_s: np.ndarray) -> np.ndarray:
+        """(s, k) measured less predicted under ``delay_s`` (s,) and the present lag, medians removed."""
+        r = self.detrended(delay_s) - self.predicted_at(delay_s, self.lag_s)
+        return r - np.median(r, axis=0)
+
+    def _lowest(self, delay_s: np.ndarray, lags_s: np.ndarray) -> float:
+        """The lag of least clipped squared residual, refined by a parabola through the three lowest points."""
+        residuals = [self.measured - self.predicted_at(delay_s, lag) for lag in lags_s]
+        if KINDS[self.kind].detrended:
+            rows = self._rows(DETREND_S)
+            residuals = [r - uniform_filter1d(r, rows, axis=0, mode="nearest") for r in residuals]
+        squared = [np.sum((r - np.median(r, axis=0)) ** 2, axis=1) for r in residuals]
+        limit = 9.0 * min(float(np.median(s)) for s in squared)  # spikes must not choose the lag
+        cost = np.array([np.mean(np.minimum(s, limit)) for s in squared])
+        i = int(np.argmin(cost))
+        if 0 < i < len(cost) - 1:
+            bend = cost[i - 1] - 2.0 * cost[i] + cost[i + 1]
+            if bend > 0.0:
+                return float(lags_s[i] + 0.5 * (lags_s[1] - lags_s[0]) * (cost[i - 1] - cost[i + 1]) / bend)
+        return float(lags_s[i])
+
+    def _rows(self, duration_s: float) -> int:
+        return max(1, round(duration_s / float(np.median(np.diff(self.time_s)))))
+
+
+def _alike_rows(z: np.ndarray) -> float:
+    """Integrated autocorrelation of (s, k) scaled residuals: how many rows count as one."""
+    n = len(z)
+    spectrum = np.abs(np.fft.rfft(z - z.mean(axis=0), 2 * n, axis=0)) ** 2
+    correlation = np.fft.irfft(spectrum, axis=0)[:min(50, n)]
+    correlation = correlation / np.maximum(correlation[0], 1e-12)
+    positive = np.cumprod(correlation[1:] > 0.05, axis=0)
+    return float(np.mean(1.0 + 2.0 * np.sum(correlation[1:] * positive, axis=0)))
+
+
+def _fine(truth: Truth, values: np.ndarray) -> np.ndarray:
+    """(n, k) on the truth's grid -> on the fine grid, ends held."""
+    fine = np.arange(truth.time_s[0] - MARGIN_S, truth.time_s[-1] + MARGIN_S, CELL_S)
+    return CubicSpline(truth.time_s, values)(np.clip(fine, truth.time_s[0], truth.time_s[-1]))
+
+
+def _rate(truth: Truth) -> np.ndarray:
+    dq = savgol_filter(truth.quaternion, 11, 3, deriv=1, delta=STEP_S, axis=0)
+    return 2.0 * so3.multiply(so3.conjugate(truth.quaternion), dq)[:, :3]
+
+
+def _force(truth: Truth) -> np.ndarray:
+    acceleration = savgol_filter(truth.position_m, 13, 3, deriv=2, delta=STEP_S, axis=0)
+    return so3.rotate_inverse(truth.quaternion, acceleration + gravity_up())
+
+
+PREDICTED: dict[str, Callable[[Truth], np.ndarray]] = {
+    "gyro": _rate,
+    "acceleration": _force,
+    "attitude": lambda truth: truth.euler_rad[:, :2],
+    "velocity": lambda truth: savgol_filter(truth.position_m, 11, 3, deriv=1, delta=STEP_S, axis=0),
+    "position": lambda truth: truth.position_m,
+}
+
+
+def _measured(kind: str, stream: Stream) -> np.ndarray:
+    values = stream[KINDS[kind].quantities]
+    return so3.euler_zyx(values)[:, :2] if kind == "attitude" else values  # yaw wraps and hardly moves
+
+
+def collect(context: Context, kinds: tuple[str, ...], start_s: float, end_s: float) -> list[Evidence]:
+    """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``; what is absent or has fewer
+    than 100 usable samples is left out."""
+    truth = context.once(truth_of)
+    if truth is None:
+        return []
+    streams, alive = context.once(usable_streams), context.once(alive_until)
+    found = []
+    for name in kinds:
+        kind = KINDS[name]
+        stream = streams.get(kind.stream)
+        if stream is None or not all(q in stream.quantities for q in kind.quantities):
+            continue
+        measured = _measured(name, stream)
+        t = stream.time_s
+        good = np.isfinite(measured).all(axis=1) & (t >= start_s) & (t <= min(end_s, alive[kind.stream]))
+        good &= np.interp(t, truth.time_s, truth.good.astype(float), left=0.0, right=0.0) > 0.999
+        if good.sum() < 100:
+            continue
+        k = measured.shape[1]
+        found.append(Evidence(name, t[good], np.ascontiguousarray(measured[good]),
+                              np.ascontiguousarray(_fine(truth, PREDICTED[name](truth))),
+                              truth.time_s[0] - MARGIN_S, 0.0, np.full(k, kind.start_sigma), 0.3))
+    return found

@@ -1,0 +1,51 @@
+"""A clock error over time, and a flight with it taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..flight import Flight, Span, Stream
+
+
+@dataclass(frozen=True)
+class ClockWarp:
+    """How late the stamps of one clock are against the motion capture.
+
+    time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
+    constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about it; moving: whether
+    a moving error was found (else offset_s is the constant everywhere); lags_s: each stream's own constant lag behind
+    the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence.
+    """
+
+    time_s: np.ndarray
+    offset_s: np.ndarray
+    sd_s: np.ndarray
+    constant_s: float
+    wander_sd_s: float
+    moving: bool
+    lags_s: Mapping[str, float]
+    reason: str
+
+    def at(self, time_s: np.ndarray) -> np.ndarray:
+        """(m,) lateness [s] of stamps ``time_s`` (m,)."""
+        if not len(self.time_s):
+            return np.full(len(time_s), self.constant_s)
+        return np.interp(time_s, self.time_s, self.offset_s, left=self.constant_s, right=self.constant_s)
+
+
+def retime_stream(stream: Stream, warp: ClockWarp) -> Stream:
+    """The same samples on the motion capture's clock: stamps are moved, order is kept, no value is changed or made."""
+    moved = np.maximum.accumulate(stream.time_s - warp.at(stream.time_s))
+    valid = stream.valid and tuple(Span(s.start_s - warp.constant_s, s.end_s - warp.constant_s) for s in stream.valid)
+    return replace(stream, time_s=moved, valid=valid)
+
+
+def retime(flight: Flight, warp: ClockWarp, keep: tuple[str, ...] = ("mocap",)) -> Flight:
+    """A copy of ``flight`` in which every stream but ``keep`` is moved by ``warp``; the provenance says so."""
+    moved = {name: s if name in keep else retime_stream(s, warp) for name, s in flight.streams.items()}
+    note = f"re-timed: {warp.reason}"
+    return replace(flight, streams=moved,
+                   provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note)))
