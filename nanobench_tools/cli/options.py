@@ -197,8 +197,11 @@ def shared_options(*leave_out: str) -> Callable[[Callable], Callable]:
     def decorate(function: Callable) -> Callable:
         @functools.wraps(function)
         def with_options(**kwargs: Any) -> Any:
+            from ..harness.pool import shared_workers
+
             shared = {name: kwargs.pop(name) for name in OPTIONS if name in kwargs}
-            return function(Options(**shared), **kwargs)
+            with shared_workers():
+                return function(Options(**shared), **kwargs)
 
         for name in reversed([name for name in OPTIONS if name not in leave_out]):
             with_options = OPTIONS[name](with_options)

@@ -7,7 +7,10 @@ import signal
 import threading
 import time
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -39,29 +42,70 @@ def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
 def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
     """As many results as there are before the pool breaks. Two items per worker wait in the pool, so that an
     interrupt finds nothing else queued."""
-    pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker, initargs=(os.getpid(),))
+    pool = _take(jobs)
     queue, running = deque(items), {}
-    finished = False
+    sound = False
     try:
-        while queue or running:
+        broken = False
+        while running or (queue and not broken):
             try:
-                while queue and len(running) < 2 * jobs:
-                    running[pool.submit(execute, queue[0], store)] = queue[0]
-                    queue.popleft()
+                with _interrupt_held():  # workers start when something is submitted
+                    while queue and not broken and len(running) < 2 * jobs:
+                        running[pool.submit(execute, queue[0], store)] = queue[0]
+                        queue.popleft()
             except BrokenProcessPool:
-                queue.clear()
+                broken = True
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 item = running.pop(future)
                 try:
                     outcome = future.result()
                 except BrokenProcessPool:
+                    broken = True
                     continue
                 except Exception as error:
                     outcome = Outcome(error=f"cannot be sent to another process: {_reason(error)}")
                 yield item, outcome
-        finished = True
+        sound = not broken
     finally:
-        pool.shutdown(wait=True, kill_workers=not finished)
+        if not (sound and _shared):
+            _close()
+
+
+_shared = 0
+_pool: ProcessPoolExecutor | None = None
+_size = 0
+
+
+@contextmanager
+def shared_workers() -> Iterator[None]:
+    """Runs inside this block use the same processes, which saves their start. For one command, not for a session in
+    which sources are edited between runs: the processes keep what they have imported."""
+    global _shared
+    _shared += 1
+    try:
+        yield
+    finally:
+        _shared -= 1
+        if not _shared:
+            _close()
+
+
+def _take(jobs: int) -> ProcessPoolExecutor:
+    """The pool of this process if it is large enough, else a new one."""
+    global _pool, _size
+    if _pool is None or _size < jobs:
+        _close()
+        _pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
+                                    initargs=(os.getpid(),))
+        _size = jobs
+    return _pool
+
+
+def _close() -> None:
+    global _pool
+    if _pool is not None:
+        _pool.shutdown(wait=True, kill_workers=True)
+        _pool = None
 
 
 def _reason(error: Exception) -> str:
@@ -70,9 +114,23 @@ def _reason(error: Exception) -> str:
     return lines[-1].strip() if lines else type(error).__name__
 
 
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Ctrl-C reaches the whole group of processes, but only the first one is to answer and end the others. Processes
+    that start in this block never see it; this one gets it when the block ends."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # it would unblock the signal when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start_worker(parent: int) -> None:
-    """Ctrl-C reaches the whole group of processes: only the first one answers, and ends the others. A worker whose
-    first process is gone (killed) ends by itself."""
+    """A worker whose first process is gone (killed) ends by itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

@@ -11,9 +11,9 @@ from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 @pytest.fixture(scope="session")
 def recordings(tmp_path_factory):
-    """Folder with three short practice recordings (circle, figure eight, helix; SYNTHETIC)."""
+    """Folder with three short practice recordings (circle, trefoil, helix; SYNTHETIC)."""
     folder = tmp_path_factory.mktemp("recordings")
-    for flight in practice_flights(3, seed=5, families=("circle", "figure_eight", "helix"), duration_s=8.0):
+    for flight in practice_flights(3, seed=5, families=("circle", "trefoil", "helix"), duration_s=6.0):
         write_nanobench(flight, folder / f"{flight.name}.csv")
     return folder
 

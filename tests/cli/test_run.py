@@ -1,0 +1,112 @@
+"""``nanobench run``: everything in one folder, the same again after a kill, labelled by what it was made from."""
+
+import functools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from nanobench_tools.cli import run as run_module
+from nanobench_tools.harness.store import Store
+from nanobench_tools.practice import flights as practice
+
+COMMAND = str(Path(sys.executable).with_name("nanobench"))
+FILES = ("audit.json", "estimate.json", "control.json", "sysid.json", "report.html")
+
+
+def bodies(folder: Path) -> dict:
+    """Everything in the result files that may not depend on when and where it was made."""
+    found = {name: json.loads((folder / name).read_text()) for name in FILES if name.endswith(".json")}
+    for body in found.values():
+        body.pop("manifest")
+    return found
+
+
+def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recordings, tmp_path):
+    code, out, err = nanobench("run", "--data", recordings, "--out", tmp_path, "--jobs", 1)
+    assert code == 0, err
+    assert all((tmp_path / name).stat().st_size > 1000 for name in FILES)
+    page = (tmp_path / "report.html").read_text()
+    assert all(f"Task {task}" in page for task in (1, 2, 3))
+    assert "SYNTHETIC" in page
+    tables = [*tmp_path.glob("*.csv"), *tmp_path.glob("*.tex")]
+    assert len(tables) >= 8
+    assert all("SYNTHETIC" in table.read_text() for table in tables)
+    assert all(body["synthetic"] and body["failed"] == [] for body in bodies(tmp_path).values())
+    assert all(body["rows"] for name, body in bodies(tmp_path).items() if name != "audit.json")
+    titles = [line for line in out.splitlines() if line.startswith(("Task", "SYNTHETIC"))]
+    assert all("SYNTHETIC" in line for line in titles)
+    assert "3 SYNTHETIC recordings" in err
+
+
+def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, tmp_path):
+    env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
+
+    def command(out):
+        return [COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
+
+    whole = subprocess.run(command("whole"), env=env, capture_output=True, text=True, timeout=200)
+    assert (whole.returncode, whole.stdout, whole.stderr) == (0, "", "")
+    process = subprocess.Popen(command("killed"), env=env, start_new_session=True)
+    store = tmp_path / "killed" / ".store"
+    deadline = time.monotonic() + 60
+    while len(list(store.glob("*.json"))) < 8 and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    finished = {path.stem: path.stat().st_ino for path in store.glob("*.json")}
+    assert len(finished) >= 8
+    assert all(Store(store).get(key) is not None for key in finished)
+    for path in (tmp_path / "killed").glob("*.json"):
+        json.loads(path.read_text())
+    again = subprocess.run(command("killed"), env=env, capture_output=True, text=True, timeout=200)
+    assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
+    after = {path.stem: path.stat().st_ino for path in store.glob("*.json")}
+    assert {key: after[key] for key in finished} == finished
+    assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
+
+
+def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("NANOBENCH_DATA", raising=False)
+    monkeypatch.setattr(run_module, "PRACTICE_SEEDS", 1)
+    monkeypatch.setattr(run_module, "PRACTICE_FLIGHTS", 1)
+    monkeypatch.setattr(practice, "write_practice", functools.partial(
+        practice.write_practice, families=("trefoil",), duration_s=8.0))
+    code, _, err = nanobench("run", "--jobs", 1)
+    assert code == 0, err
+    assert "practice flights, SYNTHETIC" in err
+    assert "1 SYNTHETIC recording from results/practice" in err
+    assert (tmp_path / "results" / "report.html").exists()
+    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice").iterdir()}
+    assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice").iterdir()} == made
+    next(iter(made)).write_text("")
+    assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
+    assert next(iter(made)).stat().st_size > 100
+
+
+def test_a_task_the_recordings_do_not_suffice_for_is_listed_and_the_others_go_on(nanobench, recordings, tmp_path):
+    code, _, err = nanobench("run", "--data", next(recordings.glob("*circle*.csv")), "--out", tmp_path, "--jobs", 1)
+    assert code == 1
+    assert [line for line in err.splitlines() if line.startswith("failed: sysid: ")]
+    assert bodies(tmp_path)["sysid.json"]["failed"][0]["item"] == "sysid"
+    assert bodies(tmp_path)["control.json"]["failed"] == []
+    assert (tmp_path / "report.html").exists()
+
+
+@pytest.mark.real
+def test_real_recordings_are_never_called_synthetic(nanobench, real_data, tmp_path):
+    places = sorted((real_data / "nanobench").rglob("*trefoil_slow_rep1*")) + sorted(
+        (real_data / "nanobench").rglob("*circle_medium_rep*"))
+    data = [word for place in places if place.is_file() for word in ("--data", place)]
+    code, out, err = nanobench("run", *data, "--out", tmp_path, "--jobs", 1)
+    assert code == 0, err
+    assert "SYNTHETIC" not in out + err
+    assert not any("SYNTHETIC" in path.read_text(errors="replace") for path in tmp_path.iterdir() if path.is_file())
+    assert not any(body["synthetic"] for body in bodies(tmp_path).values())
