@@ -9,7 +9,7 @@ import click
 
 from ..errors import InputError, UsageError
 from .options import Options, shared_options
-from .show import data_word, score_table
+from .show import data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -77,7 +77,8 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
     _show(options, rows)
-    return {"gate": [], "gate_note": task2.GATE_NOTE, "rows": rows}
+    return {"gate": [], "gate_note": task2.GATE_NOTE, "rows": rows,
+            "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED)}
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -11,7 +11,7 @@ import click
 from ..errors import InputError
 from .methods import load_methods
 from .options import PATH, Options, shared_options
-from .show import data_word, score_table
+from .show import data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -94,7 +94,7 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         rows += _score(options, protocol, work, options.out if protocol == written else None)
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
-    return {"rows": rows}
+    return {"rows": rows, "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..flight import Flight
     from .options import Options
 
 
@@ -53,3 +55,17 @@ def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, s
         cells = [score_text(metrics.get(n), f, d) for n, _, f, d in columns]
         table.add_row(*map(escape, texts), cells[0], interval_text(metrics.get(name), factor, digits), *cells[1:])
     return table
+
+
+def show_left_out(options: Options, flights: Sequence[Flight], rows: Sequence[Mapping[str, Any]],
+                  audits: Iterable[str], needed: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+    """[{flight, reason}] of the recordings that no row counts (``flights`` and ``dropped`` of rows), said in a line."""
+    from ..protocols.usable import left_out
+
+    used = {name for row in rows for key in ("flights", "dropped") for name in row.get(key, ())}
+    found = left_out(flights, used, audits, needed)
+    if found:
+        kinds = Counter("copy or slice" if entry["reason"].startswith(("copy of", "slice of")) else entry["reason"]
+                        for entry in found)
+        options.say("left out: " + "; ".join(f"{n} ({kind})" for kind, n in kinds.items()))
+    return found

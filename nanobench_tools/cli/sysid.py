@@ -11,7 +11,7 @@ import click
 from ..errors import UsageError
 from .methods import load_methods
 from .options import PATH, Options, shared_options
-from .show import data_word
+from .show import data_word, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -71,7 +71,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show(options, rows, chosen)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")},
             "best": task1.best_model(rows), "simulator": None, "split": chosen.note,
-            "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test]}
+            "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
+            "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
+                                                         for cases in (chosen.train, chosen.test)], audits,
+                                      task1.NEEDED)}
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:

@@ -22,9 +22,12 @@ from .describe import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import beside
 from .selection import distinct
+from .usable import MOCAP, MOTORS, usable
 from .windows import HORIZON, TRUTHS, cut_windows
 
-STREAMS = ("mocap", "imu", "motor", "battery", "attitude_qw")
+NEEDED = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),
+          "attitude_qw": ("qx", "qy", "qz", "qw")}
+STREAMS = tuple(NEEDED)
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
 """Families of the training split."""
 
@@ -96,9 +99,7 @@ def _trajectory(flight: Flight) -> str:
 
 def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str] | None) -> list[Case]:
     cases = []
-    for flight in flights:
-        if flight.name not in audits or not set(STREAMS) <= set(flight.streams):
-            continue
+    for flight in usable(flights, audits, NEEDED):
         audit = audits[flight.name]
         spans = intersect_spans(flown_spans(flight, audit.airborne), audit.clean_for(STREAMS))
         if not any(span.duration_s * 100.0 > HORIZON for span in spans):

@@ -26,11 +26,14 @@ from .published import beside
 from .selection import distinct
 from .tables import summaries
 from .task3 import LOG_KINDS
+from .usable import MOCAP, MOTORS, usable
 
 PROTOCOLS = ("as-published", "clean")
 CONTROLLERS = ("pid", "mellinger")
 PUBLISHED = ("trefoil", "medium")
 """Family and speed of the published rows."""
+
+NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS}
 
 SETPOINT_M = 0.05
 DROPPED_ABOVE_M = 1.0
@@ -64,12 +67,11 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     Raises InputError when there is none.
     """
     check_protocol(protocol)
-    needed = {"mocap", "setpoint", "motor"}
-    usable = [f for f in distinct(flights)[0] if needed <= set(f.streams) and f.name in audits]
+    fit = usable(distinct(flights)[0], audits, NEEDED)
     if protocol == "as-published":
-        usable = [f for f in usable if not is_cut(f) and (family_of(f), speed_of(f)) == PUBLISHED]
-    usable = [f for f in usable if audits[f.name].controller in CONTROLLERS]
-    cases = [case for flight in usable for case in _cases(flight, audits[flight.name], protocol)]
+        fit = [f for f in fit if not is_cut(f) and (family_of(f), speed_of(f)) == PUBLISHED]
+    fit = [f for f in fit if audits[f.name].controller in CONTROLLERS]
+    cases = [case for flight in fit for case in _cases(flight, audits[flight.name], protocol)]
     if not cases:
         raise InputError(flights[0].provenance.path if flights else "data",
                          f"no flight of a known controller with motion capture, setpoint and motor streams for "

@@ -27,10 +27,13 @@ from .published import beside
 from .scoring3 import attitude_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .tables import group_order, groups_of, summaries
+from .usable import MOCAP, POSE, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 """The streams the task is about."""
+
+NEEDED = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1",), "attitude_qw|attitude": ()}
 
 LOG_KINDS = frozenset({"dead_stream", "frozen_stream", "backward_time", "checksum", "bad_cell", "unit", "sign",
                        "axis_swap", "quaternion_order"})
@@ -40,7 +43,6 @@ and are scored; of the motion capture, which is the truth, every cutting fault i
 GIVEN_S = 0.5
 GIVEN = f"motion capture poses until {GIVEN_S} s after the first scored row, all other streams"
 GIVEN_LOGGED = "as flown: motion capture poses over radio, own sensors"
-POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 MINIMUM_ROWS = 50
 
 
@@ -67,19 +69,14 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     Raises InputError when no recording has the streams and rows that are needed.
     """
     check_protocol(protocol)
-    needed = {"mocap", "estimator", "motor"}
-    usable = [f for f in flights if f.name in audits and needed <= set(f.streams) and _has_attitude(f)]
-    cases = _clean(usable, audits) if protocol == "clean" else _published(usable, audits, protocol)
+    fit = usable(flights, audits, NEEDED)
+    cases = _clean(fit, audits) if protocol == "clean" else _published(fit, audits, protocol)
     if not cases:
         what = "trefoil recording" if protocol != "clean" else "flight"
         raise InputError(", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data",
                          f"no {what} with motion capture, estimator, attitude and motor streams for protocol "
                          f"{protocol!r} among {len(flights)} recordings")
     return cases
-
-
-def _has_attitude(flight: Flight) -> bool:
-    return "attitude" in flight or "attitude_qw" in flight
 
 
 def _published(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:

@@ -1,0 +1,76 @@
+"""Which recordings a task can use, with their unusable rows taken out, and why the others are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..flight import Flight, Stream
+from .selection import distinct
+
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+MOCAP = (*POSE, "vx", "vy", "vz")
+MOTORS = ("m1", "m2", "m3", "m4")
+
+Needed = Mapping[str, Sequence[str]]
+"""Stream -> quantities a task cannot do without. ``a|b`` as the name of a stream means one of both."""
+
+
+def missing(flight: Flight, needed: Needed) -> str | None:
+    """What a recording lacks, in words; None if nothing."""
+    for names, quantities in needed.items():
+        present = [name for name in names.split("|") if name in flight]
+        if not present:
+            return f"no {names.replace('|', ' or ')} stream"
+        lacking = [q for q in quantities if q not in flight[present[0]]]
+        if lacking:
+            return f"no {', '.join(lacking)} in the {present[0]} stream"
+        if len(flight[present[0]]) < 2:
+            return f"no readable rows in the {present[0]} stream"
+    return None
+
+
+def usable(flights: Iterable[Flight], audits: Iterable[str], needed: Needed) -> list[Flight]:
+    """The flights that were audited and have what is needed, tidied; in the order given."""
+    known = set(audits)
+    tidied = (tidy(f, needed) for f in flights if f.name in known and missing(f, needed) is None)
+    return [f for f in tidied if missing(f, needed) is None]
+
+
+def tidy(flight: Flight, needed: Needed) -> Flight:
+    """The flight without rows of the needed streams that hold no number or whose stamps do not rise.
+
+    Interpolation needs rising stamps; such rows are faults of the recording, which the audit lists. The flight itself
+    if there are none.
+    """
+    streams = {}
+    for name in {part for names in needed for part in names.split("|")} & set(flight.streams):
+        good = _good_rows(flight[name])
+        if not good.all():
+            streams[name] = flight[name].rows(good)
+    return replace(flight, streams={**flight.streams, **streams}) if streams else flight
+
+
+def _good_rows(stream: Stream) -> np.ndarray:
+    """(n,) bool: all values finite, and later than every finite stamp before."""
+    time_s = np.where(np.isfinite(stream.time_s), stream.time_s, -np.inf)
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(time_s)[:-1]])
+    return np.isfinite(stream.values).all(axis=1) & (time_s > before)
+
+
+def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Iterable[str],
+             needed: Needed) -> list[dict[str, str]]:
+    """[{flight, reason}] of every recording that no row counts; ``used`` are the names that rows count."""
+    used, known = set(used), set(audits)
+    repeats = {r.flight.name: f"{r.kind} of {r.of.name}" for r in distinct(flights)[1]}
+    found = []
+    for flight in flights:
+        if flight.name in used:
+            continue
+        reason = ("the audit failed" if flight.name not in known else missing(flight, needed)
+                  or missing(tidy(flight, needed), needed) or repeats.get(flight.name)
+                  or "no rows to score: never in the air, cut by faults, or not asked for")
+        found.append({"flight": flight.name, "reason": reason})
+    return found
