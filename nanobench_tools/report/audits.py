@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..audit import CUTTING_KINDS
-from ..flight import Span, merge_spans
+from ..flight import Span, intersect_spans, merge_spans
 
 CLOCK_STREAMS = ("imu", "attitude_qw", "attitude", "estimator")
 """Streams whose clock offset stands for the recording, the first that there is."""
@@ -83,5 +83,8 @@ def streams_of(flights: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(found)
 
 
-def has_fault(flight: Mapping[str, Any], kind: str) -> bool:
-    return any(f["kind"] == kind for f in flight.get("faults") or [])
+def lost_in_the_air(flight: Mapping[str, Any]) -> float:
+    """Seconds of flight after the first stream died: what the file holds of it then is not from the vehicle."""
+    dead = merge_spans(Span(f["start_s"], f["end_s"]) for f in flight.get("faults") or [] if f["kind"] == "dead_stream")
+    airborne = [Span(*s) for s in flight.get("airborne") or []]
+    return sum(s.duration_s for s in intersect_spans(airborne, dead))

@@ -33,8 +33,8 @@ def payload(flight: Flight, audit: Mapping[str, Any] | None) -> dict[str, Any]:
         "paths": paths(flight, audit, airborne),
         "errors": errors(flight, audit, airborne),
         "timeline": timeline(flight, audit),
-        "battery": over_time(flight, audit, airborne, {"battery": {"vbat": "battery"}}, 5e-4),
-        "motors": over_time(flight, audit, airborne, {"motor": {f"m{i}": f"motor {i}" for i in (1, 2, 3, 4)}}, 1e-4),
+        "battery": over_time(flight, audit, {"battery": {"vbat": "battery"}}, 5e-4),
+        "motors": over_time(flight, audit, {"motor": {f"m{i}": f"motor {i}" for i in (1, 2, 3, 4)}}, 1e-4),
         "faults": fault_list(audit),
         "streams": stream_list(flight, audit),
     }
@@ -130,7 +130,8 @@ def _unit(quaternion: np.ndarray) -> np.ndarray:
 
 def _series(name: str, stream: str, unit: str, time_s: np.ndarray, values: np.ndarray, audit: Mapping[str, Any],
             airborne: Sequence[Span], resolution: float) -> dict[str, Any]:
-    """A series over time, its extremes kept; ``range`` spans what is clean and airborne, ``beyond`` lies outside."""
+    """A series over time, its extremes kept; ``range`` spans what is clean (and, given ``airborne``, in the air),
+    ``beyond`` what lies outside."""
     rows = extreme_rows(values, BUCKETS)
     good = np.isfinite(values)
     trusted = good & ~mask_of(cut_spans(audit, stream), time_s)
@@ -149,8 +150,8 @@ def _series(name: str, stream: str, unit: str, time_s: np.ndarray, values: np.nd
     return body
 
 
-def over_time(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span],
-              wanted: Mapping[str, Mapping[str, str]], resolution: float) -> dict[str, Any]:
+def over_time(flight: Flight, audit: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]],
+              resolution: float) -> dict[str, Any]:
     """Quantities of streams in SI over time: ``wanted`` is stream -> quantity -> label."""
     series = []
     for stream, quantities in wanted.items():
@@ -158,8 +159,7 @@ def over_time(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]
             if stream in flight and len(flight[stream]) and quantity in flight[stream]:
                 source = flight[stream]
                 unit = source.unit[source.index(quantity)]
-                series.append(_series(label, stream, unit, source.time_s, source[quantity], audit, airborne,
-                                      resolution))
+                series.append(_series(label, stream, unit, source.time_s, source[quantity], audit, (), resolution))
     return {"series": series} if series else {"absent": f"No {' or '.join(wanted)} stream in this recording."}
 
 
@@ -191,7 +191,8 @@ def fault_list(audit: Mapping[str, Any]) -> dict[str, Any]:
     """The faults as rows of text, one per kind and stream: the first one's evidence stands for all of them."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for fault in audit.get("faults") or []:
-        groups.setdefault((fault["kind"], fault["stream"]), []).append(fault)
+        if fault["kind"] != "interpolated":  # said by samples and rate in the table of streams
+            groups.setdefault((fault["kind"], fault["stream"]), []).append(fault)
     order = sorted(groups.items(), key=lambda item: (group_of(item[0][0]) == "information", item[1][0]["start_s"]))
     rows = []
     for (kind, stream), faults in order[:LISTED_FAULTS]:

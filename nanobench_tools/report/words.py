@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .audits import fault_counts, has_fault, total
+from .audits import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
 from .rows import CORRECTED, PUBLISHED
 
@@ -30,14 +30,15 @@ def overview(results: Results) -> Words:
              + (f", {format_duration(sum(lengths))} in all" if lengths else "")
              + f"; {len(flown)} leave the ground and fly for {format_duration(airborne)}."]
     copies = _copies(results)
-    dead = sum(has_fault(f, "dead_stream") for f in flights)
+    lost = [seconds for f in flights if (seconds := lost_in_the_air(f)) > 0]
     found: dict[str, int] = {}
     for flight in flights:
         for kind in fault_counts(flight):
             found[kind] = found.get(kind, 0) + 1
-    if dead:
-        lines.append(f"In {_count(dead, 'recording')} a stream ends before the file does and is continued by rows that "
-                     "no sensor sent; these spans are cut.")
+    if lost:
+        lines.append(f"In {_count(len(lost), 'recording')} the log of a stream ends while the vehicle is in the air, "
+                     f"{format_duration(sum(lost))} before it lands in all; the file goes on with rows that no sensor "
+                     "sent, and these are cut.")
     if copies:
         lines.append(f"{_count(copies, 'recording is a copy', 'recordings are copies')} of another; each counts once "
                      "in the corrected tables.")
@@ -134,7 +135,7 @@ def task3(results: Results) -> Words:
         parts = [_change(metric, before, after) for metric in ("ate_rmse_m", "attitude_rmse_deg")]
         text = f"{group.capitalize()}: " + "; ".join(filter(None, parts))
         names = [n for n in before.get("flights") or [] if n in flights]
-        dead = sum(has_fault(flights[n], "dead_stream") for n in names)
+        dead = sum(lost_in_the_air(flights[n]) > 0 for n in names)
         if dead:
             text += (f". In {dead} of its {len(names)} recordings the radio log had ended in the air and the file "
                      "continues every onboard stream as a straight line to its end; this was scored as the estimate")

@@ -2,10 +2,13 @@
 // What every picture shares: data out of the page, colours of the theme, a legend outside the plot, redrawing.
 const nanobench = (() => {
   const drawn = new Map();
+  // Named one by one: the library's own choice has a button that sends data away.
+  const buttons = { flat: ["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"],
+    space: ["toImage", "zoom3d", "pan3d", "tableRotation", "resetCameraDefault3d"] };
   const root = document.documentElement;
   const read = id => JSON.parse(document.getElementById(id).textContent);
   const escape = text => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
-  const short = (text, n) => (text.length > n ? text.slice(0, n - 1) + "…" : text);
+  const short = (text, n) => (text.length > n ? "…" + text.slice(1 - n) : text); // the end of a name tells more
 
   // Packed series: int16 steps around an offset (lowest value: gap) or float32.
   function unpack(packed) {
@@ -115,8 +118,8 @@ const nanobench = (() => {
     place.style.height = `${picture.height}px`;
     picture.layout.height = picture.height;
     picture.layout.width = width;
-    Plotly.react(place, picture.traces, picture.layout, { displaylogo: false, responsive: false, displayModeBar: coarse() ? false : "hover",
-      scrollZoom: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"], doubleClick: "autosize" });
+    Plotly.react(place, picture.traces, picture.layout, { displaylogo: false, responsive: false, scrollZoom: false, doubleClick: "autosize",
+      displayModeBar: coarse() || narrow() ? false : "hover", modeBarButtons: [picture.layout.scene ? buttons.space : buttons.flat] });
     place.dataset.shows = key === undefined ? "" : String(key);
     legend(id, picture.legend || []);
     if (picture.note !== undefined) note(id, picture.note);

@@ -72,8 +72,9 @@ nanobench.flight = (() => {
   const shade = (c, spans, yref) => spans.map(([x0, x1]) => ({ type: "rect", xref: "x", yref, x0, x1, y0: 0, y1: 1, layer: "below",
     fillcolor: c.red, opacity: 0.16, line: { width: 0 } }));
 
-  function outside(series) {
-    const parts = series.filter(s => s.beyond).map(s => `${s.name} from ${figures(s.beyond[0])} to ${figures(s.beyond[1])} ${s.unit}`);
+  function outside(series, frame) {
+    const leaves = s => s.beyond && (!frame || s.beyond[0] < frame[0] || s.beyond[1] > frame[1]);
+    const parts = series.filter(leaves).map(s => `${s.name} from ${figures(s.beyond[0])} to ${figures(s.beyond[1])} ${s.unit === "1" ? "" : s.unit}`.trim());
     return parts.length ? ` Outside the frame: ${parts.join(", ")}; a double click shows all.` : "";
   }
   const shaded = series => (series.some(s => s.cut.length) ? " Shaded: cut by the audit." : "");
@@ -102,7 +103,7 @@ nanobench.flight = (() => {
       const dashes = ["solid", "dash", "dot", "dashdot"];
       const ranges = part.series.filter(s => s.range).map(s => s.range);
       const range = settings.range || (ranges.length ? pad([Math.min(...ranges.map(r => r[0])), Math.max(...ranges.map(r => r[1]))], 1e-3) : undefined);
-      return { height: settings.height, note: settings.note + shaded(part.series) + outside(part.series),
+      return { height: settings.height, note: settings.note + shaded(part.series) + outside(part.series, settings.range),
         legend: part.series.length > 1 ? part.series.map((s, i) => ({ name: s.name, colour: palette[i % 4], dash: dashes[i % 4], traces: [i] })) : [],
         traces: part.series.map((s, i) => ({ x: unpack(s.t), y: unpack(s.v), mode: "lines", name: s.name, connectgaps: false,
           line: { color: palette[i % 4], width: 1.4, dash: part.series.length > 1 ? dashes[i % 4] : "solid" },
@@ -140,7 +141,7 @@ nanobench.flight = (() => {
         const long = mine.filter(f => f.end - f.start >= brief);
         const quick = mine.filter(f => f.end - f.start < brief);
         if (long.length) traces.push({ type: "bar", orientation: "h", y: long.map(f => names.indexOf(f.row)), base: long.map(f => f.start), x: long.map(f => f.end - f.start),
-          width: 0.66, marker: { color: colour, pattern: { shape: pattern, fgcolor: c.paper, size: 5, solidity: 0.25 } }, hovertemplate: long.map(about) });
+          width: 0.66, marker: { color: colour, pattern: { shape: pattern, fillmode: "overlay", fgcolor: c.paper, fgopacity: 0.55, size: 6, solidity: 0.2 } }, hovertemplate: long.map(about) });
         if (quick.length) traces.push({ type: "scatter", mode: "markers", y: quick.map(f => names.indexOf(f.row)), x: quick.map(f => (f.start + f.end) / 2),
           marker: { color: colour, size: 9, symbol: "diamond", line: { color: c.paper, width: 1 } }, hovertemplate: quick.map(about) });
         legend.push({ name: `${label}: ${[...new Set(mine.map(f => f.kind))].join(", ")}`, colour, shape: "bar",

@@ -57,19 +57,23 @@ nanobench.overview = (() => {
         if (set.points.length) traces.push({ x: set.points.map((p, k) => at(p.group) + spread(k)), y: set.points.map(p => p.mm), mode: "markers",
           marker: { size: 7, color: palette[i], opacity: 0.6, symbol: i ? "circle" : "square" },
           text: set.points.map(p => escape(p.flight)), hovertemplate: "%{text}<br>%{y:.1f} mm<extra></extra>" });
-        if (set.means.length) traces.push({ x: set.means.map(m => at(m.group)), y: set.means.map(m => m.mm), mode: "markers+text",
+        if (set.means.length) traces.push({ x: set.means.map(m => at(m.group)), y: set.means.map(m => m.mm), mode: "markers",
           marker: { size: 13, color: palette[i], symbol: i ? "circle-open" : "square-open", line: { width: 3, color: palette[i] } },
           error_y: { type: "data", symmetric: false, color: palette[i], thickness: 2,
             array: set.means.map(m => (m.high === null ? 0 : m.high - m.mm)),
             arrayminus: set.means.map(m => (m.low === null ? 0 : Math.min(m.mm - m.low, 0.95 * m.mm))) },
-          text: set.means.map(m => `<b>${m.mm.toFixed(1)}</b>`), textposition: i ? "bottom center" : "top center", textfont: { color: palette[i] },
-          cliponaxis: false, hovertemplate: `${set.name}: mean %{y:.1f} mm<extra></extra>` });
+          hovertemplate: `${set.name}: mean %{y:.1f} mm<extra></extra>` },
+        { x: set.means.map(m => at(m.group)), mode: "text", hoverinfo: "skip", textposition: i ? "bottom center" : "top center",
+          y: set.means.map(m => (i ? Math.min(m.low || m.mm, m.mm / 1.2) : Math.max(m.high || m.mm, m.mm * 1.2))),
+          text: set.means.map(m => `<b>${m.mm.toFixed(1)}</b>`), textfont: { color: palette[i] } });
         legend.push({ name: set.name, colour: palette[i], shape: i ? "mark" : "square",
           traces: traces.map((_, k) => k).filter(k => k >= first) });
       });
+      const all = data.sets.flatMap(s => [...s.points.map(p => p.mm), ...s.means.flatMap(m => [m.mm, m.low || m.mm, m.high || m.mm])]);
+      const range = [Math.log10(Math.min(...all)) - 0.25, Math.log10(Math.max(...all)) + 0.25];
       return { traces, legend, height: 380, layout: layout(c, {
         xaxis: axis(c, "speed", { tickvals: data.groups.map((_, i) => i), ticktext: data.groups, range: [-0.55, data.groups.length - 0.45], showgrid: false }),
-        yaxis: axis(c, "ATE RMSE [mm]", { type: "log", dtick: 1, exponentformat: "none", minor: { ticks: "outside", ticklen: 2 } }) }) };
+        yaxis: axis(c, "ATE RMSE [mm]", { type: "log", range, dtick: 1, exponentformat: "none", minor: { ticks: "outside", ticklen: 2 } }) }) };
     };
   }
 
