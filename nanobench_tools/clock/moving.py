@@ -15,6 +15,7 @@ from scipy.stats import pearsonr
 
 from ..content import compare
 from ..content.context import Context
+from ..content.leaps import mocap_leaps
 from .offset import Measured, measured_lags
 from .track import TrackError, track_error
 
@@ -47,6 +48,8 @@ def track_of(context: Context) -> TrackError | None:
     pair = context.once(compare.position_pair)
     if own is None or pair is None or not own.by.startswith("x"):
         return None
+    if any(not leap.rotation for leap in context.once(mocap_leaps)):
+        return None  # the path is not where it was before
     placed = compare.on_grid(context, "estimator", ("x", "y", "z"))
     truth = context.once(compare.truth_of)
     return track_error(own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s, own.lag.offset_s)
@@ -58,8 +61,9 @@ def moving_clocks(context: Context) -> dict[str, Moving]:
     track = context.once(track_of)
     found = {}
     for name in JUDGED:
-        if name == "estimator" and track is not None:
-            found[name] = _by_track(track)
+        if name == "estimator":
+            if track is not None:
+                found[name] = _by_track(track)
         elif name in measured and measured[name].movement is not None:
             found[name] = _by_windows(measured[name], track if name == "imu" and _shares_clock(measured) else None)
     return found

@@ -15,6 +15,8 @@ from .windows import CHANCE, SMALLEST_DRIFT_S, SMALLEST_WANDER_S
 
 SLOWEST_M_S = 0.2
 """Below this speed a millimetre is more than 5 ms."""
+OFF_TRACK = 10.0
+"""Rows that err across by more than this many medians (and 5 mm) are leaps of the estimate and say nothing of time."""
 BLOCK_S = 1.0
 """Errors of an estimator keep for half a second; blocks of one are nearly independent."""
 
@@ -78,6 +80,9 @@ def track_error(estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray
     direction = v / speed[:, None]
     along = np.sum(error * direction, axis=1)
     across = error - along[:, None] * direction
+    off = np.linalg.norm(across, axis=1)
+    fits = off < OFF_TRACK * np.median(off) + 0.005
+    t, along, across, speed = t[fits], along[fits], across[fits], speed[fits]
     late = along / speed
     across2 = 0.5 * np.sum(across**2, axis=1) / speed**2
     block = np.unique(np.floor((t - t[0]) / BLOCK_S), return_inverse=True)[1]

@@ -7,7 +7,7 @@ or leaping data are left out.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -18,8 +18,10 @@ from ..clock.lags import LagSums, lag_sums
 from ..flight import Stream
 from .airborne import airborne_spans
 from .context import Context
+from .crashes import crash_of
+from .packets import packets_of
 from .quaternions import ORDERS, quaternion_orders
-from .rows import usable_streams
+from .rows import runs, usable_streams
 from .tails import alive_until
 from .truth import STEP_S, Truth, body_rate, truth_of, widened
 
@@ -29,6 +31,8 @@ POSE_BAND_HZ = (0.05, 5.0)
 """For positions and velocities, which carry their signal below 1 Hz and whose frames agree."""
 FORCE_BAND_HZ = (0.1, 3.0)
 """For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses above."""
+STILL_ROWS = 10
+"""So many equal rows in a row are no values of a moving vehicle."""
 BEFORE_LANDING_S = 0.3
 """The end of a flight is left out: shocks of the landing are not rigid motion."""
 REACH_S = 0.3
@@ -66,13 +70,14 @@ def band_limited(values: np.ndarray, band_hz: tuple[float, float]) -> np.ndarray
 
 
 def flying_rows(context: Context) -> np.ndarray:
-    """(n,) bool on the grid of truth: in the air, landing left out."""
+    """(n,) bool on the grid of truth: in the air, landing and crash left out."""
     truth = context.once(truth_of)
     spans = context.once(airborne_spans)
     if truth is None or not spans:
         return np.zeros(0 if truth is None else len(truth.time_s), dtype=bool)
-    t = truth.time_s
-    return (t >= spans[0].start_s) & (t <= spans[-1].end_s - BEFORE_LANDING_S)
+    t, crash = truth.time_s, context.once(crash_of)
+    end = spans[-1].end_s if crash is None else min(crash.start_s, spans[-1].end_s)
+    return (t >= spans[0].start_s) & (t <= end - BEFORE_LANDING_S)
 
 
 def on_grid(context: Context, name: str, quantities: tuple[str, ...],
@@ -86,6 +91,10 @@ def on_grid(context: Context, name: str, quantities: tuple[str, ...],
     t = truth.time_s - shift_s
     values = stream[quantities]
     fine = np.isfinite(values).all(axis=1) & (stream.time_s <= context.once(alive_until)[name])
+    still = context.once(packets_of)[name].still
+    for a, b in runs(still):
+        if b - a >= STILL_ROWS:
+            fine[a:b] = False
     if fine.sum() < 100:
         return None
     times, values = stream.time_s[fine], prepare(values[fine])
@@ -151,8 +160,9 @@ def attitude_qw_pair(context: Context) -> Pair | None:
     """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
     found = context.once(quaternion_orders).get("attitude_qw")
     order = list(ORDERS[found.name] if found else range(4))
-    return _pair(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
+    pair = _pair(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
                  signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(q[:, order]))
+    return None if pair is None else replace(pair, quantities=("qx", "qy", "qz"))
 
 
 def position_pair(context: Context) -> Pair | None:

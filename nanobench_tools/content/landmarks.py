@@ -1,31 +1,40 @@
-"""Where shocks are to be expected: near the ground while something moves."""
+"""Where shocks are to be expected: near the ground, once the vehicle has taken off."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .airborne import height_of, resting_height_m
+from .airborne import airborne_spans, height_of, resting_height_m
 from .context import Context
+from .rows import usable_streams
+from .tails import alive_until
 from .truth import widened
 
 NEAR_M = 0.2
 """Above the ground; rebounds and slides happen below."""
-MOVES_M_S = 0.05
 
 
 def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:
-    """(n,) bool for times ``at_s``: within half a second of moving near the ground; all True if heights are unknown.
+    """(n,) bool for times ``at_s``: low (or within half a second of it) from just before take-off to the end.
 
-    There a true shock of the airframe cannot be told from a wrong sample of an accelerometer or gyro.
+    There a true shock of the airframe cannot be told from a wrong sample, the less as packets are lost in a landing.
+    All True if heights are unknown; before take-off, or in a recording without flight, all False.
     """
-    height = context.once(height_of)
-    if height is None or len(height[0]) < 10:
+    air = context.once(airborne_spans)
+    heights = [h for h in (context.once(height_of), _estimated(context)) if h is not None and len(h[0]) > 10]
+    if not heights:
         return np.ones(len(at_s), dtype=bool)
-    time_s, z = height
-    low = z < resting_height_m(z) + NEAR_M
-    span = min(10, len(z) // 2)
-    moved = np.zeros(len(z))
-    moved[span:] = np.abs(z[span:] - z[:-span]) / np.maximum(time_s[span:] - time_s[:-span], 1e-6)
-    risky = widened(low & (moved > MOVES_M_S), 50)
-    index = np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)
-    return risky[index]
+    risky = np.zeros(len(at_s), dtype=bool)
+    for time_s, z in heights if air else []:
+        low = (z < resting_height_m(z) + NEAR_M) & (time_s > air[0].start_s - 0.5)
+        risky |= widened(low, 50)[np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)]
+    return risky
+
+
+def _estimated(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
+    """The estimator's height: the tracker may leap, the vehicle lands all the same."""
+    stream = context.once(usable_streams).get("estimator")
+    if stream is None or "z" not in stream.quantities:
+        return None
+    good = np.isfinite(stream["z"]) & (stream.time_s <= context.once(alive_until)["estimator"])
+    return stream.time_s[good], stream["z"][good]

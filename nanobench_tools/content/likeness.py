@@ -147,7 +147,7 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
     if gyro_pair in turned and len(turned) > 1 and wrong[turned[0]].wrong == wrong[turned[1]].wrong:
         verdict = wrong[gyro_pair]
         wrong = {make: v for make, v in wrong.items() if make not in turned and make is not mocap_rate_pair}
-        wrong[gyro_pair] = _inverse(verdict, "mocap", ("qx", "qy", "qz", "qw"))
+        wrong[gyro_pair] = _inverse(verdict, "mocap", ("qx", "qy", "qz"))
     return list(wrong.values())
 
 

@@ -1,6 +1,6 @@
 """In which order the elements of each stream's quaternions stand, judged by a vehicle that stands and flies upright.
 
-A vehicle rests on its feet and thrusts along its body z axis, so the mean of that axis over a recording points up. For
+A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a recording. For
 quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up is taken; where
 two do (an upright vehicle turned by 180 deg) the one that agrees with the other source of attitude.
 """
@@ -22,11 +22,13 @@ ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
 UPRIGHT = 0.5
 """Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
 AGREES_RAD = 0.5
+FIRST_S = 3.0
+"""Before anything can have gone wrong."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """name of the order that fits; upright: mean cos(tilt) as read; fitting: with that order; other_rad: median angle to
+    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order; other_rad: median angle to
     the other attitude with that order, nan without."""
 
     name: str
@@ -52,7 +54,7 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
         angles, tilts = {}, {}
         for label, order in ORDERS.items():
             tried = q[:, order]
-            tilts[label] = float(np.mean(_up(tried)))
+            tilts[label] = float(np.mean(_up(tried[t <= t[0] + FIRST_S])))
             angles[label] = _angle(t, tried, other)
         as_read, swapped = tilts["x, y, z, w"], tilts["w, x, y, z"]
         clear = swapped > 0.9 and (as_read < UPRIGHT or (

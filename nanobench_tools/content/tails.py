@@ -21,6 +21,7 @@ SHORTEST_S = 0.1
 """A straight end is called dead from this length on, or 5 packets if they come slower than 50 Hz: fewer rows can be
 lost to the radio by chance."""
 
+STRAIGHT_ROWS = 15
 BATTERY_HOLDS_S = 3.0
 """So long may one voltage be repeated: 30 packets with the same reading."""
 
@@ -80,8 +81,13 @@ def tails_of(context: Context) -> dict[str, Tail]:
 
 
 def _last_bend(p: Packets) -> int:
-    bent = np.flatnonzero(~p.straight[1:-1])
-    return int(bent[-1]) + 1 if len(bent) else 0
+    bent = np.flatnonzero(~p.straight[1:-1]) + 1
+    if not len(bent):
+        return 0
+    last = int(bent[-1])
+    if last + 2 < len(p.still) and p.still[last + 1:].all() and len(bent) > 1 and last - bent[-2] >= STRAIGHT_ROWS:
+        return int(bent[-2])  # a straight line that is held at its end is one end, not a gap
+    return last
 
 
 def alive_until(context: Context) -> dict[str, float]:

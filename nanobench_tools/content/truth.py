@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from .. import so3
 from ..frames import gravity_up
 from .context import Context
+from .filled import filled_poses
 from .quaternions import ORDERS, quaternion_orders
 from .ranges import tracker_scale
 from .rows import usable_streams
@@ -53,7 +54,7 @@ def truth_of(context: Context) -> Truth | None:
     if "mocap" in orders:
         pose = np.concatenate([pose[:, :3], pose[:, 3:][:, ORDERS[orders["mocap"].name]]], axis=1)
     pose = pose / np.array([*[context.once(tracker_scale)] * 3, 1.0, 1.0, 1.0, 1.0])
-    keep = np.isfinite(pose).all(axis=1) & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
+    keep = ~context.once(filled_poses).any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
     t, pose = stream.time_s[keep], pose[keep]
     if len(t) < 20 or t[-1] - t[0] < 1.0:
         return None

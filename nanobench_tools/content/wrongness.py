@@ -8,6 +8,7 @@ import numpy as np
 
 from ..units import GRAVITY_M_S2
 from .context import Context
+from .crashes import crash_of
 from .likeness import Likeness, wrong_likenesses
 from .ranges import WrongUnit, wrong_ranges
 from .rows import usable_streams
@@ -32,7 +33,9 @@ def gravity_axis(context: Context) -> Gravity | None:
     stream = context.once(usable_streams).get("imu")
     if stream is None or not all(q in stream.quantities for q in ACC):
         return None
-    values = stream[ACC][stream.time_s <= context.once(alive_until)["imu"]]
+    crash = context.once(crash_of)
+    end = context.once(alive_until)["imu"] if crash is None else min(crash.start_s, context.once(alive_until)["imu"])
+    values = stream[ACC][stream.time_s <= end]
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 100:
         return None

@@ -1,12 +1,12 @@
 """estimator_reset: the estimated position leaps although the vehicle did not.
 
 Found by the step of (estimate - motion capture) from the medians of five rows before to five rows after. The link's
-clock makes steps too: a leap of 70 ms at the speed of the moment, so the limit is 0.1 m + 0.1 s times the speed
-(largest step in 72 real flights: 0.12 m). Without motion capture the step of the estimate itself is taken beyond the
+clock makes steps too, but only along the path: there the limit is 0.1 m + 0.2 s times the speed (clocks leap by up to
+0.1-0.2 s), across it 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion capture the step of the estimate itself is taken beyond the
 path that its own velocity explains. One entry per leap; the span runs until the error is back below a third of the leap,
 2 s at most.
 
-Size: metres. Smallest found: the limit and 4 times the scatter of the difference.
+Size: metres. Smallest found whatever its direction: the root of the sum of both limits squared, 0.2 m at 0.5 m/s.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from ..content.compare import on_grid
 from ..content.context import Context
 from ..content.likeness import wrong_likenesses
 from ..content.rows import usable_streams
+from ..content.spikes import spikes
 from ..content.tails import alive_until
 from ..content.truth import truth_of
 from ..flight import Fault, Flight
 
 KIND = "estimator_reset"
 
-LIMIT_M, LIMIT_S = 0.10, 0.10
+ALONG_M, ALONG_S, ACROSS_M = 0.10, 0.20, 0.08
 ROWS = 5
 LONGEST_S = 2.0
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
@@ -40,23 +41,30 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     placed = on_grid(context, "estimator", POSITION) if truth is not None else None
     if placed is not None:
         t, error = truth.time_s, placed[0] - truth.position_m
-        speed, use = np.linalg.norm(truth.velocity_m_s, axis=1), placed[1] & truth.good
+        velocity, use = truth.velocity_m_s, placed[1] & truth.good
     elif all(q in stream.quantities for q in VELOCITY) and len(stream) > 4 * ROWS:
         use = np.isfinite(stream.values).all(axis=1) & (stream.time_s <= context.once(alive_until)["estimator"])
         t, v = stream.time_s, np.nan_to_num(stream[VELOCITY])
         travelled = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)])
-        error, speed = np.nan_to_num(stream[POSITION]) - travelled, np.linalg.norm(v, axis=1)
+        error, velocity = np.nan_to_num(stream[POSITION]) - travelled, v
     else:
         return []
     if len(t) < 4 * ROWS:
         return []
+    for name, _, _, _, first, last in context.once(spikes):
+        if name == "estimator":
+            use = use & ~((t > stream.time_s[first] - 0.1) & (t < stream.time_s[last] + 0.1))
     windows = np.median(np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1)  # row j: j .. j + ROWS - 1
     before, after = windows[: -ROWS], windows[ROWS:]
     at = np.arange(ROWS - 1, ROWS - 1 + len(before))  # last row before the leap
-    step = np.linalg.norm(after - before, axis=1)
-    scatter = float(np.median(step))
-    limit = np.maximum(LIMIT_M + LIMIT_S * speed[at], 4.0 * scatter)
-    beyond = (step > limit) & use[at] & use[np.minimum(at + ROWS, len(use) - 1)]
+    leap = after - before
+    step, speed = np.linalg.norm(leap, axis=1), np.linalg.norm(velocity, axis=1)
+    path = velocity[at] / np.maximum(speed[at], 1e-9)[:, None]
+    along = np.sum(leap * path, axis=1)
+    across = np.linalg.norm(leap - along[:, None] * path, axis=1)
+    along_limit = ALONG_M + ALONG_S * speed[at]
+    limit = np.full(len(step), max(ACROSS_M, 4.0 * float(np.median(step))))
+    beyond = ((np.abs(along) > along_limit) | (across > limit)) & (step > limit) & use[at] & use[np.minimum(at + ROWS, len(use) - 1)]
     rows = np.flatnonzero(beyond)
     faults: list[Fault] = []
     for group in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * ROWS) + 1) if len(rows) else []:
@@ -70,5 +78,5 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             KIND, "estimator", tuple(stream.columns[stream.index(q)] for q in POSITION), start,
             float(min(t[back], start + LONGEST_S)), float(step[k]), "m",
             f"the estimated position leaps by {step[k]:.2f} m at {start:.2f} s at a speed of {speed[at[k]]:.2f} m/s",
-            float(limit[k])))
+            float(np.hypot(along_limit[k], limit[k]))))
     return faults

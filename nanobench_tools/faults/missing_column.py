@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..content.context import Context
-from ..flight import Fault, Flight
+from ..flight import Fault, Flight, Stream
+from ..sources.nanobench_columns import STREAMS
 from .making import findings
 
 KIND = "missing_column"
@@ -43,6 +44,14 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         # a stream of which nothing is left but what stands alone was never recorded
         if missing:
             span = stream.span
-            faults.append(Fault(KIND, name, missing, span.start_s, span.end_s, float(len(missing)), "columns",
+            columns = _column_names(name, stream, missing)
+            faults.append(Fault(KIND, name, columns, span.start_s, span.end_s, float(len(missing)), "columns",
                                 f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}", 1.0))
     return faults
+
+
+def _column_names(name: str, stream: Stream, missing: tuple[str, ...]) -> tuple[str, ...]:
+    """What the missing quantities are called where the other columns come from, else the quantities."""
+    known = {c.quantity: c.name for c in STREAMS.get(name, ())}
+    same_source = all(known.get(q) == c for q, c in zip(stream.quantities, stream.columns, strict=True))
+    return tuple(known.get(q, q) for q in missing) if same_source else missing

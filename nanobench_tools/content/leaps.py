@@ -1,0 +1,88 @@
+"""Leaps of the tracked pose between two frames; limits and reasons stand in ``faults.mocap_jump``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import so3
+from .context import Context
+from .crashes import crash_of
+from .filled import filled_poses
+from .ranges import tracker_scale
+from .rows import tables, usable_streams
+from .spikes import spikes
+
+LIMIT_M, BEND_M_S2 = 0.012, 60.0
+LIMIT_RAD = 0.2
+SIDE = 3
+"""Frames on either side that give the velocity."""
+
+
+@dataclass(frozen=True)
+class Leap:
+    """Between the frames at start_s and end_s; size and limit in m, or rad when ``rotation``."""
+
+    start_s: float
+    end_s: float
+    size: float
+    limit: float
+    rotation: bool
+
+
+def mocap_leaps(context: Context) -> list[Leap]:
+    """Every leap of the tracked pose, in rising order of time."""
+    stream = context.once(usable_streams).get("mocap")
+    names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+    if stream is None or len(stream) < 20 or context.once(filled_poses) is None:
+        return []
+    turned = all(n in stream.quantities for n in names[3:])
+    pose = stream[names if turned else names[:3]]
+    keep = ~context.once(filled_poses).any
+    for name, _, _, _, first, last in context.once(spikes):
+        if name == "mocap":
+            keep[first:last + 1] = False
+    t, pose = stream.time_s[keep], pose[keep]
+    if len(t) < 20:
+        return []
+    p = pose[:, :3] / context.once(tracker_scale)
+    i = np.arange(SIDE, len(t) - SIDE - 1)
+    before = (p[i] - p[i - SIDE]) / (t[i] - t[i - SIDE])[:, None]
+    after = (p[i + 1 + SIDE] - p[i + 1]) / (t[i + 1 + SIDE] - t[i + 1])[:, None]
+    dt = t[i + 1] - t[i]
+    step = np.linalg.norm(p[i + 1] - p[i] - 0.5 * (before + after) * dt[:, None], axis=1)
+    limit = LIMIT_M + BEND_M_S2 * dt**2
+    judged = (dt < 0.5) & ~_stamps_broken(context, t[i]) & (t[i] < _until(context))
+    moved = (step > limit) & judged
+    leap = np.zeros(len(i))
+    if turned:
+        q = pose[:, 3:] / np.maximum(np.linalg.norm(pose[:, 3:], axis=1, keepdims=True), 1e-9)
+        angle = so3.geodesic_angle(q[:-1], q[1:])
+        usual = 0.5 * (angle[i - 1] + angle[i + 1])
+        leap = np.where(dt < 0.05, angle[i] - usual, 0.0)
+    leaps = [Leap(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False) for k in _peaks(moved, step)]
+    leaps += [Leap(float(t[i[k]]), float(t[i[k] + 1]), float(leap[k]), LIMIT_RAD, True)
+              for k in _peaks((leap > LIMIT_RAD) & judged & ~moved, leap)]
+    return sorted(leaps, key=lambda x: x.start_s)
+
+
+def _until(context: Context) -> float:
+    crash = context.once(crash_of)
+    return np.inf if crash is None else crash.start_s
+
+
+def _stamps_broken(context: Context, at_s: np.ndarray) -> np.ndarray:
+    """(n,) bool: beside rows whose stamps were wrong, so that the time between two frames is not known."""
+    broken = np.zeros(len(at_s), dtype=bool)
+    for _, t in context.once(tables):
+        for k in np.flatnonzero(np.diff(t) <= 0.0):
+            broken |= (at_s > t[k + 1] - 0.05) & (at_s < t[k] + 0.05)
+    return broken
+
+
+def _peaks(flags: np.ndarray, size: np.ndarray) -> list[int]:
+    """The largest of every group of flags that are closer than the frames a step disturbs."""
+    rows = np.flatnonzero(flags)
+    groups = np.split(rows, np.flatnonzero(np.diff(rows) > SIDE + 1) + 1) if len(rows) else []
+    return [int(g[np.argmax(size[g])]) for g in groups]
