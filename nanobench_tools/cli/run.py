@@ -88,23 +88,25 @@ def simulate(options: Options) -> Path:
     from ..harness import make_item, run_items
 
     folder = options.out / "practice"
-    wanted = [{"folder": folder, "n": PRACTICE_FLIGHTS, "seed": options.seed + i} for i in range(PRACTICE_SEEDS)]
+    seeds = range(options.seed, options.seed + PRACTICE_SEEDS)
+    wanted = [{"folder": folder / f"seed_{seed}", "n": PRACTICE_FLIGHTS, "seed": seed} for seed in seeds]
     items = [make_item(practice_item, kwargs, f"practice flights of seed {kwargs['seed']}") for kwargs in wanted]
     for store in (options.store, None):
         result = run_items(items, store, options.jobs, None, options.progress, "simulate")
-        files = {name: sha256 for value in result.values.values() for name, sha256 in value["files"].items()}
-        if all(_sha256(folder / name) == sha256 for name, sha256 in files.items()):
+        made = [(Path(value["folder"]), value["files"]) for value in result.values.values()]
+        if all(_hashes(place) == files for place, files in made):
             break
     options.failed += result.failed
     return folder
 
 
-def practice_item(folder: Path, n: int, seed: int) -> dict[str, dict[str, str]]:
+def practice_item(folder: Path, n: int, seed: int) -> dict[str, Any]:
     """Writes ``n`` practice flights and gives the content hashes of their files."""
     from ..practice.flights import write_practice
 
-    return {"files": {path.name: _sha256(path) for path in write_practice(folder, n, seed)}}
+    write_practice(folder, n, seed)
+    return {"folder": str(folder), "files": _hashes(folder)}
 
 
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+def _hashes(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("*"))}

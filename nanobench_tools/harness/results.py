@@ -104,10 +104,16 @@ def read_json(path: Path, schema: str | None = None) -> dict[str, Any]:
 def sweep(folder: Path) -> None:
     """Removes temporary files in ``folder`` whose writer is gone (killed in the middle of a write)."""
     for part in Path(folder).glob(".*.part"):
-        pid = part.name.split(".")[-2]
-        try:
-            os.kill(int(pid), 0)
-        except (ProcessLookupError, ValueError, OverflowError):
+        if not _alive(part.name.split(".")[-2]):
             part.unlink(missing_ok=True)
-        except PermissionError:
-            continue
+
+
+def _alive(pid: str) -> bool:
+    """Whether a process still runs; one that ended but was not collected by its parent does not."""
+    try:
+        os.kill(int(pid), 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except (ProcessLookupError, ValueError, OverflowError):
+        return False
+    except OSError:  # another user's, or a system without /proc
+        return True

@@ -83,9 +83,9 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_pa
     assert "practice flights, SYNTHETIC" in err
     assert "1 SYNTHETIC recording from results/practice" in err
     assert (tmp_path / "results" / "report.html").exists()
-    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice").iterdir()}
+    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice" / "seed_0").iterdir()}
     assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
-    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice").iterdir()} == made
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice" / "seed_0").iterdir()} == made
     next(iter(made)).write_text("")
     assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
     assert next(iter(made)).stat().st_size > 100
