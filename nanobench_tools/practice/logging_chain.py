@@ -29,7 +29,7 @@ class LoggingChain:
     """What happens to a flight on its way into a file. The defaults are a clean recording as they come.
 
     loss: lowest and highest share of packets lost per stream; burst: chance that a lost packet is followed by another;
-    longest_gap_s: no stretch without a packet is longer; battery_period_s: packets of the battery are that far apart;
+    longest_gap_s: no stretch without a packet is longer; battery_period_s: of the battery one packet in this time;
     offset_s, drift, wander_sd_s: error of the vehicle's stamps (positive = late): constant, per second, and standard
     deviation of a sawtooth common to all streams; tail_s: lowest and highest length of the continued end (0, 0: none);
     lost_frames: mean number of gaps in the motion capture, of 20-40 ms; mocap: its noise; tilt_deg: lowest and
@@ -116,9 +116,11 @@ def record(flown: Flown, flight: int, chain: LoggingChain, rngs: list[np.random.
         sent = time + STEP_S * sub
         arrives = received(radio, ticks, share, chain.burst, chain.longest_gap_s)
         if name == "battery":
-            # kept frames of a slower log block: one packet in every period, wherever the radio was free
-            slot = np.floor((sent + radio.uniform(0.0, chain.battery_period_s)) / chain.battery_period_s)
-            arrives &= np.concatenate(([True], np.diff(slot) > 0.0)) if chain.battery_period_s > TICK_S else True
+            # a slower log block: of every period the first packet that the radio takes
+            period = np.floor((sent + radio.uniform(0.0, chain.battery_period_s)) / chain.battery_period_s)
+            if chain.battery_period_s > TICK_S:
+                kept = np.flatnonzero(arrives)
+                arrives[kept[1:]] = np.diff(period[kept]) > 0.0
         stamps = clock.stamp(sent)
         arrives[0] = True  # recording began before the first row: nothing is continued backwards
         arrives &= stamps <= rows[-1] - tail if tail > 0.0 else True
