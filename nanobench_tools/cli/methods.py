@@ -9,8 +9,9 @@ from ..errors import UsageError
 from ..methods import Controller, Estimator, Predictor
 from ..registry import load
 
-KINDS = {"estimators": (Estimator, ("name", "causal", "estimate(flight)")),
-         "predictors": (Predictor, ("name", "information", "predict(windows)")),
+KINDS: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "estimators": (Estimator, ("name", "causal", "estimate(flight)")),
+    "predictors": (Predictor, ("name", "information", "predict(windows)")),
          "controllers": (Controller, ("name", "information", "period_s", "reset(n)",
                                       "command(time_s, state, reference)"))}
 """Registry group -> what a method has to be, and its attributes for the message."""

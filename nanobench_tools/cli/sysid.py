@@ -92,9 +92,9 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     for row in rows:
         if row["group"] not in ("all", "seen", "unseen"):
             continue
-        head = [row["model"], row["information"], row["truth"], row["group"]]
+        labels = [row["model"], row["information"], row["truth"], row["group"]]
         counts = (str(row["n_windows"]), str(row["n_flights"]))
-        table.add_row(*map(escape, head), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
+        table.add_row(*map(escape, labels), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
         if published := row.get("published"):
             table.add_row(escape(row["model"]), "", "", "(published)", "", "",
                           *(_cell(published[m], {}) for m, _ in SHOWN))

@@ -26,9 +26,10 @@ def window_starts(lengths: Sequence[int], horizon: int, every: int = 1) -> np.nd
     >>> window_starts([4, 2, 3], horizon=2).tolist()
     [0, 1, 6]
     """
-    first = np.cumsum([0, *lengths[:-1]]) if len(lengths) else []
-    parts = [f + np.arange(0, max(n - horizon, 0), every) for f, n in zip(first, lengths, strict=True)]
-    return np.concatenate(parts) if parts else np.empty(0, int)
+    if not len(lengths):
+        return np.empty(0, int)
+    first = np.cumsum([0, *lengths[:-1]])
+    return np.concatenate([f + np.arange(0, max(n - horizon, 0), every) for f, n in zip(first, lengths, strict=True)])
 
 
 def window_errors(predicted: Prediction, true: Prediction) -> dict[str, np.ndarray]:

@@ -44,7 +44,8 @@ def distinct(flights: Sequence[Flight]) -> tuple[list[Flight], list[Repeat]]:
 
 def without_copies(flights: Sequence[Flight]) -> tuple[list[Flight], list[Repeat]]:
     """As ``distinct``, but pieces of longer recordings stay; only recordings equal to another are left out."""
-    kept, repeats = [], []
+    kept: list[Flight] = []
+    repeats: list[Repeat] = []
     for flight in sorted(flights, key=lambda f: f.provenance.path):
         rows = len(_rows(flight)[0])
         same = next((k for k in kept if len(_rows(k)[0]) == rows and is_piece(flight, k)), None)

@@ -180,16 +180,17 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     if len(rows) < 3:
         raise InputError(place, f"estimator {method.name} has {len(rows)} stamps in the scored part of the flight",
                          "times are seconds from the first row of the recording")
+    truth_m_s = np.asarray(truth.velocity_m_s)
     t, p, q = estimate.time_s[rows], estimate.position_m[rows], estimate.quaternion[rows]
     v = None if estimate.velocity_m_s is None else estimate.velocity_m_s[rows]
-    metrics = published_metrics(p, truth.position_m, v, truth.velocity_m_s)
+    metrics = published_metrics(p, truth.position_m, v, truth_m_s)
     if protocol == "as-published":
         euler = so3.euler_zyx(q) if logged is None else logged(flight)[rows]
         firmware_deg = np.degrees(euler) * [1.0, -1.0, 1.0]  # the firmware's pitch is positive nose up
         metrics["attitude_rmse_deg"] = published_euler_rmse_deg(firmware_deg, _mocap_euler(case.flight, t))
     else:
         metrics |= attitude_metrics(q, truth.quaternion)
-        metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth.velocity_m_s, case.spans)
+        metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, case.spans)
     return {"metrics": metrics, "rows": len(rows), "dropped": truth.dropped,
             "trajectory": np.column_stack([t, p, q])}
 

@@ -67,6 +67,7 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Wind
         return None
     mocap = flight["mocap"]
     found = associate(time_s, mocap.time_s, *_pose(flight), mocap["vx", "vy", "vz"])
+    velocity = np.asarray(found.velocity_m_s)
     quaternion = found.quaternion if truth == "mocap" else _rotations_at(flight[TRUTHS[truth]], time_s)
     quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
     rate = flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), time_s)
@@ -74,6 +75,6 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Wind
     battery = flight["battery"].interpolate("vbat", time_s)
     ahead = starts[:, None] + np.arange(HORIZON + 1)
     inputs, after = ahead[:, :-1], ahead[:, 1:]
-    windows = Windows(found.position_m[starts], found.velocity_m_s[starts], quaternion[starts], rate[starts],
+    windows = Windows(found.position_m[starts], velocity[starts], quaternion[starts], rate[starts],
                       motor[inputs], battery[inputs], RATE_HZ)
-    return windows, Prediction(found.position_m[after], found.velocity_m_s[after], quaternion[after], rate[after])
+    return windows, Prediction(found.position_m[after], velocity[after], quaternion[after], rate[after])

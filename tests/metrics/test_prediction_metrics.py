@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nanobench_tools import so3
@@ -40,6 +40,7 @@ def test_shapes_must_agree():
         prediction.window_errors(states(h=4), states(h=5))
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 40), max_size=8), st.integers(1, 12), st.integers(1, 7))
 def test_no_window_crosses_a_boundary(lengths, horizon, every):
     stretch = np.repeat(np.arange(len(lengths)), lengths)
