@@ -20,6 +20,7 @@ from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .plant import rotation_columns
 from .thrust_curve import compensated_ratio
 
+Actuation = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 PERIOD_S = 0.002
 POSITION_EVERY = 5
 """The position and velocity loops run at every fifth attitude step: 100 Hz."""
@@ -121,7 +122,7 @@ class PidCascade:
         """PWM ratios (n, 4). ``time_s`` is not used: like the firmware it counts its own steps."""
         return self._output(*self.actuation(state, reference), state.battery_V)
 
-    def actuation(self, state: VehicleState, reference: Reference) -> tuple[np.ndarray, ...]:
+    def actuation(self, state: VehicleState, reference: Reference) -> Actuation:
         """thrust, roll, pitch, yaw (n,) in counts as the mixer takes them; one step of 2 ms."""
         attitude = np.degrees(so3.euler_zyx(state.quaternion).T)
         attitude[1] = -attitude[1]
@@ -188,7 +189,7 @@ class MellingerLike:
         """PWM ratios (n, 4)."""
         return self._output(*self.actuation(state, reference), state.battery_V)
 
-    def actuation(self, state: VehicleState, reference: Reference) -> tuple[np.ndarray, ...]:
+    def actuation(self, state: VehicleState, reference: Reference) -> Actuation:
         """thrust, roll, pitch, yaw (n,) in counts as the mixer takes them; one step of 2 ms."""
         error = (reference.position_m - state.position_m).T
         self._integral = np.clip(self._integral + error * PERIOD_S, -self.i_range, self.i_range)
@@ -264,5 +265,5 @@ def _cross(a, b) -> np.ndarray:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-CONTROLLERS = {"pid": PidCascade, "mellinger": MellingerLike}
+CONTROLLERS: dict[str, type[PidCascade] | type[MellingerLike]] = {"pid": PidCascade, "mellinger": MellingerLike}
 """The controllers of the vehicle by the name the audit gives them."""

@@ -94,11 +94,11 @@ def _onboard(flight: Flight, t0: float, hit: float, pose, turn: np.ndarray, blow
             return
         s = flight[name]
         columns = [s.index(x) for x in quantities]
-        after = s.time_s >= t0
-        still = s.values[s.time_s < 1.0][:, columns]
-        noise = np.resize(still - still.mean(axis=0), (len(s), len(columns))) if len(still) else 0.0
+        after = np.flatnonzero(s.time_s >= t0)
+        still = s.values[s.time_s < s.span.start_s + 1.0][:, columns]
+        noise = np.resize(still - still.mean(axis=0), (len(s), len(columns)))
         values = s.values.copy()
-        values[np.ix_(after, columns)] = make(s.time_s[after]) + (noise[after] if len(still) else 0.0)
+        values[after[:, None], columns] = make(s.time_s[after]) + noise[after]
         flight = flight.with_streams(**{name: with_values(s, values)})
 
     def velocity(t: np.ndarray) -> np.ndarray:
