@@ -18,7 +18,7 @@ from ..flight import Flight, Span, intersect_spans
 from ..methods import Prediction, Predictor
 from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
 from ..metrics.statistics import bootstrap_ratio
-from .describe import family_of, speed_of
+from .labels import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import beside
 from .selection import distinct

@@ -20,7 +20,7 @@ from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
 from ..metrics import tracking
 from ..metrics.trajectory import rms
-from .describe import UNKNOWN, family_of, speed_of
+from .labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
 from .published import beside
 from .selection import distinct

@@ -21,7 +21,7 @@ from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
-from .describe import family_of, speed_of
+from .labels import family_of, speed_of
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .scoring3 import attitude_metrics, further_metrics, published_metrics

@@ -133,6 +133,7 @@ def find_recordings(
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
             failed.append({"path": str(path), "error": str(error)})
+    sheets += _sheets_beside(places, {path for path, _, _ in found}, sheets)
     if not found and not failed:
         raise InputError(
             ", ".join(map(str, places)) or "no path", "no recording in it", "give a folder with recordings"
@@ -142,6 +143,21 @@ def find_recordings(
         Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
         for (path, source, start), label in zip(found, names, strict=True)
     ], failed
+
+
+def _sheets_beside(places: Sequence[Path], files: set[Path], known: Sequence[Sheet]) -> list[Sheet]:
+    """Sheets in the folders of files that were named one by one: what they say belongs to the recording as well."""
+    folders = {path.parent for path in places if path in files}
+    seen = {sheet.path for sheet in known}
+    found = []
+    for folder in sorted(folders):
+        for path in sorted(folder.glob("*.y*ml")):
+            try:
+                if str(path) not in seen and path.is_file() and looks_like_sheet(head(path)):
+                    found.append(parse_sheet(str(path), unpack(read_file(path), str(path)).data))
+            except NanobenchError:
+                continue  # nobody asked for this file; the recording is read without it
+    return found
 
 
 def _candidates(source: Source, sheets: Sequence[Sheet], path: Path, start: bytes) -> tuple[Sheet, ...]:

@@ -246,3 +246,12 @@ def test_archives_that_are_cut_or_damaged(tmp_path):
         loaded = load_recordings([tmp_path / "a"], cache=False)
         assert loaded.flights == []
         assert "damaged" in loaded.failed[0]["error"]
+
+
+def test_a_file_named_alone_keeps_its_sheet(tmp_path):
+    from nanobench_tools.practice import write_practice
+
+    path = write_practice(tmp_path, 1, seed=3, duration_s=4.0)[0]
+    alone = load_recordings([path], cache=False).flights[0]
+    assert alone.provenance.synthetic
+    assert alone.metadata["family"] == load_recordings([tmp_path], cache=False).flights[0].metadata["family"]

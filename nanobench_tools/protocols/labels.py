@@ -1,0 +1,18 @@
+"""Family and speed of a recording as the reader found them: from its sheet, else from its path."""
+
+from __future__ import annotations
+
+from ..flight import Flight
+
+UNKNOWN = "unknown"
+
+
+def family_of(flight: Flight) -> str:
+    """``circle`` ``figure_eight`` ``oval`` ``star`` ``trefoil`` ... or unknown; never from the name."""
+    return str(flight.metadata.get("family") or UNKNOWN)
+
+
+def speed_of(flight: Flight) -> str | None:
+    """``slow`` ``medium`` ``fast``, or None."""
+    speed = flight.metadata.get("speed")
+    return str(speed) if speed else None
