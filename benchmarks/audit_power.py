@@ -47,7 +47,9 @@ def false_alarms(flight: Flight, verdict: Audit) -> list[Fault]:
     stopped = flight.span.end_s - flight.metadata["practice"]["tail_s"]
     false = []
     for fault in verdict.faults:
-        true_tail = fault.kind == "dead_stream" and abs(fault.start_s - stopped) < (1.2 if fault.stream == "battery" else TRUE_TAIL_S)
+        true_tail = fault.kind == "dead_stream" and abs(fault.start_s - stopped) < (
+            1.2 if fault.stream == "battery" else TRUE_TAIL_S
+        )
         if fault.kind not in INFORMATION and not true_tail:
             false.append(fault)
     return false
@@ -56,9 +58,15 @@ def false_alarms(flight: Flight, verdict: Audit) -> list[Fault]:
 def meets(found: Fault, truth: Fault) -> bool:
     """Same kind, a stream that was meant, overlapping times (0.2 s of room)."""
     same_stream = not truth.stream or not found.stream or found.stream == truth.stream
-    columns = set(found.columns) & set(truth.columns) or not truth.columns or not found.columns or found.columns == ("t",)
-    return found.kind == truth.kind and same_stream and bool(columns) and (
-        found.start_s <= truth.end_s + 0.2 and found.end_s >= truth.start_s - 0.2)
+    columns = (
+        set(found.columns) & set(truth.columns) or not truth.columns or not found.columns or found.columns == ("t",)
+    )
+    return (
+        found.kind == truth.kind
+        and same_stream
+        and bool(columns)
+        and (found.start_s <= truth.end_s + 0.2 and found.end_s >= truth.start_s - 0.2)
+    )
 
 
 def run_clean(flights: list[Flight]) -> tuple[list[Audit], dict]:
@@ -68,7 +76,10 @@ def run_clean(flights: list[Flight]) -> tuple[list[Audit], dict]:
     seconds = (time.process_time() - start) / len(flights)
     false = [(f.name, x) for f, v in zip(flights, verdicts, strict=True) for x in false_alarms(f, v)]
     known = sum(v.controller == f.metadata["practice"]["controller"] for f, v in zip(flights, verdicts, strict=True))
-    print(f"clean flights: {len(flights)}, false alarms {len(false)}, controller right {known}, {seconds:.3f} s of processor each")
+    print(
+        f"clean flights: {len(flights)}, false alarms {len(false)}, controller right {known}, "
+        f"{seconds:.3f} s of processor each"
+    )
     for name, fault in false:
         print(f"  FALSE {name}: {fault.kind} {fault.stream} {fault.start_s:.2f}-{fault.end_s:.2f} {fault.evidence}")
     return verdicts, {"n": len(flights), "false_alarms": len(false), "seconds": seconds}
@@ -82,15 +93,21 @@ def detectable(flight: Flight, truth: Fault) -> bool:
         wanted = {stream.quantities[stream.columns.index(c)] for c in truth.columns}
         if "acc_z" in wanted:
             return True  # gravity tells
-        verdicts = [v for v in context.once(likenesses).values() if v.stream == truth.stream and wanted <= set(v.quantities)]
-        return any(all(k > CLEAR for q, k in zip(v.quantities, v.correlation, strict=True) if q in wanted) for v in verdicts)
+        verdicts = [
+            v for v in context.once(likenesses).values() if v.stream == truth.stream and wanted <= set(v.quantities)
+        ]
+        return any(
+            all(k > CLEAR for q, k in zip(v.quantities, v.correlation, strict=True) if q in wanted) for v in verdicts
+        )
     if truth.kind == "clock_offset":
         reading = context.once(read_clocks)["imu"]
         return reading.identifiable and abs(truth.size) > SMALLEST_S + 1.25 * (reading.ci95_s[1] - reading.ci95_s[0])
     if truth.kind in ("clock_drift", "clock_wander"):
         clocks = context.once(moving_clocks).values()
-        least = min((c.detectable_drift_s / c.span_s if truth.kind == "clock_drift" else c.detectable_wander_s for c in clocks),
-                    default=np.inf)
+        least = min(
+            (c.detectable_drift_s / c.span_s if truth.kind == "clock_drift" else c.detectable_wander_s for c in clocks),
+            default=np.inf,
+        )
         return abs(truth.size) > least
     if truth.kind == "gap" and truth.stream != "mocap":
         packets, t = context.once(packets_of)[truth.stream], flight[truth.stream].time_s
@@ -101,7 +118,9 @@ def detectable(flight: Flight, truth: Fault) -> bool:
     if truth.kind == "saturated_sensor":
         return int(truth.evidence.split()[-2]) >= 3
     if truth.kind == "estimator_reset":
-        speed = np.linalg.norm([flight["mocap"].interpolate(v, np.array([truth.start_s]))[0] for v in ("vx", "vy", "vz")])
+        speed = np.linalg.norm(
+            [flight["mocap"].interpolate(v, np.array([truth.start_s]))[0] for v in ("vx", "vy", "vz")]
+        )
         return truth.size > np.hypot(ALONG_M + ALONG_S * speed, ACROSS_M)
     return True
 
@@ -116,7 +135,11 @@ def run_power(flights: list[Flight], each: int, seed: int) -> list[dict]:
                 for i in range(each):
                     flight = flights[(i * 7 + len(rows)) % len(flights)]
                     rng = np.random.default_rng([seed, i, len(rows)])
-                    bad, truth = injection.function(flight, rng, size, **case) if size is not None else injection.function(flight, rng, **case)
+                    bad, truth = (
+                        injection.function(flight, rng, size, **case)
+                        if size is not None
+                        else injection.function(flight, rng, **case)
+                    )
                     if kind == "copy":
                         same = len(find_copies([flight, bad])) == 1
                         hits, could, could_hits = hits + same, could + 1, could_hits + same
@@ -129,12 +152,27 @@ def run_power(flights: list[Flight], each: int, seed: int) -> list[dict]:
                     if detectable(flight, truth):
                         could, could_hits = could + 1, could_hits + bool(found)
                     other.update(f.kind for f in verdict.faults if f.kind not in (kind, "dead_stream", *INFORMATION))
-                rows.append({"kind": kind, "case": {k: str(v) for k, v in case.items()}, "size": size, "unit": injection.unit,
-                             "found": hits, "n": each, "at_or_above_minimum": could, "found_of_these": could_hits, "stated_minimum": float(np.nanmedian(stated)) if np.isfinite(stated).any() else None,
-                             "others": dict(other)})
+                rows.append(
+                    {
+                        "kind": kind,
+                        "case": {k: str(v) for k, v in case.items()},
+                        "size": size,
+                        "unit": injection.unit,
+                        "found": hits,
+                        "n": each,
+                        "at_or_above_minimum": could,
+                        "found_of_these": could_hits,
+                        "stated_minimum": float(np.nanmedian(stated)) if np.isfinite(stated).any() else None,
+                        "others": dict(other),
+                    }
+                )
                 row = rows[-1]
-                print(f"{kind:17s} {row['case']!s:58s} size {size!s:6s} found {hits}/{each}, of detectable {interval(could_hits, could):22s} "
-                      f"stated {row['stated_minimum']!s:.8s} others {row['others']}", flush=True)
+                print(
+                    f"{kind:17s} {row['case']!s:58s} size {size!s:6s} found {hits}/{each}, "
+                    f"of detectable {interval(could_hits, could):22s} "
+                    f"stated {row['stated_minimum']!s:.8s} others {row['others']}",
+                    flush=True,
+                )
     return rows
 
 
@@ -152,10 +190,19 @@ def run_offsets(flights: list[Flight], n: int, seed: int, label: str) -> dict:
         errors.append(reading.offset_s - offset)
         inside += reading.ci95_s[0] <= offset <= reading.ci95_s[1]
     e = 1e3 * np.abs(errors)
-    print(f"offsets {label}: n {len(e)}, not identifiable {unknown}, median error {np.median(e):.2f} ms, p90 {np.quantile(e, 0.9):.2f}, "
-          f"largest {e.max():.2f}, mean {1e3 * np.mean(errors):+.2f}; interval covers {interval(inside, len(e))}")
-    return {"label": label, "n": len(e), "unknown": unknown, "median_ms": float(np.median(e)), "p90_ms": float(np.quantile(e, 0.9)),
-            "covered": inside}
+    print(
+        f"offsets {label}: n {len(e)}, not identifiable {unknown}, "
+        f"median error {np.median(e):.2f} ms, p90 {np.quantile(e, 0.9):.2f}, "
+        f"largest {e.max():.2f}, mean {1e3 * np.mean(errors):+.2f}; interval covers {interval(inside, len(e))}"
+    )
+    return {
+        "label": label,
+        "n": len(e),
+        "unknown": unknown,
+        "median_ms": float(np.median(e)),
+        "p90_ms": float(np.quantile(e, 0.9)),
+        "covered": inside,
+    }
 
 
 def main() -> None:
@@ -169,11 +216,16 @@ def main() -> None:
     if options.offsets:
         result["offsets"] = [run_offsets(flights, options.offsets, options.seed, "quiet clock")]
         wandering = practice_flights(min(options.clean, 40), options.seed + 1, chain=LoggingChain(wander_sd_s=0.033))
-        result["offsets"].append(run_offsets(wandering, min(options.offsets, 80), options.seed, "clock wandering by 33 ms"))
+        result["offsets"].append(
+            run_offsets(wandering, min(options.offsets, 80), options.seed, "clock wandering by 33 ms")
+        )
     if options.each:
         result["power"] = run_power(flights, options.each, options.seed)
         total = sum(r["at_or_above_minimum"] for r in result["power"])
-        print(f"at or above the stated minimum: found {interval(sum(r['found_of_these'] for r in result['power']), total)}")
+        print(
+            "at or above the stated minimum: found",
+            interval(sum(r["found_of_these"] for r in result["power"]), total),
+        )
     if options.json:
         with open(options.json, "w", encoding="utf-8") as file:
             json.dump(result, file, indent=1)

@@ -21,10 +21,26 @@ from .faults.copy import copies
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
 from .registry import load_all
 
-CUTTING_KINDS = frozenset({
-    "dead_stream", "frozen_stream", "gap", "backward_time", "unit", "sign", "axis_swap", "spike", "saturated_sensor",
-    "mocap_occlusion", "mocap_jump", "quaternion_order", "estimator_reset", "crash", "checksum", "bad_cell",
-})
+CUTTING_KINDS = frozenset(
+    {
+        "dead_stream",
+        "frozen_stream",
+        "gap",
+        "backward_time",
+        "unit",
+        "sign",
+        "axis_swap",
+        "spike",
+        "saturated_sensor",
+        "mocap_occlusion",
+        "mocap_jump",
+        "quaternion_order",
+        "estimator_reset",
+        "crash",
+        "checksum",
+        "bad_cell",
+    }
+)
 """Kinds whose span must not be used. The clock kinds are corrected rather than cut; a missing column takes no time
 away (whoever needs it gets an InputError that names it); a copy is dropped as a whole by the protocols; the rest is
 information."""
@@ -61,13 +77,27 @@ class Audit:
     def to_json(self) -> dict[str, Any]:
         """The flight's entry of ``nanobench audit --json``; numbers that do not exist are None."""
         return {
-            "flight": self.flight, "path": self.path, "sha256": self.sha256, "controller": self.controller,
+            "flight": self.flight,
+            "path": self.path,
+            "sha256": self.sha256,
+            "controller": self.controller,
             "span": [self.span.start_s, self.span.end_s],
             "airborne": [[s.start_s, s.end_s] for s in self.airborne],
             "clean": [[s.start_s, s.end_s] for s in self.clean],
-            "faults": [{"kind": f.kind, "stream": f.stream, "columns": list(f.columns), "start_s": f.start_s,
-                        "end_s": f.end_s, "size": _number(f.size), "unit": f.unit, "evidence": f.evidence,
-                        "minimum_detectable": _number(f.minimum_detectable)} for f in self.faults],
+            "faults": [
+                {
+                    "kind": f.kind,
+                    "stream": f.stream,
+                    "columns": list(f.columns),
+                    "start_s": f.start_s,
+                    "end_s": f.end_s,
+                    "size": _number(f.size),
+                    "unit": f.unit,
+                    "evidence": f.evidence,
+                    "minimum_detectable": _number(f.minimum_detectable),
+                }
+                for f in self.faults
+            ],
             "clock": {name: reading.to_json() for name, reading in self.clock.items()},
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
         }
@@ -76,13 +106,30 @@ class Audit:
     def from_json(cls, body: Mapping[str, Any]) -> Audit:
         """The inverse of ``to_json``."""
         return cls(
-            flight=body["flight"], path=body["path"], sha256=body["sha256"], controller=body["controller"],
-            airborne=tuple(Span(*s) for s in body["airborne"]), clean=tuple(Span(*s) for s in body["clean"]),
-            faults=tuple(Fault(f["kind"], f["stream"], tuple(f["columns"]), f["start_s"], f["end_s"], _nan(f["size"]),
-                               f["unit"], f["evidence"], _nan(f.get("minimum_detectable"))) for f in body["faults"]),
+            flight=body["flight"],
+            path=body["path"],
+            sha256=body["sha256"],
+            controller=body["controller"],
+            airborne=tuple(Span(*s) for s in body["airborne"]),
+            clean=tuple(Span(*s) for s in body["clean"]),
+            faults=tuple(
+                Fault(
+                    f["kind"],
+                    f["stream"],
+                    tuple(f["columns"]),
+                    f["start_s"],
+                    f["end_s"],
+                    _nan(f["size"]),
+                    f["unit"],
+                    f["evidence"],
+                    _nan(f.get("minimum_detectable")),
+                )
+                for f in body["faults"]
+            ),
             clock={name: ClockReading.from_json(r) for name, r in body["clock"].items()},
             rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
-            span=Span(*body["span"]))
+            span=Span(*body["span"]),
+        )
 
 
 def _number(value: float) -> float | None:
@@ -102,11 +149,17 @@ def audit(flight: Flight) -> Audit:
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
     cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
     return Audit(
-        flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
-        controller=controller_of(context), airborne=context.once(airborne_spans),
-        clean=subtract_spans([flight.span], cuts), faults=tuple(faults), clock=context.once(read_clocks),
+        flight=flight.name,
+        path=flight.provenance.path,
+        sha256=flight.provenance.sha256,
+        controller=controller_of(context),
+        airborne=context.once(airborne_spans),
+        clean=subtract_spans([flight.span], cuts),
+        faults=tuple(faults),
+        clock=context.once(read_clocks),
         rates=context.once(rates_of),
-        span=flight.span)
+        span=flight.span,
+    )
 
 
 def find_copies(flights: Sequence[Flight]) -> list[list[str]]:

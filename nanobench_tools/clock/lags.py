@@ -19,9 +19,11 @@ FINE_S = 5e-4
 to 1e-4."""
 
 GROUPS_S = (1.0, 2.0, 4.0)
-"""Lengths of the groups left out; the largest scatter counts, so that changes slower than a second widen the interval."""
+"""Lengths of the groups left out; the largest scatter counts, so that slow changes widen the interval."""
 
 BLOCK_S = 0.5
+GRID_S = 3e-4
+"""Half width that is left when nothing scatters: rows interpolated linearly between packets."""
 LOCAL_S = 0.08
 """The jackknife looks this far around the best lag."""
 
@@ -51,8 +53,14 @@ class Lag:
     noise: np.ndarray
 
 
-def lag_sums(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, step_s: float, reach_s: float = 0.3,
-             block_s: float = BLOCK_S) -> LagSums | None:
+def lag_sums(
+    measured: np.ndarray,
+    reference: np.ndarray,
+    use: np.ndarray,
+    step_s: float,
+    reach_s: float = 0.3,
+    block_s: float = BLOCK_S,
+) -> LagSums | None:
     """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
 
     Rows closer than ``reach_s`` to the ends of the grid are left out. None with less than three seconds of rows.
@@ -61,7 +69,7 @@ def lag_sums(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, step_
     reach = round(reach_s / step_s)
     use = use.copy()
     use[:reach] = False
-    use[n - reach:] = False
+    use[n - reach :] = False
     rows = np.flatnonzero(use)
     per_block = round(block_s / step_s)
     blocks = len(rows) // per_block
@@ -79,40 +87,50 @@ def lag_sums(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, step_
         auto = total[shifts[:, :, -1] + 1] - total[shifts[:, :, 0]]
     else:
         auto = products[shifts].sum(axis=2)
-    return LagSums(np.arange(-reach, reach + 1) * step_s, cross, auto.reshape(blocks, -1, k, k),
-                   s.transpose(0, 2, 1) @ s, np.full(blocks, per_block), block_s)
+    return LagSums(
+        np.arange(-reach, reach + 1) * step_s,
+        cross,
+        auto.reshape(blocks, -1, k, k),
+        s.transpose(0, 2, 1) @ s,
+        np.full(blocks, per_block),
+        block_s,
+    )
 
 
 def residual(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, free: bool) -> np.ndarray:
     """Sum of squares left per axis, (..., l, k), of sums over blocks (..., l, k, k), (..., l, k, k), (..., k, k)."""
     power = np.diagonal(measured, axis1=-2, axis2=-1)[..., None, :]
     if free:
-        regular = reference + 1e-9 * np.trace(reference, axis1=-2, axis2=-1)[..., None, None] * np.eye(measured.shape[-1])
+        regular = reference + 1e-9 * np.trace(reference, axis1=-2, axis2=-1)[..., None, None] * np.eye(
+            measured.shape[-1]
+        )
         solved = np.linalg.solve(regular, np.swapaxes(cross, -1, -2))
         left = power - np.einsum("...lab,...lba->...la", cross, solved)
     else:
-        left = (power - 2.0 * np.diagonal(cross, axis1=-2, axis2=-1)
-                + np.diagonal(reference, axis1=-2, axis2=-1))
+        left = power - 2.0 * np.diagonal(cross, axis1=-2, axis2=-1) + np.diagonal(reference, axis1=-2, axis2=-1)
     return np.maximum(left, 1e-12 * power + 1e-300)
 
 
-def _cost(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, free: bool) -> np.ndarray:
-    left = residual(cross, reference, measured, free)
+def _cost(left: np.ndarray, free: bool) -> np.ndarray:
+    """Minus the logarithm of the likelihood, (..., l), of what is left, (..., l, k)."""
     # world vectors share their noise over the axes; axes of a sensor have their own
     return np.log(left).sum(axis=-1) if free else np.log(left.sum(axis=-1))
 
 
-def best(lags_s: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """(...,) lag of the lowest ``cost`` (..., l), between the grid's points by a cubic spline."""
-    lowest = np.argmin(cost, axis=-1)
+def best(lags_s: np.ndarray, left: np.ndarray, free: bool) -> np.ndarray:
+    """(...,) most likely lag, between the grid's points, of the sums of squares left (..., l, k).
+
+    The sums are smooth and are what is interpolated; their logarithm has a sharp bottom where the fit is good.
+    """
     step = lags_s[1] - lags_s[0]
     reach = 3 if len(lags_s) > 7 else 1
-    start = np.clip(lowest - reach, 0, len(lags_s) - 2 * reach - 1)
-    near = np.take_along_axis(cost, start[..., None] + np.arange(2 * reach + 1), axis=-1)
+    start = np.clip(np.argmin(_cost(left, free), axis=-1) - reach, 0, len(lags_s) - 2 * reach - 1)
+    near = np.take_along_axis(left, (start[..., None] + np.arange(2 * reach + 1))[..., None], axis=-2)
     fine = np.arange(0.0, 2 * reach + 1e-9, FINE_S / step)
-    values = CubicSpline(np.arange(2 * reach + 1.0), near, axis=-1)(fine)
-    i = np.clip(np.argmin(values, axis=-1), 1, len(fine) - 2)
-    before, here, after = (np.take_along_axis(values, i[..., None] + d, axis=-1)[..., 0] for d in (-1, 0, 1))
+    values = CubicSpline(np.arange(2 * reach + 1.0), near, axis=-2)(fine)
+    cost = _cost(np.maximum(values, 1e-3 * near.min(axis=-2, keepdims=True)), free)
+    i = np.clip(np.argmin(cost, axis=-1), 1, len(fine) - 2)
+    before, here, after = (np.take_along_axis(cost, i[..., None] + d, axis=-1)[..., 0] for d in (-1, 0, 1))
     bend = before - 2.0 * here + after
     vertex = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
     return lags_s[start] + (i + np.clip(vertex, -1.0, 1.0)) * (fine[1] - fine[0]) * step
@@ -121,7 +139,7 @@ def best(lags_s: np.ndarray, cost: np.ndarray) -> np.ndarray:
 def best_lag(sums: LagSums, free: bool = True) -> Lag:
     """The lag of the whole, its interval, and the matrix at that lag."""
     cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
-    offset = float(best(sums.lags_s, _cost(cross, reference, measured, free)))
+    offset = float(best(sums.lags_s, residual(cross, reference, measured, free), free))
     near = np.flatnonzero(np.abs(sums.lags_s - offset) <= LOCAL_S + 1e-9)
     at = int(np.argmin(np.abs(sums.lags_s - offset)))
     k = measured.shape[0]
@@ -140,9 +158,11 @@ def _half_width(sums: LagSums, near: np.ndarray, free: bool) -> float:
         if groups > blocks:
             continue
         edges = np.linspace(0, blocks, groups + 1).round().astype(int)[:-1]
-        parts = [np.add.reduceat(x, edges, axis=0) for x in (sums.cross[:, near], sums.reference[:, near], sums.measured)]
+        parts = [
+            np.add.reduceat(x, edges, axis=0) for x in (sums.cross[:, near], sums.reference[:, near], sums.measured)
+        ]
         without = [part.sum(axis=0) - part for part in parts]
-        offsets = best(lags, _cost(*without, free))
+        offsets = best(lags, residual(*without, free), free)
         variance = (groups - 1) / groups * np.sum((offsets - offsets.mean()) ** 2)
         widest = max(widest, float(student.ppf(0.975, groups - 1) * np.sqrt(variance)))
-    return widest
+    return float(np.hypot(widest, GRID_S))

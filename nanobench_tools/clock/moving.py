@@ -28,8 +28,8 @@ CONFIRMED = 1e-3
 
 @dataclass(frozen=True)
 class Moving:
-    """slope s/s and wander_sd_s of one stream's time error; whether they are beyond doubt; what is just detectable (change
-    over the flight, standard deviation; s); evidence in words."""
+    """slope (s/s) and wander_sd_s of one stream's time error; whether they are beyond doubt; what is just detectable
+    (change over the flight, standard deviation; s); evidence in words."""
 
     slope: float
     span_s: float
@@ -52,7 +52,9 @@ def track_of(context: Context) -> TrackError | None:
         return None  # the path is not where it was before
     placed = compare.on_grid(context, "estimator", ("x", "y", "z"))
     truth = context.once(compare.truth_of)
-    return track_error(own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s, own.lag.offset_s)
+    return track_error(
+        own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s, own.lag.offset_s
+    )
 
 
 def moving_clocks(context: Context) -> dict[str, Moving]:
@@ -77,18 +79,28 @@ def _shares_clock(measured: dict[str, Measured]) -> bool:
 
 def _by_track(track: TrackError) -> Moving:
     return Moving(
-        track.slope, track.span_s, track.wander_sd_s, track.drifts, track.wanders, track.detectable_drift_s,
+        track.slope,
+        track.span_s,
+        track.wander_sd_s,
+        track.drifts,
+        track.wanders,
+        track.detectable_drift_s,
         track.detectable_wander_s,
-        f"the estimated position falls behind by {1e3 * track.slope * track.span_s:.1f} ms in {track.span_s:.0f} s (chance {track.p_drift:.0e})",
-        f"along its path the estimated position is early and late by {1e3 * track.wander_sd_s:.1f} ms RMS more than its error "
-        f"across explains ({1e3 * track.across_s:.1f} ms; chance {track.p_wander:.0e})")
+        f"the estimated position falls behind by {1e3 * track.slope * track.span_s:.1f} ms in "
+        f"{track.span_s:.0f} s (chance {track.p_drift:.0e})",
+        f"along its path the estimated position is early and late by {1e3 * track.wander_sd_s:.1f} ms RMS more "
+        f"than its error "
+        f"across explains ({1e3 * track.across_s:.1f} ms; chance {track.p_wander:.0e})",
+    )
 
 
 def _by_windows(own: Measured, track: TrackError | None) -> Moving:
     m = own.movement
     wanders, sd = m.wanders, m.wander_sd_s
-    evidence = (f"lags of {own.by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
-                f"({1e3 * m.noise_sd_s:.1f} ms; chance {m.p_wander:.0e})")
+    evidence = (
+        f"lags of {own.by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
+        f"({1e3 * m.noise_sd_s:.1f} ms; chance {m.p_wander:.0e})"
+    )
     if track is not None and track.wanders:
         means = _window_means(track, m.time_s)
         both = np.isfinite(means)
@@ -96,10 +108,22 @@ def _by_windows(own: Measured, track: TrackError | None) -> Moving:
             r, p = pearsonr(means[both], m.lag_s[both], alternative="greater")
             if p < CONFIRMED:
                 wanders, sd = True, track.wander_sd_s
-                evidence = (f"half-second lags of {own.by} move with the time error of the estimated position (correlation {r:.2f}, "
-                            f"chance {p:.0e}), which wanders by {1e3 * sd:.1f} ms RMS")
-    return Moving(m.slope, m.span_s, sd, m.drifts, wanders, m.detectable_drift_s, m.detectable_wander_s,
-                  f"lags of {own.by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})", evidence)
+                evidence = (
+                    f"half-second lags of {own.by} move with the time error of the estimated position "
+                    f"(correlation {r:.2f}, "
+                    f"chance {p:.0e}), which wanders by {1e3 * sd:.1f} ms RMS"
+                )
+    return Moving(
+        m.slope,
+        m.span_s,
+        sd,
+        m.drifts,
+        wanders,
+        m.detectable_drift_s,
+        m.detectable_wander_s,
+        f"lags of {own.by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})",
+        evidence,
+    )
 
 
 def _window_means(track: TrackError, at_s: np.ndarray) -> np.ndarray:

@@ -15,9 +15,13 @@ from ..content.likeness import likenesses
 from .lags import Lag, best_lag, lag_sums
 from .windows import Movement, movement
 
-MEASURED_BY = {"imu": (compare.gyro_pair, compare.force_pair), "attitude": (compare.attitude_pair,),
-               "attitude_qw": (compare.attitude_qw_pair,), "estimator": (compare.position_pair, compare.velocity_pair),
-               "estimator_acc": (compare.acceleration_pair,)}
+MEASURED_BY = {
+    "imu": (compare.gyro_pair, compare.force_pair),
+    "attitude": (compare.attitude_pair,),
+    "attitude_qw": (compare.attitude_qw_pair,),
+    "estimator": (compare.position_pair, compare.velocity_pair),
+    "estimator_acc": (compare.acceleration_pair,),
+}
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,14 @@ def _measure(context: Context, make, pair: compare.Pair) -> Measured | None:
         lag = best_lag(sums, pair.free)
         return Measured(lag, movement(pair.measured, pair.reference, pair.use, time_s, sums, lag), name)
     # world frames agree once axes, signs and unit are put right
-    fixed = Measured(best_lag(sums, True), None, name, verdict.order,
-                     tuple(-1.0 if s < 0 else 1.0 for s in verdict.sign), verdict.factor)
+    fixed = Measured(
+        best_lag(sums, True),
+        None,
+        name,
+        verdict.order,
+        tuple(-1.0 if s < 0 else 1.0 for s in verdict.sign),
+        verdict.factor,
+    )
     values = fixed.upright(pair.measured)
     sums = lag_sums(values, pair.reference, pair.use, compare.STEP_S, pair.reach_s)
     lag = best_lag(sums, False)

@@ -31,19 +31,31 @@ class ClockReading:
 
     def to_json(self) -> dict[str, Any]:
         """JSON shape of the audit; numbers that do not exist are None."""
+
         def number(value: float) -> float | None:
             return float(value) if math.isfinite(value) else None
 
-        return {"offset_s": number(self.offset_s), "ci95_s": None if self.ci95_s is None else list(self.ci95_s),
-                "identifiable": self.identifiable, "reason": self.reason, "wander_sd_s": number(self.wander_sd_s),
-                "warp": [list(point) for point in self.warp]}
+        return {
+            "offset_s": number(self.offset_s),
+            "ci95_s": None if self.ci95_s is None else list(self.ci95_s),
+            "identifiable": self.identifiable,
+            "reason": self.reason,
+            "wander_sd_s": number(self.wander_sd_s),
+            "warp": [list(point) for point in self.warp],
+        }
 
     @classmethod
     def from_json(cls, body: Mapping[str, Any]) -> ClockReading:
         """The inverse of ``to_json``."""
+
         def number(value: float | None) -> float:
             return math.nan if value is None else float(value)
 
-        return cls(number(body["offset_s"]), None if body["ci95_s"] is None else tuple(body["ci95_s"]),
-                   body["identifiable"], body.get("reason", ""), number(body["wander_sd_s"]),
-                   tuple(tuple(point) for point in body["warp"]))
+        return cls(
+            number(body["offset_s"]),
+            None if body["ci95_s"] is None else tuple(body["ci95_s"]),
+            body["identifiable"],
+            body.get("reason", ""),
+            number(body["wander_sd_s"]),
+            tuple(tuple(point) for point in body["warp"]),
+        )

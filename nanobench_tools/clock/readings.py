@@ -22,14 +22,20 @@ from .offset import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
 
 SMALLEST_RATE_RAD_S = 0.1
-"""Less rotation (RMS of the gyro in 0.3-8 Hz) drowns in the noise of differentiated poses, measured 0.1 rad/s in flight."""
+"""Less rotation (RMS of the gyro in 0.3-8 Hz) drowns in the noise of differentiated poses, measured 0.1 rad/s in
+flight."""
 WIDEST_S = 0.1
 """An offset that is not known better than this is not identifiable."""
-UNSEEN = {"motor": "cameras do not see what the motors are told", "motor_request": "cameras do not see what the motors are told",
-          "setpoint": "the vehicle follows its setpoint by an unknown delay", "rpm": "cameras do not see the rotors",
-          "pid": "the vehicle follows its requests by an unknown delay", "battery": "cameras do not see the voltage",
-          "command": "cameras do not see commands", "stand": "nothing moves on a stand"}
-
+UNSEEN = {
+    "motor": "cameras do not see what the motors are told",
+    "motor_request": "cameras do not see what the motors are told",
+    "setpoint": "the vehicle follows its setpoint by an unknown delay",
+    "rpm": "cameras do not see the rotors",
+    "pid": "the vehicle follows its requests by an unknown delay",
+    "battery": "cameras do not see the voltage",
+    "command": "cameras do not see commands",
+    "stand": "nothing moves on a stand",
+}
 
 
 def read_clocks(context: Context) -> dict[str, ClockReading]:
@@ -57,19 +63,29 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
         gyro = None
     why_not = _why_not(context, own, is_gyro=own is gyro)
     if own is gyro:
-        return ClockReading.unknown(why_not) if why_not else _of(own, own.lag.offset_s, own.lag.half_width_s, (0.0, 0.0),
-                                                                 f"{own.by} against the motion capture")
+        return (
+            ClockReading.unknown(why_not)
+            if why_not
+            else _of(own, own.lag.offset_s, own.lag.half_width_s, (0.0, 0.0), f"{own.by} against the motion capture")
+        )
     if gyro is None or _why_not(context, gyro, is_gyro=True):
-        text = why_not or (f"{own.by} follow by {_ms(own)}, of which the estimator's own delay is an unknown part, and "
-                           "the gyro cannot tell")
+        text = why_not or (
+            f"{own.by} follow by {_ms(own)}, of which the estimator's own delay is an unknown part, and "
+            "the gyro cannot tell"
+        )
         return ClockReading.unknown(text)
     behind = own.lag.offset_s - gyro.lag.offset_s
     doubt = np.hypot(own.lag.half_width_s, gyro.lag.half_width_s)
     if why_not or OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt:
         told = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
         return _of(own, gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {told}")
-    return _of(own, own.lag.offset_s, own.lag.half_width_s, OWN_LAG_S,
-               f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay")
+    return _of(
+        own,
+        own.lag.offset_s,
+        own.lag.half_width_s,
+        OWN_LAG_S,
+        f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay",
+    )
 
 
 def _with_wander(context: Context, name: str, reading: ClockReading) -> ClockReading:
@@ -95,7 +111,7 @@ def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
     if is_gyro:
         rate = float(np.linalg.norm(context.once(compare.gyro_pair).rms[:2]))
         if rate < SMALLEST_RATE_RAD_S:
-            return f"too little rotation: {rate:.3f} rad/s RMS, the motion capture's own noise is {SMALLEST_RATE_RAD_S:.1f}"
+            return f"too little rotation: {rate:.3f} rad/s RMS, noise of the poses is {SMALLEST_RATE_RAD_S:.1f}"
     if own.lag.half_width_s > WIDEST_S:
         return f"{own.by} fit anywhere within {_ms(own)}: too little motion, or a clock that moves too much"
     return ""

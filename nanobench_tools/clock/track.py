@@ -23,8 +23,8 @@ BLOCK_S = 1.0
 
 @dataclass(frozen=True)
 class TrackError:
-    """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean; wander_sd_s: its scatter beyond
-    that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a clock
+    """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean; wander_sd_s: its scatter
+    beyond that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a clock
     error; span_s."""
 
     time_s: np.ndarray
@@ -60,8 +60,9 @@ class TrackError:
         return max(SMALLEST_WANDER_S, float(self.across_s * np.sqrt(max(gain - 1.0, 0.0))))
 
 
-def track_error(estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray, use: np.ndarray, time_s: np.ndarray,
-                lag_s: float) -> TrackError | None:
+def track_error(
+    estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray, use: np.ndarray, time_s: np.ndarray, lag_s: float
+) -> TrackError | None:
     """estimate, position, velocity (n, 3) on the grid time_s (n,); use (n,) bool; lag_s: mean delay of the estimate.
 
     None with fewer than eight seconds of fast rows.
@@ -107,5 +108,15 @@ def track_error(estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray
     ratio = np.log(np.maximum(along2, 1e-16) / np.maximum(across2, 1e-16))
     p_wander = float(student.sf(ratio.mean() / max(ratio.std(ddof=1) / np.sqrt(n), 1e-12), n - 1))
     wander = float(np.sqrt(max(np.mean(along2) - np.mean(across2), 0.0)))
-    return TrackError(t, late, slope, slope_sd, float(centre[-1] - centre[0]), wander, float(np.sqrt(np.median(across2))),
-                      p_drift, p_wander, n)
+    return TrackError(
+        t,
+        late,
+        slope,
+        slope_sd,
+        float(centre[-1] - centre[0]),
+        wander,
+        float(np.sqrt(np.median(across2))),
+        p_drift,
+        p_wander,
+        n,
+    )

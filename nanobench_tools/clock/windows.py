@@ -19,7 +19,7 @@ from .lags import Lag, LagSums, best
 REACH_S = 0.1
 """Lags of windows are looked for this far around that of the whole flight."""
 CHANCE = 1e-6
-"""Drift and wander are called real below this probability of arising from noise: 200 clean flights give no false one."""
+"""Drift and wander are called real below this probability of arising from noise; 200 clean flights give none."""
 SMALLEST_DRIFT_S, SMALLEST_WANDER_S = 0.004, 0.004
 """Smaller movements (over the flight; standard deviation) may be the model's and are not called the clock's."""
 
@@ -64,8 +64,9 @@ class Movement:
         return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(ratio - 1.0)))
 
 
-def movement(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, time_s: np.ndarray, sums: LagSums,
-             lag: Lag) -> Movement | None:
+def movement(
+    measured: np.ndarray, reference: np.ndarray, use: np.ndarray, time_s: np.ndarray, sums: LagSums, lag: Lag
+) -> Movement | None:
     """From one pair (n, 3), its sums (blocks are the windows) and its lag; None with fewer than eight windows."""
     a, w = lag.matrix, 1.0 / np.maximum(lag.noise, 1e-300)
     near = np.abs(sums.lags_s - lag.offset_s) <= REACH_S + 1e-9
@@ -73,10 +74,12 @@ def movement(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, time_
     if windows < 8 or near.sum() < 8:
         return None
     # sum of squares left in each window at each lag, A fixed
-    left = (np.einsum("bkk->bk", sums.measured)[:, None, :]
-            - 2.0 * np.einsum("kj,blkj->blk", a, sums.cross[:, near])
-            + np.einsum("kj,blji,ki->blk", a, sums.reference[:, near], a)) @ w
-    lags = best(sums.lags_s[near], left) - lag.offset_s
+    left = (
+        np.einsum("bkk->bk", sums.measured)[:, None, :]
+        - 2.0 * np.einsum("kj,blkj->blk", a, sums.cross[:, near])
+        + np.einsum("kj,blji,ki->blk", a, sums.reference[:, near], a)
+    ) @ w
+    lags = best(sums.lags_s[near], left[..., None], False) - lag.offset_s
     # the placebo, linear in the quarter-turned slope
     step = sums.lags_s[1] - sums.lags_s[0]
     rows = _rows(use, sums, len(measured))
@@ -102,7 +105,7 @@ def _rows(use: np.ndarray, sums: LagSums, n: int) -> np.ndarray:
     reach = (len(sums.lags_s) - 1) // 2
     keep = use.copy()
     keep[:reach] = False
-    keep[n - reach:] = False
+    keep[n - reach :] = False
     return np.flatnonzero(keep)[: int(sums.rows.sum())]
 
 
@@ -122,5 +125,15 @@ def _judge(times: np.ndarray, lags: np.ndarray, weight: np.ndarray, placebo: np.
     slope_sd = float(np.sqrt(max(scatter2, noise2) / (effective * (share @ t**2))))
     p_drift = float(2.0 * student.sf(abs(slope) / max(slope_sd, 1e-12), dof))
     p_wander = float(fisher.sf(scatter2 / max(noise2, 1e-14), dof, dof))
-    return Movement(times, lags, weight, float(np.sqrt(noise2)), slope, slope_sd, float(times[-1] - times[0]),
-                    float(np.sqrt(max(scatter2 - noise2, 0.0))), p_drift, p_wander)
+    return Movement(
+        times,
+        lags,
+        weight,
+        float(np.sqrt(noise2)),
+        slope,
+        slope_sd,
+        float(times[-1] - times[0]),
+        float(np.sqrt(max(scatter2 - noise2, 0.0))),
+        p_drift,
+        p_wander,
+    )

@@ -30,7 +30,8 @@ RATE_BAND_HZ = (0.3, 8.0)
 POSE_BAND_HZ = (0.05, 5.0)
 """For positions and velocities, which carry their signal below 1 Hz and whose frames agree."""
 FORCE_BAND_HZ = (0.1, 3.0)
-"""For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses above."""
+"""For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses
+above."""
 STILL_ROWS = 10
 """So many equal rows in a row are no values of a moving vehicle."""
 BEFORE_LANDING_S = 0.3
@@ -80,9 +81,13 @@ def flying_rows(context: Context) -> np.ndarray:
     return (t >= spans[0].start_s) & (t <= end - BEFORE_LANDING_S)
 
 
-def on_grid(context: Context, name: str, quantities: tuple[str, ...],
-            prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
-            shift_s: float = 0.0) -> tuple[np.ndarray, np.ndarray] | None:
+def on_grid(
+    context: Context,
+    name: str,
+    quantities: tuple[str, ...],
+    prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+    shift_s: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray] | None:
     """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
     they are true values."""
     truth, stream = context.once(truth_of), context.once(usable_streams).get(name)
@@ -104,11 +109,18 @@ def on_grid(context: Context, name: str, quantities: tuple[str, ...],
     return result, near & (t >= times[0]) & (t <= times[-1])
 
 
-def _pair(context: Context, name: str, quantities: tuple[str, ...], reference: Callable[[Truth], np.ndarray],
-          band_hz: tuple[float, float], free: bool,
-          signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
-          prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v, reach_s: float = REACH_S,
-          shift_s: float = 0.0) -> Pair | None:
+def _pair(
+    context: Context,
+    name: str,
+    quantities: tuple[str, ...],
+    reference: Callable[[Truth], np.ndarray],
+    band_hz: tuple[float, float],
+    free: bool,
+    signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+    prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+    reach_s: float = REACH_S,
+    shift_s: float = 0.0,
+) -> Pair | None:
     placed = on_grid(context, name, quantities, prepare, shift_s)
     if placed is None:
         return None
@@ -122,11 +134,12 @@ def _pair(context: Context, name: str, quantities: tuple[str, ...], reference: C
     there = np.flatnonzero(true_rows)
     first, last = max(inside[0] - 100, there[0]), min(inside[-1] + 100, there[-1])
     reach = round(reach_s / STEP_S)
-    use[:first + reach] = False
-    use[last - reach + 1:] = False
+    use[: first + reach] = False
+    use[last - reach + 1 :] = False
     both = np.zeros((2, len(values), 3))
-    both[:, first:last + 1] = band_limited(
-        np.stack([signal(values[first:last + 1]), reference(truth)[first:last + 1]]), band_hz)
+    both[:, first : last + 1] = band_limited(
+        np.stack([signal(values[first : last + 1]), reference(truth)[first : last + 1]]), band_hz
+    )
     # an axis that never moves holds rounding errors only
     both[np.broadcast_to((np.abs(both).max(axis=1) < 1e-9)[:, None, :], both.shape)] = 0.0
     return Pair(name, quantities, both[0], both[1], use, free, reach_s)
@@ -152,16 +165,32 @@ def force_pair(context: Context) -> Pair | None:
 
 def attitude_pair(context: Context) -> Pair | None:
     """Rates of the estimated Euler angles against those of the motion capture, rad/s."""
-    return _pair(context, "attitude", ("roll", "pitch", "yaw"), lambda truth: _rate_of_euler(truth.euler_rad),
-                 RATE_BAND_HZ, True, signal=_rate_of_euler, prepare=lambda v: np.unwrap(v, axis=0))
+    return _pair(
+        context,
+        "attitude",
+        ("roll", "pitch", "yaw"),
+        lambda truth: _rate_of_euler(truth.euler_rad),
+        RATE_BAND_HZ,
+        True,
+        signal=_rate_of_euler,
+        prepare=lambda v: np.unwrap(v, axis=0),
+    )
 
 
 def attitude_qw_pair(context: Context) -> Pair | None:
     """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
     found = context.once(quaternion_orders).get("attitude_qw")
     order = list(ORDERS[found.name] if found else range(4))
-    pair = _pair(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
-                 signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(q[:, order]))
+    pair = _pair(
+        context,
+        "attitude_qw",
+        ("qx", "qy", "qz", "qw"),
+        lambda truth: truth.rate_rad_s,
+        RATE_BAND_HZ,
+        True,
+        signal=_rate_of_quaternion,
+        prepare=lambda q: so3.make_continuous(q[:, order]),
+    )
     return None if pair is None else replace(pair, quantities=("qx", "qy", "qz"))
 
 
@@ -177,24 +206,43 @@ def velocity_pair(context: Context) -> Pair | None:
 
 def acceleration_pair(context: Context) -> Pair | None:
     """Estimated against tracked acceleration, m/s^2 world."""
-    return _pair(context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ, True)
+    return _pair(
+        context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ, True
+    )
 
 
 def setpoint_pair(context: Context) -> Pair | None:
-    """Position asked for, half a second before (the vehicles follow 0.3-0.8 s behind), against that reached, m world."""
-    return _pair(context, "setpoint", ("x", "y", "z"), lambda truth: truth.position_m, (0.05, 1.0), True,
-                 reach_s=0.5, shift_s=0.5)
+    """Position asked for, half a second before (vehicles follow 0.3-0.8 s behind), against that reached, m world."""
+    return _pair(
+        context,
+        "setpoint",
+        ("x", "y", "z"),
+        lambda truth: truth.position_m,
+        (0.05, 1.0),
+        True,
+        reach_s=0.5,
+        shift_s=0.5,
+    )
 
 
 def request_pair(context: Context) -> Pair | None:
     """Attitude asked for by the position loop against that reached, rad."""
-    return _pair(context, "pid", ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
-                 prepare=lambda v: np.unwrap(v, axis=0))
+    return _pair(
+        context,
+        "pid",
+        ("roll", "pitch", "yaw"),
+        lambda truth: truth.euler_rad,
+        (0.3, 3.0),
+        True,
+        prepare=lambda v: np.unwrap(v, axis=0),
+    )
 
 
 def mocap_velocity_pair(context: Context) -> Pair | None:
     """Velocity columns of the motion capture against its positions, m/s world."""
-    return _pair(context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True, reach_s=0.05)
+    return _pair(
+        context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True, reach_s=0.05
+    )
 
 
 def mocap_rate_pair(context: Context) -> Pair | None:
@@ -204,12 +252,32 @@ def mocap_rate_pair(context: Context) -> Pair | None:
 
 def euler_column_pair(context: Context) -> Pair | None:
     """Euler columns of the motion capture against its quaternions, rad."""
-    return _pair(context, "mocap", ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
-                 prepare=lambda v: np.unwrap(v, axis=0), reach_s=0.05)
+    return _pair(
+        context,
+        "mocap",
+        ("roll", "pitch", "yaw"),
+        lambda truth: truth.euler_rad,
+        (0.3, 3.0),
+        True,
+        prepare=lambda v: np.unwrap(v, axis=0),
+        reach_s=0.05,
+    )
 
 
-PAIRS = (gyro_pair, force_pair, attitude_pair, attitude_qw_pair, position_pair, velocity_pair, acceleration_pair,
-         setpoint_pair, request_pair, mocap_velocity_pair, mocap_rate_pair, euler_column_pair)
+PAIRS = (
+    gyro_pair,
+    force_pair,
+    attitude_pair,
+    attitude_qw_pair,
+    position_pair,
+    velocity_pair,
+    acceleration_pair,
+    setpoint_pair,
+    request_pair,
+    mocap_velocity_pair,
+    mocap_rate_pair,
+    euler_column_pair,
+)
 
 
 def sums_of(context: Context, pair: Callable[[Context], Pair | None]) -> LagSums | None:

@@ -15,8 +15,8 @@ POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 
 @dataclass(frozen=True)
 class Filled:
-    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before), drawn (on
-    the chord of its neighbours, moving)."""
+    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before), drawn
+    (on the chord of its neighbours, moving)."""
 
     lost: np.ndarray
     same: np.ndarray

@@ -15,7 +15,7 @@ from .rows import tables, usable_streams
 from .spikes import spikes
 
 LIMIT_M, BEND_M_S2 = 0.012, 60.0
-LIMIT_RAD = 0.2
+LIMIT_RAD, BEND_RAD_S2 = 0.17, 300.0
 SIDE = 3
 """Frames on either side that give the velocity."""
 
@@ -42,7 +42,7 @@ def mocap_leaps(context: Context) -> list[Leap]:
     keep = ~context.once(filled_poses).any
     for name, _, _, _, first, last in context.once(spikes):
         if name == "mocap":
-            keep[first:last + 1] = False
+            keep[first : last + 1] = False
     t, pose = stream.time_s[keep], pose[keep]
     if len(t) < 20:
         return []
@@ -59,11 +59,16 @@ def mocap_leaps(context: Context) -> list[Leap]:
     if turned:
         q = pose[:, 3:] / np.maximum(np.linalg.norm(pose[:, 3:], axis=1, keepdims=True), 1e-9)
         angle = so3.geodesic_angle(q[:-1], q[1:])
-        usual = 0.5 * (angle[i - 1] + angle[i + 1])
-        leap = np.where(dt < 0.05, angle[i] - usual, 0.0)
-    leaps = [Leap(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False) for k in _peaks(moved, step)]
-    leaps += [Leap(float(t[i[k]]), float(t[i[k] + 1]), float(leap[k]), LIMIT_RAD, True)
-              for k in _peaks((leap > LIMIT_RAD) & judged & ~moved, leap)]
+        rate = angle / np.diff(t)
+        leap = angle[i] - 0.5 * (rate[i - 1] + rate[i + 1]) * dt
+    leaps = [
+        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False) for k in _peaks(moved, step)
+    ]
+    limit = LIMIT_RAD + BEND_RAD_S2 * dt**2
+    leaps += [
+        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(leap[k]), float(limit[k]), True)
+        for k in _peaks((leap > limit) & judged & ~moved, leap)
+    ]
     return sorted(leaps, key=lambda x: x.start_s)
 
 

@@ -36,8 +36,16 @@ CERTAIN_T = 4.0
 """Mean over its standard error of the contributions of single seconds; by chance less than once in 10^4."""
 FACTOR = 3.0
 """Amplitudes that differ by less are noise, jitter or calibration; unit mistakes start at pi (mrad of a turn aside)."""
-KNOWN_FACTORS = {"deg for rad": 180.0 / np.pi, "rad for deg": np.pi / 180.0, "g for m/s^2": 1.0 / 9.81,
-                 "m/s^2 for g": 9.81, "thousandths": 1000.0, "thousands": 1e-3, "hundredths": 100.0, "hundreds": 0.01}
+KNOWN_FACTORS = {
+    "deg for rad": 180.0 / np.pi,
+    "rad for deg": np.pi / 180.0,
+    "g for m/s^2": 1.0 / 9.81,
+    "m/s^2 for g": 9.81,
+    "thousandths": 1000.0,
+    "thousands": 1e-3,
+    "hundredths": 100.0,
+    "hundreds": 0.01,
+}
 
 
 @dataclass(frozen=True)
@@ -58,8 +66,11 @@ class Likeness:
     def wrong(self) -> tuple:
         """What differs: empty when nothing does; equal for two streams that are wrong in the same way."""
         flips = tuple(s < 0 for s in self.sign)
-        return (self.order if self.swapped else None, flips, self.factor_name) if (
-            self.swapped or any(flips) or self.factor != 1.0) else ()
+        return (
+            (self.order if self.swapped else None, flips, self.factor_name)
+            if (self.swapped or any(flips) or self.factor != 1.0)
+            else ()
+        )
 
     @property
     def factor(self) -> float:
@@ -75,7 +86,10 @@ class Likeness:
 
     @property
     def factor_name(self) -> str:
-        return next((name for name, f in KNOWN_FACTORS.items() if f == self.factor), "" if self.factor == 1.0 else "unknown unit")
+        return next(
+            (name for name, f in KNOWN_FACTORS.items() if f == self.factor),
+            "" if self.factor == 1.0 else "unknown unit",
+        )
 
 
 def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
@@ -94,8 +108,11 @@ def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
     order = max(ORDERS, key=lambda o: strength[o].max())
     at = int(np.argmax(strength[order]))
     moved = [i for i in axes if order[i] != i]
-    swapped = bool(moved) and strength[order].max() > strength[ORDERS[0]].max() + 0.5 and all(
-        abs(k[at, i, order[i]]) > CLEAR and _certain(sums, at, i, order[i]) for i in moved)
+    swapped = (
+        bool(moved)
+        and strength[order].max() > strength[ORDERS[0]].max() + 0.5
+        and all(abs(k[at, i, order[i]]) > CLEAR and _certain(sums, at, i, order[i]) for i in moved)
+    )
     if not swapped:
         order = ORDERS[0]
         # left as it is, unless opposite signs are clearly the better explanation
@@ -103,10 +120,14 @@ def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
         if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
             at = as_is
     found = k[at, axes, order]
-    sign = tuple(int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i, v in enumerate(found))
+    sign = tuple(
+        int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i, v in enumerate(found)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
-    return Likeness(pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)), swapped)
+    return Likeness(
+        pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)), swapped
+    )
 
 
 def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
@@ -140,10 +161,19 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
         same = [make for make in judges if found[make].wrong == found[position_pair].wrong]
         if judges[0] in same:
             verdict = wrong[position_pair]
-            wrong = {make: v for make, v in wrong.items() if v.stream not in ("estimator", "setpoint") and make is not mocap_velocity_pair}
+            wrong = {
+                make: v
+                for make, v in wrong.items()
+                if v.stream not in ("estimator", "setpoint") and make is not mocap_velocity_pair
+            }
             wrong[position_pair] = _inverse(verdict, "mocap", ("px", "py", "pz"))
-    turned = [make for make in PAIRS if make in wrong and found[make].stream in ("imu", "attitude", "attitude_qw")
-              and "acc_x" not in found[make].quantities]
+    turned = [
+        make
+        for make in PAIRS
+        if make in wrong
+        and found[make].stream in ("imu", "attitude", "attitude_qw")
+        and "acc_x" not in found[make].quantities
+    ]
     if gyro_pair in turned and len(turned) > 1 and wrong[turned[0]].wrong == wrong[turned[1]].wrong:
         verdict = wrong[gyro_pair]
         wrong = {make: v for make, v in wrong.items() if make not in turned and make is not mocap_rate_pair}
@@ -154,6 +184,12 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
 def _inverse(verdict: Likeness, stream: str, quantities: tuple[str, ...]) -> Likeness:
     """The same disagreement, blamed on the reference."""
     order = tuple(int(i) for i in np.argsort(verdict.order))
-    return Likeness(stream, quantities, order, tuple(verdict.sign[i] for i in order),
-                    tuple(verdict.correlation[i] for i in order), tuple(1.0 / verdict.ratio[i] for i in order), verdict.swapped)
-
+    return Likeness(
+        stream,
+        quantities,
+        order,
+        tuple(verdict.sign[i] for i in order),
+        tuple(verdict.correlation[i] for i in order),
+        tuple(1.0 / verdict.ratio[i] for i in order),
+        verdict.swapped,
+    )

@@ -1,8 +1,8 @@
 """In which order the elements of each stream's quaternions stand, judged by a vehicle that stands and flies upright.
 
-A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a recording. For
-quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up is taken; where
-two do (an upright vehicle turned by 180 deg) the one that agrees with the other source of attitude.
+A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a
+recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up is
+taken; where two do (an upright vehicle turned by 180 deg) the one that agrees with the other source of attitude.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FIRST_S = 3.0
 
 @dataclass(frozen=True)
 class Order:
-    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order; other_rad: median angle to
-    the other attitude with that order, nan without."""
+    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order;
+    other_rad: median angle to the other attitude with that order, nan without."""
 
     name: str
     upright: float
@@ -57,8 +57,9 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
             tilts[label] = float(np.mean(_up(tried[t <= t[0] + FIRST_S])))
             angles[label] = _angle(t, tried, other)
         as_read, swapped = tilts["x, y, z, w"], tilts["w, x, y, z"]
-        clear = swapped > 0.9 and (as_read < UPRIGHT or (
-            angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD))
+        clear = swapped > 0.9 and (
+            as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
+        )
         label = "w, x, y, z" if clear else "x, y, z, w"
         found[name] = Order(label, as_read, tilts[label], angles[label])
     return found

@@ -56,34 +56,61 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
     """Everything whose size alone gives it away."""
     found = []
     if context.once(tracker_scale) != 1.0:
-        found.append(WrongUnit("mocap", ("px", "py", "pz"), 1000.0, "the tracked position spans more than a room: millimetres"))
+        found.append(
+            WrongUnit("mocap", ("px", "py", "pz"), 1000.0, "the tracked position spans more than a room: millimetres")
+        )
     acc = _alive(context, "imu", ("acc_x", "acc_y", "acc_z"))
     if acc is not None:
         norm = float(np.median(np.linalg.norm(acc, axis=1)))
         ratio = norm / GRAVITY_M_S2
         if norm > 0.0 and abs(np.log(ratio)) > np.log(FACTOR):
-            known = min((GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2), key=lambda f: abs(np.log(ratio / f)))
+            known = min(
+                (GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
+                key=lambda f: abs(np.log(ratio / f)),
+            )
             factor = known if abs(np.log(ratio / known)) < np.log(1.5) else ratio
-            found.append(WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), factor,
-                                   f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81"))
+            found.append(
+                WrongUnit(
+                    "imu",
+                    ("acc_x", "acc_y", "acc_z"),
+                    factor,
+                    f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81",
+                )
+            )
     volts = _alive(context, "battery", ("vbat",))
     if volts is not None:
         median = float(np.median(volts))
         if median > 0.0 and not BATTERY_V[0] <= median <= BATTERY_V[1]:
             factor = 1000.0 if median > BATTERY_V[1] else 1e-3
             found.append(WrongUnit("battery", ("vbat",), factor, f"the median of the battery is {median:.4g} V"))
-    for name, quantities in (("motor", ("m1", "m2", "m3", "m4")), ("motor_request", ("m1", "m2", "m3", "m4")), ("pid", ("cmd_thrust",))):
+    for name, quantities in (
+        ("motor", ("m1", "m2", "m3", "m4")),
+        ("motor_request", ("m1", "m2", "m3", "m4")),
+        ("pid", ("cmd_thrust",)),
+    ):
         ratio = _alive(context, name, quantities)
         if ratio is None:
             continue
         top = float(np.quantile(ratio, 0.99))
         if top > 2.0:
             factor = PWM_FULL_SCALE if top > 256.0 else 100.0
-            found.append(WrongUnit(name, quantities, factor, f"{', '.join(quantities)} reach {top:.4g} where 1 is full"))
+            found.append(
+                WrongUnit(name, quantities, factor, f"{', '.join(quantities)} reach {top:.4g} where 1 is full")
+            )
         elif 0.0 < top < 1e-3:
-            found.append(WrongUnit(name, quantities, 1.0 / PWM_FULL_SCALE, f"{', '.join(quantities)} never exceed {top:.2g} of full"))
-    for name, quantities in (("attitude", ("roll", "pitch", "yaw")), ("setpoint", ("yaw",)), ("pid", ("roll", "pitch", "yaw"))):
+            found.append(
+                WrongUnit(
+                    name, quantities, 1.0 / PWM_FULL_SCALE, f"{', '.join(quantities)} never exceed {top:.2g} of full"
+                )
+            )
+    for name, quantities in (
+        ("attitude", ("roll", "pitch", "yaw")),
+        ("setpoint", ("yaw",)),
+        ("pid", ("roll", "pitch", "yaw")),
+    ):
         angle = _alive(context, name, quantities)
         if angle is not None and float(np.quantile(np.abs(angle), 0.99)) > 4.0 * np.pi:
-            found.append(WrongUnit(name, quantities, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad"))
+            found.append(
+                WrongUnit(name, quantities, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad")
+            )
     return found

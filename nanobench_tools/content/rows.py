@@ -40,8 +40,13 @@ def typical_step_s(time_s: np.ndarray) -> float:
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
 
 
+def usual_step_s(time_s: np.ndarray) -> float:
+    """Distance of stamps that 95 % do not exceed [s]: ordinary where rows are irregular; nan for fewer than two."""
+    return float(np.quantile(np.diff(time_s), 0.95)) if len(time_s) > 1 else float("nan")
+
+
 def tables(context: Context) -> list[tuple[str, np.ndarray]]:
-    """The different columns of stamps of a flight, as they are (finite ones): stream name, empty when several share it."""
+    """The different columns of stamps of a flight (finite ones, as they are): stream name, empty when it is shared."""
     found: list[tuple[str, np.ndarray]] = []
     for name, stream in context.flight.streams.items():
         for i, (_, t) in enumerate(found):

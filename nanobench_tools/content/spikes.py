@@ -9,7 +9,7 @@ from ..flight import Stream
 from .context import Context
 from .crashes import crash_of
 from .landmarks import contact_likely
-from .rows import runs, usable_streams
+from .rows import runs, usable_streams, usual_step_s
 from .tails import alive_until
 from .wrongness import distorted_streams
 
@@ -23,6 +23,7 @@ LIMITS: dict[str, dict[str, float]] = {
     "battery": {"vbat": 0.12},
 }
 SHOCKED = ("imu", "estimator_acc", "attitude", "attitude_qw")
+ROW_S = 0.01
 TIMES_LOCAL = 12.0
 WIDTH = 7
 WIDEST = 3
@@ -42,7 +43,9 @@ def spikes(context: Context) -> list[tuple[str, Stream, list[int], np.ndarray, i
             continue
         values = _filled(_unwrapped(stream, use))
         distance = np.abs(values - median_filter(values, size=(WIDTH, 1), mode="nearest"))
-        limit = np.array([limits[stream.quantities[k]] for k in use])
+        # the limits are for rows 10 ms apart; bends grow with the square of the time between rows
+        slower = max(usual_step_s(stream.time_s) / ROW_S, 1.0) ** 2 if name == "mocap" else 1.0
+        limit = slower * np.array([limits[stream.quantities[k]] for k in use])
         beyond = (distance > limit) & (stream.time_s <= context.once(alive_until)[name])[:, None]
         rows = beyond.any(axis=1)
         if not rows.any():
@@ -55,7 +58,7 @@ def spikes(context: Context) -> list[tuple[str, Stream, list[int], np.ndarray, i
         for a, b in runs(rows):
             if b - a > WIDEST:
                 continue
-            around = distance[max(a - AROUND, 0):b + AROUND]
+            around = distance[max(a - AROUND, 0) : b + AROUND]
             floor = TIMES_LOCAL * np.median(around, axis=0)
             top = distance[a:b].max(axis=0)
             stays = np.abs(values[min(b, len(values) - 1)] - values[max(a - 1, 0)]) > 0.5 * top

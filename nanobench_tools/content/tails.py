@@ -22,6 +22,8 @@ SHORTEST_S = 0.1
 lost to the radio by chance."""
 
 STRAIGHT_ROWS = 15
+NO_SENSORS = ("extra", "stand")
+"""Columns nobody knows and benches on which nothing need change."""
 BATTERY_HOLDS_S = 3.0
 """So long may one voltage be repeated: 30 packets with the same reading."""
 
@@ -60,11 +62,13 @@ def tails_of(context: Context) -> dict[str, Tail]:
     found: dict[str, Tail] = {}
     waiting: dict[str, Tail] = {}
     for name, p in packets.items():
+        if name in NO_SENSORS:
+            continue
         stream, i = streams[name], last_bend[name]
         end = float(stream.time_s[-1])
         if end - stream.time_s[i] < max(SHORTEST_S, 5.0 * p.interval_s) or not np.isfinite(stream.values[i:]).any():
             continue
-        moving = not p.still[i + 2:].all()
+        moving = not p.still[i + 2 :].all()
         # the line runs through the last two packets: the last one comes one interval after the last bend
         tail = Tail(min(float(stream.time_s[i]) + (p.interval_s if moving else 0.0), end), end, moving)
         if moving or not holds_still_rightly(name, stream, slice(i + 1, None)):
@@ -85,7 +89,7 @@ def _last_bend(p: Packets) -> int:
     if not len(bent):
         return 0
     last = int(bent[-1])
-    if last + 2 < len(p.still) and p.still[last + 1:].all() and len(bent) > 1 and last - bent[-2] >= STRAIGHT_ROWS:
+    if last + 2 < len(p.still) and p.still[last + 1 :].all() and len(bent) > 1 and last - bent[-2] >= STRAIGHT_ROWS:
         return int(bent[-2])  # a straight line that is held at its end is one end, not a gap
     return last
 
@@ -93,5 +97,8 @@ def _last_bend(p: Packets) -> int:
 def alive_until(context: Context) -> dict[str, float]:
     """Time of the last true value of every stream [s]."""
     tails = context.once(tails_of)
-    return {name: tails[name].from_s if name in tails else float(stream.time_s[-1])
-            for name, stream in context.once(usable_streams).items() if len(stream)}
+    return {
+        name: tails[name].from_s if name in tails else float(stream.time_s[-1])
+        for name, stream in context.once(usable_streams).items()
+        if len(stream)
+    }

@@ -70,8 +70,17 @@ def truth_of(context: Context) -> Truth | None:
     a[1:-1] = np.diff(p, 2, axis=0) / STEP_S**2
     a[0], a[-1] = a[1], a[-2]
     euler = np.unwrap(so3.euler_zyx(q), axis=0)
-    return Truth(grid, p, v, a, q, euler, body_rate(q, STEP_S), so3.rotate_inverse(q, a + gravity_up()),
-                 ~widened(missing | _leaps(p, q), 10))
+    return Truth(
+        grid,
+        p,
+        v,
+        a,
+        q,
+        euler,
+        body_rate(q, STEP_S),
+        so3.rotate_inverse(q, a + gravity_up()),
+        ~widened(missing | _leaps(p, q), 10),
+    )
 
 
 def body_rate(quaternion: np.ndarray, step_s: float) -> np.ndarray:
@@ -101,5 +110,6 @@ def _leaps(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Rows at which the pose bends by more than a vehicle can: 30 mm (300 m/s^2) or 0.1 rad between 10 ms frames."""
     flags = np.zeros(len(p), dtype=bool)
     flags[1:-1] = (np.linalg.norm(np.diff(p, 2, axis=0), axis=1) > 0.03) | (
-        np.linalg.norm(np.diff(q, 2, axis=0), axis=1) > 0.05)
+        np.linalg.norm(np.diff(q, 2, axis=0), axis=1) > 0.05
+    )
     return flags

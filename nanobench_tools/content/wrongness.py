@@ -54,9 +54,15 @@ def wrong_units(context: Context) -> list[WrongUnit]:
     for verdict in context.once(wrong_likenesses):
         if verdict.factor == 1.0 or any((verdict.stream, q) in told for q in verdict.quantities):
             continue
-        found.append(WrongUnit(verdict.stream, verdict.quantities, verdict.factor,
-                               f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
-                               f"{_against(verdict)} predicts{_named(verdict)}"))
+        found.append(
+            WrongUnit(
+                verdict.stream,
+                verdict.quantities,
+                verdict.factor,
+                f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
+                f"{_against(verdict)} predicts{_named(verdict)}",
+            )
+        )
     return found
 
 
@@ -65,13 +71,25 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
     found = []
     gravity = context.once(gravity_axis)
     if gravity is not None and gravity.sign < 0:
-        found.append(("imu", ACC[gravity.axis], f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
-                      f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}"))
+        found.append(
+            (
+                "imu",
+                ACC[gravity.axis],
+                f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
+                f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}",
+            )
+        )
     for verdict in context.once(wrong_likenesses):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
-                found.append((verdict.stream, quantity, f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
-                              f"{_against(verdict)} predicts"))
+                found.append(
+                    (
+                        verdict.stream,
+                        quantity,
+                        f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
+                        f"{_against(verdict)} predicts",
+                    )
+                )
     return found
 
 
@@ -81,12 +99,25 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
     for verdict in context.once(wrong_likenesses):
         if verdict.swapped:
             moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
-            seen = ", ".join(f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
-                             for i in range(3) if verdict.order[i] != i)
+            seen = ", ".join(
+                f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
+                for i in range(3)
+                if verdict.order[i] != i
+            )
             found.append((verdict.stream, moved, seen))
     gravity = context.once(gravity_axis)
-    if gravity is not None and gravity.axis != 2 and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found):
-        found.append(("imu", (ACC[gravity.axis], "acc_z"), f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)"))
+    if (
+        gravity is not None
+        and gravity.axis != 2
+        and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
+    ):
+        found.append(
+            (
+                "imu",
+                (ACC[gravity.axis], "acc_z"),
+                f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)",
+            )
+        )
     return found
 
 
@@ -96,7 +127,11 @@ def distorted_streams(context: Context) -> set[str]:
 
 
 def _against(verdict: Likeness) -> str:
-    return "vehicle's own streams" if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx") else "motion capture"
+    return (
+        "vehicle's own streams"
+        if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx")
+        else "motion capture"
+    )
 
 
 def _named(verdict: Likeness) -> str:

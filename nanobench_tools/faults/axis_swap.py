@@ -21,5 +21,7 @@ KIND = "axis_swap"
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream and vector."""
-    return [over_stream(KIND, flight, name, quantities, math.nan, "1", evidence)
-            for name, quantities, evidence in context.once(wrong_axes)]
+    return [
+        over_stream(KIND, flight, name, quantities, math.nan, "1", evidence)
+        for name, quantities, evidence in context.once(wrong_axes)
+    ]

@@ -30,6 +30,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         for a, b in runs(bad.any(axis=1)):
             columns = tuple(c for c, flag in zip(stream.columns, bad[a:b].any(axis=0), strict=True) if flag)
             start, end = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
-            faults.append(Fault(KIND, name, columns, start, end, float(bad[a:b].sum()), "cells",
-                                f"{', '.join(columns)}: no number in {b - a} rows", 1.0))
+            faults.append(
+                Fault(
+                    KIND,
+                    name,
+                    columns,
+                    start,
+                    end,
+                    float(bad[a:b].sum()),
+                    "cells",
+                    f"{', '.join(columns)}: no number in {b - a} rows",
+                    1.0,
+                )
+            )
     return faults

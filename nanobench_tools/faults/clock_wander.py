@@ -2,8 +2,8 @@
 
 Found by scatter that noise does not explain (``clock.moving``): half-second lags of gyro and attitude against a placebo
 fit with the same spectrum, and the estimated position along its path against its error across. In the published
-recordings the link's clock wanders by 33 ms in steps of tenths of a second; half seconds average part of that out, so the
-size of a fast wander is best taken from the track.
+recordings the link's clock wanders by 33 ms in steps of tenths of a second; half seconds average part of that out, so
+the size of a fast wander is best taken from the track.
 
 Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track, 4-20 ms from the gyro.
 """
@@ -20,5 +20,8 @@ KIND = "clock_wander"
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
-    return [over_stream(KIND, flight, name, None, clock.wander_sd_s, "s", clock.wander_evidence, clock.detectable_wander_s)
-            for name, clock in context.once(moving_clocks).items() if clock.wanders]
+    return [
+        over_stream(KIND, flight, name, None, clock.wander_sd_s, "s", clock.wander_evidence, clock.detectable_wander_s)
+        for name, clock in context.once(moving_clocks).items()
+        if clock.wanders
+    ]

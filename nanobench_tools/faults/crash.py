@@ -20,5 +20,8 @@ KIND = "crash"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """At most one fault."""
     crash = context.once(crash_of)
-    return [] if crash is None else [
-        Fault(KIND, "", (), crash.start_s, flight.span.end_s, crash.size, "rad", crash.evidence, float(TILT_RAD))]
+    return (
+        []
+        if crash is None
+        else [Fault(KIND, "", (), crash.start_s, flight.span.end_s, crash.size, "rad", crash.evidence, float(TILT_RAD))]
+    )

@@ -35,8 +35,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         lasts = tail.to_s - tail.from_s
         how = "run along a straight line" if tail.moving else "stand still"
         where = "in the air" if any(s.start_s < tail.from_s < s.end_s for s in air) else "on the ground"
-        faults.append(Fault(
-            KIND, name, streams[name].columns, tail.from_s, tail.to_s, lasts, "s",
-            f"last packet of {name} at {tail.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how} in all columns",
-            max(SHORTEST_S, 5.0 * packets[name].interval_s)))
+        faults.append(
+            Fault(
+                KIND,
+                name,
+                streams[name].columns,
+                tail.from_s,
+                tail.to_s,
+                lasts,
+                "s",
+                f"last packet of {name} at {tail.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
+                max(SHORTEST_S, 5.0 * packets[name].interval_s),
+            )
+        )
     return faults

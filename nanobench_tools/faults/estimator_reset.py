@@ -2,9 +2,9 @@
 
 Found by the step of (estimate - motion capture) from the medians of five rows before to five rows after. The link's
 clock makes steps too, but only along the path: there the limit is 0.1 m + 0.2 s times the speed (clocks leap by up to
-0.1-0.2 s), across it 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion capture the step of the estimate itself is taken beyond the
-path that its own velocity explains. One entry per leap; the span runs until the error is back below a third of the leap,
-2 s at most.
+0.1-0.2 s), across it 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion capture the
+step of the estimate itself is taken beyond the path that its own velocity explains, with a limit of 0.3 m. One entry
+per leap; the span runs until the error is back below a third of the leap, 2 s at most.
 
 Size: metres. Smallest found whatever its direction: the root of the sum of both limits squared, 0.2 m at 0.5 m/s.
 """
@@ -25,6 +25,8 @@ from ..flight import Fault, Flight
 KIND = "estimator_reset"
 
 ALONG_M, ALONG_S, ACROSS_M = 0.10, 0.20, 0.08
+ALONE_M = 0.30
+"""Without motion capture, both ways: filters are pulled by 0.16 m in 0.1 s by position systems of less precision."""
 ROWS = 5
 LONGEST_S = 2.0
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
@@ -54,17 +56,25 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for name, _, _, _, first, last in context.once(spikes):
         if name == "estimator":
             use = use & ~((t > stream.time_s[first] - 0.1) & (t < stream.time_s[last] + 0.1))
-    windows = np.median(np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1)  # row j: j .. j + ROWS - 1
-    before, after = windows[: -ROWS], windows[ROWS:]
+    windows = np.median(
+        np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1
+    )  # row j: j .. j + ROWS - 1
+    before, after = windows[:-ROWS], windows[ROWS:]
     at = np.arange(ROWS - 1, ROWS - 1 + len(before))  # last row before the leap
     leap = after - before
     step, speed = np.linalg.norm(leap, axis=1), np.linalg.norm(velocity, axis=1)
     path = velocity[at] / np.maximum(speed[at], 1e-9)[:, None]
     along = np.sum(leap * path, axis=1)
     across = np.linalg.norm(leap - along[:, None] * path, axis=1)
-    along_limit = ALONG_M + ALONG_S * speed[at]
-    limit = np.full(len(step), max(ACROSS_M, 4.0 * float(np.median(step))))
-    beyond = ((np.abs(along) > along_limit) | (across > limit)) & (step > limit) & use[at] & use[np.minimum(at + ROWS, len(use) - 1)]
+    least = (ALONG_M, ACROSS_M) if placed is not None else (ALONE_M, ALONE_M)
+    along_limit = least[0] + ALONG_S * speed[at]
+    limit = np.full(len(step), max(least[1], 4.0 * float(np.median(step))))
+    beyond = (
+        ((np.abs(along) > along_limit) | (across > limit))
+        & (step > limit)
+        & use[at]
+        & use[np.minimum(at + ROWS, len(use) - 1)]
+    )
     rows = np.flatnonzero(beyond)
     faults: list[Fault] = []
     for group in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * ROWS) + 1) if len(rows) else []:
@@ -72,11 +82,19 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         start = float(t[at[k]])
         if faults and start < faults[-1].end_s:
             continue  # the way back of the one before
-        later = np.linalg.norm(error[at[k] + 1:] - before[k], axis=1) < step[k] / 3.0
+        later = np.linalg.norm(error[at[k] + 1 :] - before[k], axis=1) < step[k] / 3.0
         back = at[k] + 1 + int(np.argmax(later)) if later.any() else len(t) - 1
-        faults.append(Fault(
-            KIND, "estimator", tuple(stream.columns[stream.index(q)] for q in POSITION), start,
-            float(min(t[back], start + LONGEST_S)), float(step[k]), "m",
-            f"the estimated position leaps by {step[k]:.2f} m at {start:.2f} s at a speed of {speed[at[k]]:.2f} m/s",
-            float(np.hypot(along_limit[k], limit[k]))))
+        faults.append(
+            Fault(
+                KIND,
+                "estimator",
+                tuple(stream.columns[stream.index(q)] for q in POSITION),
+                start,
+                float(min(t[back], start + LONGEST_S)),
+                float(step[k]),
+                "m",
+                f"the estimated position leaps by {step[k]:.2f} m at {start:.2f} s at {speed[at[k]]:.2f} m/s",
+                float(np.hypot(along_limit[k], limit[k])),
+            )
+        )
     return faults

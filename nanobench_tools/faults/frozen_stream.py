@@ -3,9 +3,10 @@
 Found by rows that equal the row before exactly. Streams with noise (IMU, estimates) repeat a packet now and then when
 the estimator had nothing new: up to 0.09 s in 72 real flights, so 0.15 s is the limit. Commands count only where they
 cannot rightly stand (``content.tails.holds_still_rightly``: motors in between 0 and full, requests of an active
-controller); a held setpoint is no fault and its freezing cannot be seen. Single columns are looked at where a sensor's
-or estimate's step is far below its noise (IMU, estimated position, velocity, acceleration). The motion capture's
-repeated poses are ``mocap_occlusion``; standing still to the end is ``dead_stream``.
+controller); a held setpoint is no fault and its freezing cannot be seen, and on a thrust stand everything may. Single
+columns are looked at where a sensor's or estimate's step is far below its noise (IMU, estimated position, velocity,
+acceleration). The motion capture's repeated poses are ``mocap_occlusion``; standing still to the end is
+``dead_stream``.
 
 Size: seconds. Smallest found: 0.15 s; battery 3 s.
 """
@@ -30,7 +31,9 @@ OTHERS = ("attitude", "attitude_qw", "motor", "motor_request", "rpm", "pid", "co
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per frozen stretch of a stream."""
-    faults = []
+    faults: list[Fault] = []
+    if not any(name in flight for name in ("mocap", "imu", "estimator")):
+        return faults  # nothing flies
     for name, packets in context.once(packets_of).items():
         if name not in NEVER_STILL + OTHERS:
             continue
@@ -55,6 +58,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             if columns == stream.columns and holds_still_rightly(name, stream, slice(a - 1, b)):
                 continue
             what = "all columns" if len(columns) == len(stream.columns) else ", ".join(columns)
-            faults.append(Fault(KIND, name, columns, start, stop, stop - start, "s",
-                                f"{what} of {name} repeat one value in {b - a + 1} rows, {stop - start:.2f} s", shortest))
+            faults.append(
+                Fault(
+                    KIND,
+                    name,
+                    columns,
+                    start,
+                    stop,
+                    stop - start,
+                    "s",
+                    f"{what} of {name} repeat one value in {b - a + 1} rows, {stop - start:.2f} s",
+                    shortest,
+                )
+            )
     return faults

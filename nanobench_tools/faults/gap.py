@@ -1,9 +1,10 @@
 """gap: no sample of a stream for a while.
 
 Found in two ways. Resampled streams: rows on a straight chord that moves (kink test) between two packets further apart
-than 0.1 s, or than 10 of its usual packet intervals if the stream is slower than 50 Hz (equal readings hide packets). Streams with stamps of their
-own: stamps that far apart. For the motion capture: frames further apart than 0.05 s (single frames are lost
-ordinarily, 20-40 ms). When the rows of a table are missing, they are missing for each of its streams.
+than 0.1 s, or than 10 of its usual packet intervals if the stream is slower than 50 Hz (equal readings hide packets).
+Streams with stamps of their own: stamps that far apart. For the motion capture: frames further apart than 0.05 s
+(single frames are lost ordinarily, 20-40 ms), or, where poses came irregularly, than 2.5 times the step that 95 % of
+them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
 A setpoint that is planned as a straight line is a straight chord by right, so setpoints are judged only beyond 0.25 s
 and only if most rows of the half second on either side bend (as those of a curved path streamed at 100 Hz do).
@@ -18,7 +19,7 @@ import numpy as np
 
 from ..content.context import Context
 from ..content.packets import packets_of
-from ..content.rows import runs, typical_step_s, usable_streams
+from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
 
@@ -32,12 +33,16 @@ SHORTEST_SETPOINT_S = 0.25
 def shortest_s(name: str, interval_s: float) -> float:
     """The shortest gap reported for a stream whose packets come every ``interval_s``."""
     at_least = {"mocap": SHORTEST_MOCAP_S, "setpoint": SHORTEST_SETPOINT_S}.get(name, SHORTEST_S)
-    return max(at_least, 10.0 * interval_s if interval_s > 0.02 else 5.0 * interval_s) if np.isfinite(interval_s) else at_least
+    return (
+        max(at_least, 10.0 * interval_s if interval_s > 0.02 else 5.0 * interval_s)
+        if np.isfinite(interval_s)
+        else at_least
+    )
 
 
 def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
     """Whether most rows of the 50 before row ``a`` and of the 50 from row ``b`` on are bent."""
-    before, after = straight[max(a - 50, 0):a], straight[b:b + 50]
+    before, after = straight[max(a - 50, 0) : a], straight[b : b + 50]
     return len(before) > 10 and len(after) > 10 and max(before.mean(), after.mean()) < 0.5
 
 
@@ -52,16 +57,30 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         found: set[tuple[float, float]] = set()
         t = stream.time_s
         step = typical_step_s(t)
-        for i in np.flatnonzero(np.diff(t) > max(shortest, 2.5 * step)):
+        shortest = max(shortest, 2.5 * usual_step_s(t))
+        for i in np.flatnonzero(np.diff(t) > shortest):
             found.add((float(t[i]), float(t[i + 1])))
         if name != "mocap":
             end = context.once(alive_until)[name]
             for a, b in runs(packets[name].straight & ~packets[name].still):
-                if t[b] - t[a - 1] > shortest + 0.5 * step and t[b] <= end + 1e-9 and (
-                        name != "setpoint" or _bends_around(packets[name].straight, a, b)):
+                if (
+                    t[b] - t[a - 1] > shortest + 0.5 * step
+                    and t[b] <= end + 1e-9
+                    and (name != "setpoint" or _bends_around(packets[name].straight, a, b))
+                ):
                     found.add((float(t[a - 1]), float(t[b])))
         for start, stop in sorted(found):
-            faults.append(Fault(KIND, name, stream.columns, start, stop, stop - start, "s",
-                                f"no sample of {name} for {stop - start:.3f} s; usual is one in {packets[name].interval_s:.3f} s",
-                                shortest))
+            faults.append(
+                Fault(
+                    KIND,
+                    name,
+                    stream.columns,
+                    start,
+                    stop,
+                    stop - start,
+                    "s",
+                    f"no sample of {name} for {stop - start:.3f} s; usual is one in {packets[name].interval_s:.3f} s",
+                    shortest,
+                )
+            )
     return faults

@@ -23,6 +23,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         stream = flight.streams[name]
         share = 1.0 - rate.samples / len(stream) if len(stream) else 0.0
         if share > SMALLEST:
-            faults.append(Fault(KIND, name, stream.columns, stream.span.start_s, stream.span.end_s, share, "1",
-                                f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second", SMALLEST))
+            faults.append(
+                Fault(
+                    KIND,
+                    name,
+                    stream.columns,
+                    stream.span.start_s,
+                    stream.span.end_s,
+                    share,
+                    "1",
+                    f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second",
+                    SMALLEST,
+                )
+            )
     return faults

@@ -8,12 +8,22 @@ from collections.abc import Iterable
 from ..flight import Fault, Flight
 
 
-def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] | None, size: float, unit: str, evidence: str,
-                minimum_detectable: float = math.nan) -> Fault:
+def over_stream(
+    kind: str,
+    flight: Flight,
+    name: str,
+    quantities: Iterable[str] | None,
+    size: float,
+    unit: str,
+    evidence: str,
+    minimum_detectable: float = math.nan,
+) -> Fault:
     """A fault from the first to the last row of a stream; ``quantities`` None means all its columns."""
     stream = flight[name]
     columns = stream.columns if quantities is None else tuple(stream.columns[stream.index(q)] for q in quantities)
-    return Fault(kind, name, columns, stream.span.start_s, stream.span.end_s, float(size), unit, evidence, minimum_detectable)
+    return Fault(
+        kind, name, columns, stream.span.start_s, stream.span.end_s, float(size), unit, evidence, minimum_detectable
+    )
 
 
 def findings(flight: Flight, kind: str) -> list[Fault]:

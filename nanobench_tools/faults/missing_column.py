@@ -19,12 +19,23 @@ from .making import findings
 KIND = "missing_column"
 
 VECTORS = {
-    "mocap": (("px", "py", "pz"), ("qx", "qy", "qz", "qw"), ("vx", "vy", "vz"), ("wx", "wy", "wz"), ("roll", "pitch", "yaw")),
+    "mocap": (
+        ("px", "py", "pz"),
+        ("qx", "qy", "qz", "qw"),
+        ("vx", "vy", "vz"),
+        ("wx", "wy", "wz"),
+        ("roll", "pitch", "yaw"),
+    ),
     "imu": (("acc_x", "acc_y", "acc_z"), ("gyro_x", "gyro_y", "gyro_z")),
-    "motor": (("m1", "m2", "m3", "m4"),), "motor_request": (("m1", "m2", "m3", "m4"),), "rpm": (("m1", "m2", "m3", "m4"),),
-    "estimator": (("x", "y", "z"), ("vx", "vy", "vz")), "estimator_acc": (("ax", "ay", "az"),),
-    "attitude": (("roll", "pitch", "yaw"),), "attitude_qw": (("qx", "qy", "qz", "qw"),),
-    "setpoint": (("x", "y", "z", "yaw"),), "pid": (("roll", "pitch", "yaw", "cmd_thrust"),),
+    "motor": (("m1", "m2", "m3", "m4"),),
+    "motor_request": (("m1", "m2", "m3", "m4"),),
+    "rpm": (("m1", "m2", "m3", "m4"),),
+    "estimator": (("x", "y", "z"), ("vx", "vy", "vz")),
+    "estimator_acc": (("ax", "ay", "az"),),
+    "attitude": (("roll", "pitch", "yaw"),),
+    "attitude_qw": (("qx", "qy", "qz", "qw"),),
+    "setpoint": (("x", "y", "z", "yaw"),),
+    "pid": (("roll", "pitch", "yaw", "cmd_thrust"),),
 }
 """What belongs together in every source."""
 
@@ -37,16 +48,30 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         if name not in flight or name in told:
             continue
         stream = flight[name]
-        empty = {q for q, k in zip(stream.quantities, range(stream.values.shape[1]), strict=True)
-                 if len(stream) and not np.isfinite(stream.values[:, k]).any()}
+        empty = {
+            q
+            for q, k in zip(stream.quantities, range(stream.values.shape[1]), strict=True)
+            if len(stream) and not np.isfinite(stream.values[:, k]).any()
+        }
         there = set(stream.quantities) - empty
         missing = tuple(q for vector in vectors if there & set(vector) for q in vector if q not in there)
         # a stream of which nothing is left but what stands alone was never recorded
         if missing:
             span = stream.span
             columns = _column_names(name, stream, missing)
-            faults.append(Fault(KIND, name, columns, span.start_s, span.end_s, float(len(missing)), "columns",
-                                f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}", 1.0))
+            faults.append(
+                Fault(
+                    KIND,
+                    name,
+                    columns,
+                    span.start_s,
+                    span.end_s,
+                    float(len(missing)),
+                    "columns",
+                    f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}",
+                    1.0,
+                )
+            )
     return faults
 
 

@@ -1,17 +1,18 @@
 """mocap_occlusion: the tracker lost sight of the vehicle and its rows were filled.
 
-Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames
-(kink test); a tracker's noise allows neither. Frames that are missing altogether are a ``gap`` of the motion capture.
+Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (kink
+test); a tracker's noise allows neither. Frames that are missing altogether are a ``gap`` of the motion capture.
 Standing still to the end of the recording is ``dead_stream``.
 
-Size: seconds between the true poses on either side. Smallest found: 0.05 s.
+Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5 usual steps where poses are rarer than
+50 Hz), two rows.
 """
 
 from __future__ import annotations
 
 from ..content.context import Context
 from ..content.filled import POSITION, ROTATION, filled_poses
-from ..content.rows import runs, typical_step_s, usable_streams
+from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
 
@@ -26,14 +27,26 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     if filled is None:
         return []
     stream = context.once(usable_streams)["mocap"]
-    t, step, end = stream.time_s, typical_step_s(stream.time_s), context.once(alive_until)["mocap"]
+    t, end = stream.time_s, context.once(alive_until)["mocap"]
+    step, shortest = typical_step_s(t), max(SHORTEST_S, 2.5 * usual_step_s(t))
     columns = tuple(stream.columns[stream.index(q)] for q in POSITION + ROTATION if q in stream.quantities)
     how = (("are no numbers", filled.lost), ("repeat one pose", filled.same), ("lie on a straight line", filled.drawn))
     faults = []
     for what, flags in how:
         for a, b in runs(flags):
             start, stop = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
-            if stop - start >= SHORTEST_S + 0.5 * step and start < end:
-                faults.append(Fault(KIND, "mocap", columns, start, stop, stop - start, "s",
-                                    f"{b - a} poses {what} from {start:.2f} to {stop:.2f} s", SHORTEST_S))
+            if stop - start >= shortest + 0.5 * step and b - a > 1 and start < end:
+                faults.append(
+                    Fault(
+                        KIND,
+                        "mocap",
+                        columns,
+                        start,
+                        stop,
+                        stop - start,
+                        "s",
+                        f"{b - a} poses {what} from {start:.2f} to {stop:.2f} s",
+                        shortest,
+                    )
+                )
     return faults

@@ -27,5 +27,16 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     motor = flight.streams.get("motor")
     ran = motor is not None and bool(np.any(np.nan_to_num(motor.values) > 0.0))
     motors = "" if motor is None else "; motors ran" if ran else "; motors never ran"
-    return [Fault(KIND, "", (), flight.span.start_s, flight.span.end_s, top, "m",
-                  f"never more than {100 * top:.1f} cm above the ground{motors}", HEIGHT_M)]
+    return [
+        Fault(
+            KIND,
+            "",
+            (),
+            flight.span.start_s,
+            flight.span.end_s,
+            top,
+            "m",
+            f"never more than {100 * top:.1f} cm above the ground{motors}",
+            HEIGHT_M,
+        )
+    ]

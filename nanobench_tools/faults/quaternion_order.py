@@ -24,7 +24,15 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for name, order in context.once(quaternion_orders).items():
         if order.name == "x, y, z, w":
             continue
-        faults.append(over_stream(
-            KIND, flight, name, STREAMS[name], order.upright, "1",
-            f"as x, y, z, w the vehicle's mean cosine of tilt is {order.upright:.2f}, as {order.name} {order.fitting:.2f}"))
+        faults.append(
+            over_stream(
+                KIND,
+                flight,
+                name,
+                STREAMS[name],
+                order.upright,
+                "1",
+                f"read as x, y, z, w the mean cosine of tilt is {order.upright:.2f}, as {order.name} {order.fitting:.2f}",
+            )
+        )
     return faults

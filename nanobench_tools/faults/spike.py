@@ -1,10 +1,10 @@
 """spike: one sample (up to three rows, since interpolation spreads it) that sticks out and is gone again.
 
 Found as the distance of a row from the median of the seven rows around it. A spike is farther off than the vehicle can
-get in 30 ms (``content.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's leaps of up to 70 ms
-for estimates) and more than 12 times the median distance of the rows within half a second (noise of this very
-place). Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m of the ground from take-off on, where
-true shocks look the same. Motors, requests and setpoints may leap by right. One entry per spike.
+get in 30 ms (``content.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's
+leaps of up to 70 ms for estimates) and more than 12 times the median distance of the rows within half a second (noise
+of this very place). Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m of the ground from
+take-off on, where true shocks look the same. Motors, requests and setpoints may leap by right. One entry per spike.
 
 Size: distance, in the unit of the column. Smallest found: the larger of the two limits.
 """
@@ -30,7 +30,18 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         t = stream.time_s
         start, end = float(t[max(first - 1, 0)]), float(t[min(last + 1, len(t) - 1)])
         names = tuple(stream.columns[c] for c in columns)
-        faults.append(Fault(KIND, name, names, start, end, float(distance[strongest]), stream.unit[k],
-                            f"{stream.columns[k]} is {distance[strongest]:.3g} {stream.unit[k]} off its neighbours in "
-                            f"{last - first + 1} row(s) at {t[first]:.3f} s", float(limits[strongest])))
+        faults.append(
+            Fault(
+                KIND,
+                name,
+                names,
+                start,
+                end,
+                float(distance[strongest]),
+                stream.unit[k],
+                f"{stream.columns[k]} is {distance[strongest]:.3g} {stream.unit[k]} off its neighbours in "
+                f"{last - first + 1} row(s) at {t[first]:.3f} s",
+                float(limits[strongest]),
+            )
+        )
     return faults

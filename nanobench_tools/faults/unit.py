@@ -22,5 +22,7 @@ KIND = "unit"
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per group of columns."""
-    return [over_stream(KIND, flight, wrong.stream, wrong.quantities, wrong.factor, "1", wrong.evidence, FACTOR)
-            for wrong in context.once(wrong_units)]
+    return [
+        over_stream(KIND, flight, wrong.stream, wrong.quantities, wrong.factor, "1", wrong.evidence, FACTOR)
+        for wrong in context.once(wrong_units)
+    ]
