@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import Controller, Estimator, Predictor
-from nanobench_tools.practice.flying import fly
-from nanobench_tools.practice.references import path_spec
+from nanobench_tools.sources.discover import load_recordings
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "references"
 COMMAND = str(Path(sys.executable).with_name("nanobench"))
@@ -58,7 +57,7 @@ def way(request, tmp_path):
 def test_an_own_estimator_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("estimators")
     done = nanobench("estimate", "--protocol", "clean", "--method", name, "--data", recordings, "--json", "e.json",
-                     "--jobs", 2, path=path, cwd=cwd)
+                     "--jobs", 1, path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "e.json").read_text())["rows"]
     assert {row["method"] for row in rows} == {"gyro_and_line"}
@@ -67,22 +66,25 @@ def test_an_own_estimator_is_scored(way, recordings, tmp_path):
 
 def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("predictors")
-    done = nanobench("sysid", "--method", name, "--data", recordings, "--json", "s.json", "--jobs", 2,
+    done = nanobench("sysid", "--method", name, "--data", recordings, "--json", "s.json", "--jobs", 1,
                      path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "s.json").read_text())["rows"]
     assert "straight_on" in {row["model"] for row in rows}
 
 
-def test_an_own_controller_flies(monkeypatch):
-    monkeypatch.syspath_prepend(EXAMPLES)
-    from own_controller import TiltAndTurn
-
-    flown = fly(TiltAndTurn(), [path_spec("circle", "slow", duration_s=5.0)], seed=1)
-    error = np.linalg.norm(flown.truth["position_m"][:, 0] - flown.messages["setpoint"][:, 0, :3], axis=1)
-    streamed = (flown.time_s > 8.0) & (flown.time_s < 12.0)
-    assert error[streamed].max() < 0.8
-    assert flown.truth["position_m"][streamed, 0, 2].min() > 0.7
+def test_an_own_controller_flies(way):
+    name, path, cwd = way("controllers")
+    done = nanobench("simulate", "--controller", name, "--flights", 1, "--family", "circle", "--speed", "slow",
+                     "--duration", 5, "--out", "flown", path=path, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    flight = load_recordings([cwd / "flown"]).flights[0]
+    assert flight.provenance.synthetic
+    mocap, setpoint = flight["mocap"], flight["setpoint"]
+    streamed = (mocap.time_s > 8.0) & (mocap.time_s < 11.0)
+    error = mocap["px", "py", "pz"] - setpoint.interpolate(("x", "y", "z"), mocap.time_s)
+    assert np.linalg.norm(error, axis=1)[streamed].max() < 0.8
+    assert mocap["pz"][streamed].min() > 0.7
 
 
 def test_the_examples_are_short_and_are_what_they_claim(monkeypatch):

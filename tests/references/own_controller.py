@@ -1,6 +1,6 @@
 """A controller of one's own: tilt towards where the position is wanted, turn the body there, hold the yaw.
 
-    nanobench simulate --controller own_controller:TiltAndTurn --out practice
+    nanobench simulate --controller own_controller:TiltAndTurn --out flown
 """
 
 import numpy as np
