@@ -12,7 +12,7 @@ RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
 
 
 @click.command()
-@shared_options("json", "scheduler", "seed")
+@shared_options("json", "scheduler", "seed", "clock")
 def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 

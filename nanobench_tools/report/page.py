@@ -44,6 +44,8 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     if "audit" not in results and entries:
         results = {**results, "audit": {"flights": list(entries.values()), "copies": []}}
     label = "SYNTHETIC" if synthetic else ""
+    if synthetic:
+        results = {name: without_published(body) for name, body in results.items()}
     tables = tables_of(results, synthetic)
     write_tables(out_dir, tables, label)
     recordings = [payload(flight, entries.get(flight.name) or by_content.get(flight.provenance.sha256))
@@ -62,13 +64,14 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
                               lstrip_blocks=True, undefined=StrictUndefined)
     environment.globals.update(view=table_view, breakable=breakable, dash=DASH)
     library = plotly_source()
-    overview = {"task1": pictures.task1(results.get("sysid")), "task3": pictures.task3(results.get("estimate")),
+    overview = {"task1": pictures.task1(results.get("sysid")),
+                "task3": pictures.task3(results.get("estimate"), words.way(bool(label))),
                 "clocks": pictures.clocks(results.get("audit"))}
     return environment.get_template("report.html").render(
         label=label, sections=SECTIONS, subtitles=SUBTITLES, version=__version__, library=library,
         css=_template("report.css"), scripts=[_template(name) for name in SCRIPTS],
-        words={"overview": words.overview(results), "task1": words.task1(results), "task2": words.task2(results),
-               "task3": words.task3(results)},
+        words={"overview": words.overview(results), "task1": words.task1(results),
+               "task2": words.task2(results, bool(label)), "task3": words.task3(results, bool(label))},
         tables={section: [t.for_readers() for t in tables if t.name.startswith(stem)] for section, stem in
                 (*((task, f"table_{task}") for task in ("task1", "task2", "task3", "thrust")),
                  ("audit", "audit_flights"))},
@@ -76,6 +79,13 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
         matrix=pictures.fault_matrix(results.get("audit")), recordings=[safe_json(r) for r in recordings],
         names=[r["name"] for r in recordings], default=default_recording(recordings, entries),
         failed=failures(results), manifest=manifest_lines(results))
+
+
+def without_published(body: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A result without the published table's values: beside simulated flights they would compare nothing."""
+    if "rows" not in body:
+        return body
+    return {**body, "rows": [{k: v for k, v in row.items() if k != "published"} for row in body["rows"]]}
 
 
 def _template(name: str) -> Markup:

@@ -42,14 +42,15 @@ def task1(sysid: Mapping[str, Any] | None) -> dict[str, Any]:
     return {"panels": panels, "truth": truth}
 
 
-def task3(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
-    """ATE of every recording by speed, as published and clean; means with intervals where only these are known."""
+def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> dict[str, Any]:
+    """ATE of every recording by speed, as published (called ``first``) and corrected; means with intervals where only
+    these are known."""
     body = estimate or {}
     protocols = {r.get("protocol") for r in body.get("rows") or []}
     corrected = CORRECTED if CORRECTED in protocols else "clean"
     method = next((r.get("method") for r in body.get("rows") or [] if r.get("protocol") == PUBLISHED), None)
     sets = []
-    for protocol, name in ((PUBLISHED, "as published"), (corrected, "corrected")):
+    for protocol, name in ((PUBLISHED, first), (corrected, "corrected")):
         points, means = [], []
         for item in body.get("per_flight") or []:
             value = number((item.get("metrics") or {}).get("ate_rmse_m"))

@@ -174,7 +174,7 @@ def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
     rows = estimate.get("rows", [])
     protocols = list(dict.fromkeys(str(row.get("protocol")) for row in rows))
     sets = [(name, title, chosen, known) for name, title, chosen, known in (
-        ("table_task3", "Task 3: the published recordings, as published and corrected",
+        ("table_task3", "Task 3: the published protocol, and the same recordings corrected",
          [p for p in (PUBLISHED, CORRECTED) if p in protocols], PUBLISHED_METRICS),
         *((f"table_task3_{p.replace('-', '_')}", TITLES.get(p, f"Task 3: {p}"), [p], ESTIMATE_METRICS)
           for p in protocols if p not in (PUBLISHED, CORRECTED))) if chosen]

@@ -30,6 +30,8 @@ def overview(results: Results) -> Words:
              + (f", {format_duration(sum(lengths))} in all" if lengths else "")
              + f"; {len(flown)} leave the ground and fly for {format_duration(airborne)}."]
     copies = _copies(results)
+    slices = max((sum(str(entry.get("reason")).startswith("slice of") for entry in body.get("left_out") or [])
+                  for body in results.values()), default=0)
     lost = [seconds for f in flights if (seconds := lost_in_the_air(f)) > 0]
     found: dict[str, int] = {}
     for flight in flights:
@@ -39,9 +41,11 @@ def overview(results: Results) -> Words:
         lines.append(f"In {_count(len(lost), 'recording')} the log of a stream ends while the vehicle is in the air, "
                      f"{format_duration(sum(lost))} before it lands in all; the file goes on with rows that no sensor "
                      "sent, and these are cut.")
-    if copies:
-        lines.append(f"{_count(copies, 'recording is a copy', 'recordings are copies')} of another; each counts once "
-                     "in the corrected tables.")
+    repeats = " and ".join(filter(None, (copies and _count(copies, "copy", "copies"),
+                                         slices and _count(slices, "slice"))))
+    if repeats:
+        lines.append(f"Among the recordings are {repeats} of others; what they repeat counts once in the corrected "
+                     "tables.")
     if found:
         kinds = ", ".join(f"{kind} in {n}" for kind, n in sorted(found.items(), key=lambda item: (-item[1], item[0])))
         lines.append(f"Faults by number of recordings: {kinds}.")
@@ -69,7 +73,7 @@ def task1(results: Results) -> Words:
             text += f", against {_show('position_mae_m', naive)} of a model that stands still"
         lines.append(text + ".")
     points = [point for row in _one_truth(mine) for point in _published_task1(row)]
-    return [*lines, points] if points else lines
+    return [*lines, *([points] if points else []), *_notes(sysid, "split")]
 
 
 def _published_task1(row: Mapping[str, Any]) -> list[str]:
@@ -92,7 +96,7 @@ def _published_task1(row: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def task2(results: Results) -> Words:
+def task2(results: Results, synthetic: bool = False) -> Words:
     """Controllers on logged flights: as published against corrected, and the plant's error bar."""
     control = results.get("control")
     if not control or not (control.get("rows") or control.get("gate")):
@@ -104,12 +108,12 @@ def task2(results: Results) -> Words:
                      "controllers.")
     pairs = _pairs_by_flights(rows)
     if pairs:
-        lines.append("The published rows count take-off, landing and the wait on the ground as tracking, go on after "
-                     "a log has ended, and subtract headings in different units (degrees taken as radians); the "
+        lines.append("The published protocol counts take-off, landing and the wait on the ground as tracking, goes on "
+                     "after a log has ended, and subtracts headings in different units (degrees taken as radians); the "
                      "corrected rows hold the streamed trajectory only, in one unit.")
     points = []
     for before, after in pairs:
-        parts = [_change(metric, before, after)
+        parts = [_change(metric, before, after, way(synthetic))
                  for metric in ("rmse_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent")]
         points.append(f"{_named(before.get('controller'))}: " + "; ".join(filter(None, parts)) + ".")
     if points:
@@ -119,10 +123,10 @@ def task2(results: Results) -> Words:
         passed = sum(bool(g.get("pass")) for g in gate)
         lines.append(f"The simulated plant passes its gate on {passed} of {len(gate)} logged flights; the gap stands "
                      "beside every simulated number as its error bar.")
-    return lines or [ABSENT]
+    return [*lines, *_notes(control, "gate_note")]
 
 
-def task3(results: Results) -> Words:
+def task3(results: Results, synthetic: bool = False) -> Words:
     """The onboard estimate: as published against corrected, with the reasons found in the data."""
     estimate = results.get("estimate")
     if not estimate or not estimate.get("rows"):
@@ -132,7 +136,7 @@ def task3(results: Results) -> Words:
     flights = {f.get("flight"): f for f in (results.get("audit") or {}).get("flights") or []}
     points = []
     for (_, group), before, after in _pairs(rows):
-        parts = [_change(metric, before, after) for metric in ("ate_rmse_m", "attitude_rmse_deg")]
+        parts = [_change(metric, before, after, way(synthetic)) for metric in ("ate_rmse_m", "attitude_rmse_deg")]
         text = f"{group.capitalize()}: " + "; ".join(filter(None, parts))
         names = [n for n in before.get("flights") or [] if n in flights]
         dead = sum(lost_in_the_air(flights[n]) > 0 for n in names)
@@ -146,10 +150,24 @@ def task3(results: Results) -> Words:
     if points:
         lines.append(points)
     if any(row.get("protocol") == PUBLISHED for row in rows):
-        lines.append("The published attitude error is a difference between degrees and radians, with the pitch of the "
-                     "firmware (nose up positive) against that of the motion capture (nose down positive); the "
-                     "corrected one is in one unit and one sign.")
-    return lines
+        lines.append("The attitude error of the published protocol is a difference between degrees and radians, with "
+                     "the pitch of the firmware (nose up positive) against that of the motion capture (nose down "
+                     "positive); the corrected one is in one unit and one sign.")
+    return [*lines, *_notes(estimate)]
+
+
+def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:
+    """Sentences of the result file itself, and how many recordings are in no row, by reason."""
+    said = [f"{text[:1].upper()}{text[1:]}." for key in keys if (text := str(body.get(key) or "").rstrip("."))]
+    reasons: dict[str, int] = {}
+    for entry in body.get("left_out") or []:
+        reason = str(entry.get("reason"))
+        kind = next((f"{kind} another" for kind in ("copy of", "slice of") if reason.startswith(kind)), reason)
+        reasons[kind] = reasons.get(kind, 0) + 1
+    if reasons:
+        kinds = "; ".join(f"{n} ({kind})" for kind, n in sorted(reasons.items(), key=lambda item: -item[1]))
+        said.append(f"In no row: {_count(sum(reasons.values()), 'recording')}, {kinds}.")
+    return said
 
 
 def _pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[tuple, Mapping[str, Any], Mapping[str, Any]]]:
@@ -179,7 +197,12 @@ def _pairs_by_flights(rows: Sequence[Mapping[str, Any]]) -> list[tuple[Mapping[s
     return found
 
 
-def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+def way(synthetic: bool) -> str:
+    """How the first of two numbers was found: simulated flights were never published."""
+    return "by the published protocol" if synthetic else "as published"
+
+
+def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any], found: str) -> str:
     a, b = (_mean((row.get("statistics") or row.get("metrics") or {}).get(metric)) for row in (before, after))
     if a is None or b is None:
         return ""
@@ -187,7 +210,7 @@ def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any]) ->
     if abs(a - b) <= ALIKE * max(abs(a), abs(b)):
         return f"{name} {_show(metric, b)}, unchanged by the correction"
     off = f" ({_times(a, b)})" if b > 0 else ""
-    return f"{name} {_show(metric, a)} as published, {_show(metric, b)} corrected{off}"
+    return f"{name} {_show(metric, a)} {found}, {_show(metric, b)} corrected{off}"
 
 
 def _compared(theirs: float, ours: float) -> str:

@@ -60,6 +60,8 @@ def test_real_data_never_carry_the_label_and_simulated_ones_everywhere(real, tmp
     assert len(read.captions) > 15
     assert all(caption.startswith("SYNTHETIC ") for caption in read.captions)
     assert all("SYNTHETIC" in table.read_text() for table in tmp_path.glob("*.tex"))
+    assert "(published)" in real.read_text("utf-8")
+    assert "(published)" not in text
 
 
 def test_the_tables_are_beside_the_page(real):

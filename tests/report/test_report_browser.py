@@ -69,6 +69,11 @@ class Page:
     def wait(self):
         self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
 
+    def choose(self, name):
+        self.page.select_option("#chosen", label=name)
+        self.wait()
+        return self
+
     def ink(self, picture):
         """How many marks a picture has: drawn paths with a length, or pixels of its canvas that are not empty."""
         return self.page.evaluate("""id => {
@@ -109,6 +114,16 @@ def opened(browser, path):
         assert trouble == []
 
 
+@pytest.fixture(scope="module")
+def desk(browser, path):
+    """One page for the tests that leave nothing behind another could trip over."""
+    page = Page(browser, path)
+    yield page
+    trouble = list(page.trouble)
+    page.context.close()
+    assert trouble == []
+
+
 @pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
 def test_everything_is_drawn_and_fits_the_width(opened, size, scheme):
     page = opened(size=size, color_scheme=scheme, has_touch=size == PHONE)
@@ -120,8 +135,8 @@ def test_everything_is_drawn_and_fits_the_width(opened, size, scheme):
     assert not {"nan", "undefined", "null"} & set(texts)
 
 
-def test_every_axis_says_its_unit(opened):
-    page = opened()
+def test_every_axis_says_its_unit(desk):
+    page = desk.choose("loop one")
     titles = page.page.evaluate("""() => [...document.querySelectorAll(".plot")].flatMap(p => {
         const l = p._fullLayout;
         const axes = l.scene ? [l.scene.xaxis, l.scene.yaxis, l.scene.zaxis] :
@@ -132,11 +147,10 @@ def test_every_axis_says_its_unit(opened):
     assert [t for t in titles if not t[1].endswith("]") and t[2] != "names"] == []
 
 
-def test_the_chooser_changes_every_picture(opened):
-    page = opened()
+def test_the_chooser_changes_every_picture(desk):
+    page = desk.choose("loop one")
     before = {picture: page.curve(picture) for picture in ("space", "plane")}
-    page.page.select_option("#chosen", label="loop two")
-    page.wait()
+    page.choose("loop two")
     assert page.page.url.endswith("#flight=loop%20two")
     assert all(page.curve(picture) != x for picture, x in before.items())
     assert page.page.get_attribute("#plot-space", "data-shows") == "1"
@@ -151,23 +165,21 @@ def test_a_recording_without_battery_and_mocap_draws_what_it_has_and_says_the_re
     assert "no truth to compare with" in page.page.inner_text("#fig-errors")
     assert page.ink("motors") > 1
     assert page.ink("plane") > 1
-    page.page.select_option("#chosen", label="loop one")
-    page.wait()
+    page.choose("loop one")
     assert page.ink("battery") > 1
     assert page.ink("errors") > 1
 
 
-def test_a_name_full_of_traps_is_only_a_name(opened):
-    page = opened()
-    page.page.select_option("#chosen", label=NASTY)
-    page.wait()
+def test_a_name_full_of_traps_is_only_a_name(desk):
+    page = desk.choose("loop one")
+    page.choose(NASTY)
     assert page.page.input_value("#chosen") == "2"
     assert NASTY in page.page.inner_text("table.matrix").replace("\n", "")
     assert page.ink("clocks") > 1
 
 
-def test_a_touched_heading_sorts_the_table(opened):
-    page = opened()
+def test_a_touched_heading_sorts_the_table(desk):
+    page = desk.choose("loop one")
     button = page.page.locator("table.matrix thead button").first
     first = "table.matrix tbody tr:first-child th"
     button.click()
@@ -177,8 +189,8 @@ def test_a_touched_heading_sorts_the_table(opened):
     assert page.page.get_attribute("table.matrix thead th:first-child", "aria-sort") == "descending"
 
 
-def test_a_legend_name_hides_its_curve_and_zoom_is_shared(opened):
-    page = opened()
+def test_a_legend_name_hides_its_curve_and_zoom_is_shared(desk):
+    page = desk.choose("loop one")
     page.page.locator("#fig-motors .legend button").first.click()
     assert page.page.evaluate("document.getElementById('plot-motors').data[0].visible") is False
     page.page.evaluate("Plotly.relayout('plot-battery', {'xaxis.range': [3, 4]})")

@@ -40,8 +40,25 @@ def test_task1_reads_the_published_thrust_error_from_the_published_numbers(resul
 def test_overview_counts(results):
     text = flat(words.overview(results))
     assert "2 recordings, 40.0 s in all; 2 leave the ground and fly for 32.0 s." in text
-    assert "1 recording is a copy" in text
+    assert "Among the recordings are 1 copy of others" in text
+    left = {"left_out": [{"flight": "x", "reason": "slice of y"}, {"flight": "z", "reason": "slice of y"}]}
+    assert "1 copy and 2 slices of others" in flat(words.overview({**results, "control": left}))
     assert "dead_stream in 2, spike in 2" in text
+
+
+def test_simulated_flights_were_never_published(results):
+    text = flat(words.task3(results, synthetic=True))
+    assert "ATE RMSE 400.0 mm by the published protocol, 40.0 mm corrected" in text
+    assert "as published" not in text
+
+
+def test_recordings_in_no_row_are_counted_by_reason(results):
+    reasons = ["copy of a", "copy of b", "slice of a", "never in the air"]
+    left = [{"flight": str(i), "reason": reason} for i, reason in enumerate(reasons)]
+    body = {**results["estimate"], "left_out": left}
+    assert words.task3({"estimate": body})[-1] == (
+        "In no row: 4 recordings, 2 (copy of another); 1 (slice of another); 1 (never in the air).")
+    assert words.task2({"control": {**results["control"], "gate_note": "no gate yet"}})[-1] == "No gate yet."
 
 
 def test_absent_results_are_said_in_one_sentence():

@@ -47,6 +47,10 @@ nanobench.overview = (() => {
   function task3(data) {
     return c => {
       const palette = [c.red, c.blue];
+      const all = data.sets.flatMap(s => [...s.points.map(p => p.mm), ...s.means.flatMap(m => [m.mm, m.low || m.mm, m.high || m.mm])]);
+      const range = [Math.log10(Math.min(...all)) - 0.25, Math.log10(Math.max(...all)) + 0.25];
+      const tall = 380;
+      const up = pixels => 10 ** (pixels * (range[1] - range[0]) / (tall - 52)); // a factor on the logarithmic axis
       const traces = [];
       const legend = [];
       data.sets.forEach((set, i) => {
@@ -64,16 +68,14 @@ nanobench.overview = (() => {
             arrayminus: set.means.map(m => (m.low === null ? 0 : Math.min(m.mm - m.low, 0.95 * m.mm))) },
           hovertemplate: `${set.name}: mean %{y:.1f} mm<extra></extra>` },
         { x: set.means.map(m => at(m.group)), mode: "text", hoverinfo: "skip", textposition: i ? "bottom center" : "top center",
-          y: set.means.map(m => (i ? Math.min(m.low || m.mm, m.mm / 1.2) : Math.max(m.high || m.mm, m.mm * 1.2))),
+          y: set.means.map(m => (i ? Math.min((m.low || m.mm) / up(3), m.mm / up(9)) : Math.max((m.high || m.mm) * up(3), m.mm * up(9)))),
           text: set.means.map(m => `<b>${m.mm.toFixed(1)}</b>`), textfont: { color: palette[i] } });
         legend.push({ name: set.name, colour: palette[i], shape: i ? "mark" : "square",
           traces: traces.map((_, k) => k).filter(k => k >= first) });
       });
-      const all = data.sets.flatMap(s => [...s.points.map(p => p.mm), ...s.means.flatMap(m => [m.mm, m.low || m.mm, m.high || m.mm])]);
-      const range = [Math.log10(Math.min(...all)) - 0.25, Math.log10(Math.max(...all)) + 0.25];
-      return { traces, legend, height: 380, layout: layout(c, {
+      return { traces, legend, height: tall, layout: layout(c, {
         xaxis: axis(c, "speed", { tickvals: data.groups.map((_, i) => i), ticktext: data.groups, range: [-0.55, data.groups.length - 0.45], showgrid: false }),
-        yaxis: axis(c, "ATE RMSE [mm]", { type: "log", range, dtick: 1, exponentformat: "none", minor: { ticks: "outside", ticklen: 2 } }) }) };
+        yaxis: axis(c, "ATE RMSE [mm]", { type: "log", range, dtick: range[1] - range[0] < 1.8 ? "D2" : 1, exponentformat: "none", minor: { ticks: "outside", ticklen: 2 } }) }) };
     };
   }
 
