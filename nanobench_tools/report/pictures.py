@@ -49,7 +49,7 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
     protocols = {r.get("protocol") for r in body.get("rows") or []}
     corrected = CORRECTED if CORRECTED in protocols else "clean"
     method = next((r.get("method") for r in body.get("rows") or [] if r.get("protocol") == PUBLISHED), None)
-    sets = []
+    sets: list[dict[str, Any]] = []
     for protocol, name in ((PUBLISHED, first), (corrected, "corrected")):
         points, means = [], []
         for item in body.get("per_flight") or []:
@@ -67,7 +67,7 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
     if len(sets) < 2:
         return {"absent": "The published and the corrected protocol are not both among the results, so there is "
                           "nothing to draw side by side."}
-    groups = {p["group"] for s in sets for p in (*s["points"], *s["means"])}
+    groups = {p["group"] for s in sets for kind in ("points", "means") for p in s[kind]}
     return {"method": method, "groups": [g for g in (*SPEEDS, "other") if g in groups], "sets": sets}
 
 

@@ -81,17 +81,20 @@ class Table:
 
     def without_empty_columns(self) -> Table:
         """The same table less the score columns in which no row has a number."""
-        return self._keep([i for i, column in enumerate(self.columns) if column.kind != "score" or
-                           any(isinstance(row[i], Score) and row[i].mean is not None for row in self.rows)])
+        def has_number(i: int) -> bool:
+            cells = (row[i] for row in self.rows)
+            return any(isinstance(cell, Score) and cell.mean is not None for cell in cells)
+
+        return self._keep([i for i, column in enumerate(self.columns) if column.kind != "score" or has_number(i)])
 
     def for_readers(self) -> Table:
         """The same table less the rows and columns that stand aside, long texts moved to the note."""
         table = replace(self, rows=self.rows[:self.main], main=None)
         for i, column in enumerate(self.columns):
             if column.noted:
-                texts = [text for text in dict.fromkeys(row[i] for row in table.rows) if text]
+                texts = [text for text in dict.fromkeys(str(row[i] or "") for row in table.rows) if text]
                 marks = {text: str(k + 1) for k, text in enumerate(texts)}
-                rows = tuple((*row[:i], marks.get(row[i], ""), *row[i + 1:]) for row in table.rows)
+                rows = tuple((*row[:i], marks.get(str(row[i] or ""), ""), *row[i + 1:]) for row in table.rows)
                 said = "; ".join(f"{mark}: {text}" for text, mark in marks.items())
                 note = f"{table.note} {column.title} {said}." if said else table.note
                 table = replace(table, rows=rows, note=note)

@@ -24,7 +24,7 @@ def overview(results: Results) -> Words:
     if not flights:
         return ["No audit of recordings is among the results."]
     flown = [f for f in flights if f.get("airborne")]
-    lengths = [total([f["span"]]) for f in flights if f.get("span")]
+    lengths = [f["span"][1] - f["span"][0] for f in flights if f.get("span")]
     airborne = sum(total(f.get("airborne")) or 0.0 for f in flights)
     lines: Words = [f"{_count(len(flights), 'recording')}"
              + (f", {format_duration(sum(lengths))} in all" if lengths else "")
@@ -41,8 +41,8 @@ def overview(results: Results) -> Words:
         lines.append(f"In {_count(len(lost), 'recording')} the log of a stream ends while the vehicle is in the air, "
                      f"{format_duration(sum(lost))} before it lands in all; the file goes on with rows that no sensor "
                      "sent, and these are cut.")
-    repeats = " and ".join(filter(None, (copies and _count(copies, "copy", "copies"),
-                                         slices and _count(slices, "slice"))))
+    repeats = " and ".join(text for n, text in ((copies, _count(copies, "copy", "copies")),
+                                                (slices, _count(slices, "slice"))) if n)
     if repeats:
         lines.append(f"Among the recordings are {repeats} of others; what they repeat counts once in the corrected "
                      "tables.")
@@ -86,8 +86,9 @@ def _published_task1(row: Mapping[str, Any]) -> list[str]:
     if ours is not None and theirs is not None:
         lines.append(f"{row.get('model')}: position error at h = 50 is {_show('position_mae_m', theirs)} in the "
                      f"published table and {_show('position_mae_m', ours)} here ({_compared(theirs, ours)}).")
-    if velocity.get("1") and velocity.get("10") and "naive" not in str(row.get("model")):
-        early, late = velocity["1"] / 0.01, velocity["10"] / 0.1
+    first, tenth = velocity.get("1"), velocity.get("10")
+    if first and tenth and "naive" not in str(row.get("model")):
+        early, late = first / 0.01, tenth / 0.1
         if abs(early - late) <= 0.1 * early:
             lines.append(f"{row.get('model')}: the published velocity error grows in proportion to time, by "
                          f"{format_number(early, 1)} m/s² from the first step on, {format_number(early / 9.81, 2)} of "
@@ -191,7 +192,7 @@ def _pairs_by_flights(rows: Sequence[Mapping[str, Any]]) -> list[tuple[Mapping[s
         flights = set(before.get("flights") or [])
         others = [r for r in rows if r.get("protocol") != PUBLISHED and r.get("controller") == before.get("controller")]
         shared = [(len(flights & set(r.get("flights") or [])), r) for r in others]
-        n, after = max(shared, key=lambda pair: pair[0], default=(0, None))
+        n, after = max(shared, key=lambda pair: pair[0], default=(0, before))
         if n:
             found.append((before, after))
     return found
