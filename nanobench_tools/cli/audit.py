@@ -21,7 +21,7 @@ DETAILS_UP_TO = 3
 
 
 @click.command()
-@shared_options("seed")
+@shared_options("seed", "clock")
 @click.option("--details/--no-details", default=None,
               help=f"A table of faults per recording. Default: when there are at most {DETAILS_UP_TO}.")
 def audit(options: Options, details: bool | None) -> int:

@@ -44,6 +44,12 @@ def control(options: Options, plant: str, protocols: tuple[str, ...], controller
             raise UsageError(f"unknown controller {name!r}; known: {', '.join(task2.CONTROLLERS)}")
     flights = options.load()
     audits, _ = options.audit(flights)
+    if options.clock != "as-recorded":
+        if set(protocols) - {"clean"}:
+            raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published rows were made "
+                             "as recorded")
+        protocols = ("clean",)
+    flights, audits = options.on_clock(flights, audits)
     return options.finish("control", control_body(options, flights, audits, protocols, controllers))
 
 
@@ -76,6 +82,8 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                                 if item.key in values], options.seed)
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
+    for row in rows:
+        row["clock"] = options.clock
     _show(options, rows)
     return {"gate": [], "gate_note": task2.GATE_NOTE, "rows": rows,
             "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED)}
@@ -88,8 +96,8 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
         lines.append((head, row["statistics"]))
         if published := row.get("published"):
             lines.append((["(published)", row["speed"] or "-", row["controller"], str(row["published_n"])], published))
-    title = (f"Task 2, onboard controllers as flown: {data_word(options)} data, mean ± SD over n flights "
-             "and 95 % interval of the mean RMSE")
+    title = (f"Task 2, onboard controllers as flown: {data_word(options)} data, clock {options.clock}, mean ± SD over "
+             "n flights and 95 % interval of the mean RMSE")
     options.show(score_table(title, ("reference", "speed", "controller", "n"), COLUMNS, lines))
     dropped = dict.fromkeys(name for row in rows for name in row["dropped"])
     if dropped:

@@ -17,7 +17,7 @@ FORMATS = ("nanobench", "parquet", "tum")
 
 
 @click.command()
-@shared_options("seed")
+@shared_options("seed", "clock")
 @click.option("--to", type=click.Choice(FORMATS), default="nanobench", show_default=True,
               help="CSV with its sheet; a Parquet file per stream, SI units; the mocap trajectory.")
 def convert(options: Options, to: str) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError
+from ..errors import InputError, UsageError
 from .methods import load_methods
 from .options import PATH, Options, shared_options
 from .show import data_word, score_table, show_left_out
@@ -22,6 +22,9 @@ LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
 DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS}
 """Scored when nothing else is asked for."""
+
+GIVEN_CLOCK = {"offset": "; stamps less the flight's constant offset, found off-line",
+               "retimed": "; stamps less the moving error, found off-line from gyro and accelerometer"}
 
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
@@ -51,6 +54,12 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     audits, _ = options.audit(flights)
     if folders:
         scored, protocols = scored or [], protocols or ("clean",)
+    if options.clock != "as-recorded":
+        if set(protocols) - {"clean"}:
+            raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published table was made "
+                             "as recorded")
+        protocols = ("clean",)
+    flights, audits = options.on_clock(flights, audits, judges_estimator=True)
     body = estimate_body(options, flights, audits, protocols, scored, files)
     return options.finish("estimate", body)
 
@@ -129,6 +138,9 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed)
+    for row in rows:
+        row["clock"] = options.clock
+        row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _show(options, protocol, rows)
     return rows
 
@@ -143,7 +155,8 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) ->
         lines.append((head, row["metrics"]))
         if published := row.get("published"):
             lines.append(([row["group"], "(published)", str(row["published_n"])], published))
-    title = f"Task 3, {protocol}: {data_word(options)} data, mean ± SD over n flights, 95 % interval of the mean ATE"
+    title = (f"Task 3, {protocol}: {data_word(options)} data, clock {options.clock}, mean ± SD over n flights, "
+             "95 % interval of the mean ATE")
     options.show(score_table(title, ("group", "method", "n"), COLUMNS, lines))
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
         options.show(given)

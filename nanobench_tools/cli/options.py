@@ -35,6 +35,7 @@ class Options:
     seed: int = 0
     columns: Path | None = None
     quiet: bool = False
+    clock: str = "as-recorded"
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
     started: float = field(default_factory=time.time)
@@ -112,6 +113,21 @@ class Options:
         self.failed += result.failed
         return result.audits, result.copies
 
+    def on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
+                 judges_estimator: bool = False) -> tuple[list[Flight], dict[str, Audit]]:
+        """Flights and audits as seen with ``--clock``; says for how many recordings it could be identified."""
+        from ..harness.clocks import on_clock
+
+        result = on_clock(flights, audits, self.clock, judges_estimator, self.store, self.jobs, self.scheduler,
+                          self.progress)
+        self.failed += result.failed
+        if self.clock != "as-recorded":
+            found = [warp for warp in result.warps.values() if warp is not None]
+            moving = sum(warp.moving for warp in found)
+            self.say(f"clock {self.clock}: {len(found)} of {len(result.warps)} recordings"
+                     + (f", {moving} with a moving error, the others by a constant" if self.clock == "retimed" else ""))
+        return result.flights, result.audits
+
     def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
         from ..harness import manifest
 
@@ -186,6 +202,10 @@ OPTIONS: dict[str, Callable] = {
                               help="Dask scheduler of a cluster instead of --jobs."),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
                          help="Seed of everything random."),
+    "clock": click.option("--clock", type=click.Choice(["as-recorded", "offset", "retimed"]), default="as-recorded",
+                          show_default=True,
+                          help="Take the constant or the moving time error out of the vehicle's streams first (uses "
+                               "the motion capture of the whole flight; every row says so)."),
     "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
     "quiet": click.option("--quiet", is_flag=True, help="Nothing but errors."),
 }

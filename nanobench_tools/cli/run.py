@@ -23,7 +23,7 @@ PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 
 
 @click.command()
-@shared_options()
+@shared_options("clock")
 @click.option("--practice", is_flag=True, help="Simulate practice flights (SYNTHETIC) even if there are recordings.")
 def run(options: Options, practice: bool) -> int:
     """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).

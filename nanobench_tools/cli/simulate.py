@@ -11,7 +11,7 @@ KNOWN = "pid, mellinger, a registered name or module:Class"
 
 
 @click.command()
-@shared_options("data", "columns", "jobs", "scheduler")
+@shared_options("data", "columns", "jobs", "scheduler", "clock")
 @click.option("--flights", type=click.IntRange(min=1), default=12, show_default=True, metavar="N", help="How many.")
 @click.option("--family", "families", multiple=True, metavar="NAME",
               help="circle, figure_eight, helix, linear_ramp, oval, star, trefoil, lissajous; may repeat. "

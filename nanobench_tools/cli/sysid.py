@@ -40,6 +40,7 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     predictors = load_methods("predictors", (*DEFAULT_METHODS, *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
+    flights, audits = options.on_clock(flights, audits)
     parts = None
     if train:
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
@@ -68,6 +69,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             mine = [(case, values[item.key]) for (p, t, case), item in zip(work, items, strict=True)
                     if p is predictor and t == truth and item.key in values]
             rows += task1.tabulate(predictor, truth, mine, options.seed)
+    for row in rows:
+        row["clock"] = options.clock
     _show(options, rows, chosen)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")},
             "best": task1.best_model(rows), "simulator": None, "split": chosen.note,
@@ -82,8 +85,8 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     from rich.markup import escape
     from rich.table import Table
 
-    title = (f"Task 1: {data_word(options)} data, mean error after 1, 10, 50 steps of 10 ms and sum over 1..50 "
-             "\\[95 % interval of the sum]")
+    title = (f"Task 1: {data_word(options)} data, clock {options.clock}, mean error after 1, 10, 50 steps of 10 ms "
+             "and sum over 1..50 \\[95 % interval of the sum]")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("model", "information", "truth", "group", "windows", "flights"):
         table.add_column(head, overflow="fold")

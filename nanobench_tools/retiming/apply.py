@@ -2,51 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from .. import so3
+from ..audit import CUTTING_KINDS, Audit
+from ..clock.readings import read_clocks
 from ..content.context import Context
-from ..flight import Flight, Stream
-from .infer import believed, infer
+from ..flight import Flight, Span, Stream, merge_spans, subtract_spans
+from .evidence import KINDS
+from .infer import believed
 from .warp import ClockWarp, retime
-
-CLOCKS = ("as-recorded", "offset", "retimed")
 
 INERTIAL = ("gyro", "acceleration")
 """Evidence for judging the estimator: its own position and velocity must not have set the clock that judges them."""
 
 
-@dataclass(frozen=True)
-class Clocked:
-    """A flight on the chosen clock, its firmware streams put back on the rows of the motion capture; ``said`` is what a
-    row of a table has to say about it, ``warp`` None when nothing was moved."""
+def find_warp(flight: Flight, clock: str, judges_estimator: bool = False) -> ClockWarp | None:
+    """What to take out of the stamps of ``flight`` for ``clock`` (``offset`` or ``retimed``); None when it cannot be
+    identified.
 
-    flight: Flight
-    warp: ClockWarp | None
-    said: str
-
-
-def with_clock(flight: Flight, clock: str, judges_estimator: bool = False) -> Clocked:
-    """``flight`` as seen with ``clock`` (one of CLOCKS).
-
-    Re-timing uses the motion capture of the whole flight: right for asking what limits a method, never for an online
-    claim. ``judges_estimator``: use only gyro and accelerometer (and how the estimator's position advances against its
-    own velocity, which needs no motion capture) as evidence. Without a usable clock the flight is left as it is.
+    Uses the motion capture of the whole flight: right for asking what limits a method, never for an online claim.
+    ``judges_estimator``: read the clock from gyro and accelerometer (and from how the estimator's position advances
+    against its own velocity, which needs no motion capture), confirmed by the attitude.
     """
-    if clock == "as-recorded":
-        return Clocked(flight, None, "clock as recorded")
     context = Context(flight)
-    warp = infer(context, INERTIAL) if judges_estimator else believed(context)
-    if warp is None:
-        return Clocked(flight, None, "clock as recorded (no motion to read it from)")
     if clock == "offset":
-        flat = np.full(len(warp.time_s), warp.constant_s)
-        warp = replace(warp, offset_s=flat, moving=False, wander_sd_s=0.0, reason="constant offset removed")
-    source = ", ".join(warp.lags_s)
-    said = "constant offset removed" if not warp.moving else f"re-timed off-line by {source}"
-    return Clocked(on_rows(retime(flight, warp)), warp, said)
+        reading = read_clocks(context).get("imu")
+        if reading is None or not reading.identifiable:
+            return None
+        none = np.zeros(0)
+        return ClockWarp(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro")
+    return believed(context, INERTIAL if judges_estimator else tuple(KINDS))
+
+
+def apply_warp(flight: Flight, warp: ClockWarp | None) -> Flight:
+    """``flight`` re-timed, its streams put back on the rows of the motion capture; unchanged without a warp."""
+    return flight if warp is None else on_rows(retime(flight, warp))
+
+
+def moved_audit(audit: Audit, warp: ClockWarp | None) -> Audit:
+    """The audit of a re-timed flight: spans of faults in moved streams grow by what the stamps moved."""
+    if warp is None:
+        return audit
+    lateness = np.append(warp.offset_s, warp.constant_s)
+    early, late = float(lateness.max()), float(lateness.min())
+    faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
+                   for f in audit.faults)
+    cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
+    # a dead tail still reaches the end of the recording, wherever its stamps went
+    dead = [Span(f.start_s, audit.span.end_s) for f in faults if f.kind == "dead_stream"]
+    faults = tuple(replace(f, end_s=max(f.end_s, audit.span.end_s)) if f.kind == "dead_stream" else f for f in faults)
+    return replace(audit, faults=faults, clean=subtract_spans([audit.span], [*cuts, *dead]))
 
 
 def on_rows(flight: Flight) -> Flight:

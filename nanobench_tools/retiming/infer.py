@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from ..clock.reading import ClockReading
+from ..clock.readings import read_clocks
 from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..content.truth import truth_of
@@ -163,37 +167,40 @@ def gain_on(context: Context, warp: ClockWarp, kind: str) -> tuple[float, float]
     return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(n)) if n > 2 else float("inf")
 
 
-def believed(context: Context) -> ClockWarp | None:
-    """The warp of all evidence if streams that were not used confirm it, else the constant with the reason.
+def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWarp | None:
+    """The warp of the evidence ``kinds`` if a stream that did not set it confirms it, else the constant offset of the
+    gyro with the reason; None where not even that is identifiable.
 
-    The clock read from one group (the estimator's streams) must make a stream of the other (the gyro) agree better
-    with the motion capture, by more than twice the standard error over blocks of 2 s; and the reverse counts when the
-    estimator is absent (gyro judged on the accelerometer).
+    The clock read from one group of streams must make a stream outside of the group agree better with the motion
+    capture (``gain_on``) by more than twice its standard error.
     """
-    have = {e.kind for e in collect(context, tuple(KINDS), -np.inf, np.inf)}
-    estimator = tuple(k for k in KINDS if k in have and KINDS[k].group == "estimator")
-    if "gyro" in have and {"position", "velocity"} & have:
-        source, judge = estimator, "gyro"
-    elif {"gyro", "acceleration"} <= have:
-        source, judge = ("gyro",), "acceleration"
-    elif "position" in have and "attitude" in have:
-        source, judge = ("position", "velocity"), "attitude"
-    else:
-        return None
-    trial = infer(context, tuple(k for k in source if k in have))
-    if trial is None:
-        return None
+    found = {e.kind for e in collect(context, tuple(KINDS), -np.inf, np.inf)}
+    have = tuple(k for k in kinds if k in found)
+    pairs = ((tuple(k for k in have if KINDS[k].group == "estimator"), ("gyro", "acceleration")),
+             (tuple(k for k in have if KINDS[k].group == "inertial"), ("attitude", "velocity", "position")),
+             (("gyro",) if "gyro" in have else (), ("acceleration",)))
+    chosen = next(((source, judge) for source, judges in pairs for judge in judges if source and judge in found), None)
+    trial = None if chosen is None else infer(context, chosen[0])
+    reading = read_clocks(context).get("imu")
+    if chosen is None or trial is None:
+        return _constant(reading, trial, "no second stream that could confirm a moving error")
+    source, judge = chosen
     gain, error = gain_on(context, trial, judge)
-    every = infer(context)
+    change = f"the clock from {', '.join(source)}"
+    if not gain > 2.0 * error:
+        return _constant(reading, trial, f"no moving error confirmed: {change} changes the residual of the {judge}, "
+                                         f"which it never saw, by {-100 * gain:.0f} % +- {196 * error:.0f}")
+    every = trial if set(have) == set(source) else infer(context, have)
     if every is None:
         return None
-    if gain > 2.0 * error and gain > 0.0:
-        text = (f"moves by {1e3 * every.wander_sd_s:.1f} ms (SD); the clock from {', '.join(source)} lowers the "
-                f"residual of the {judge} it never saw by {100 * gain:.0f} % +- {196 * error:.0f}")
-        return ClockWarp(every.time_s, every.offset_s, every.sd_s, every.constant_s, every.wander_sd_s, True,
-                         every.lags_s, text)
-    text = (f"no moving error confirmed: the clock from {', '.join(source)} changes the residual of the {judge} by "
-            f"{-100 * gain:.0f} % +- {196 * error:.0f}; the constant is used")
-    flat = np.full(len(every.time_s), every.constant_s)
-    return ClockWarp(every.time_s, flat, np.full(len(flat), max(every.wander_sd_s, 0.001)), every.constant_s, 0.0,
-                     False, every.lags_s, text)
+    return replace(every, reason=f"moves by {1e3 * every.wander_sd_s:.1f} ms (SD); {change} lowers the residual of the "
+                                 f"{judge}, which it never saw, by {100 * gain:.0f} % +- {196 * error:.0f}")
+
+
+def _constant(reading: ClockReading | None, trial: ClockWarp | None, reason: str) -> ClockWarp | None:
+    if reading is None or not reading.identifiable:
+        return None
+    rows_s = np.zeros(0) if trial is None else trial.time_s
+    sd = (reading.ci95_s[1] - reading.ci95_s[0]) / 3.92 if reading.ci95_s else float("inf")
+    return ClockWarp(rows_s, np.full(len(rows_s), reading.offset_s), np.full(len(rows_s), sd), reading.offset_s, 0.0,
+                     False, {}, f"{reason}; the constant is used")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,19 @@ class ClockWarp:
     moving: bool
     lags_s: Mapping[str, float]
     reason: str
+
+    def to_json(self) -> dict[str, Any]:
+        """All fields as plain lists and numbers."""
+        return {"time_s": self.time_s.tolist(), "offset_s": self.offset_s.tolist(), "sd_s": self.sd_s.tolist(),
+                "constant_s": self.constant_s, "wander_sd_s": self.wander_sd_s, "moving": self.moving,
+                "lags_s": dict(self.lags_s), "reason": self.reason}
+
+    @classmethod
+    def from_json(cls, body: Mapping[str, Any]) -> ClockWarp:
+        """The inverse of ``to_json``."""
+        arrays = {name: np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s")}
+        others = ("constant_s", "wander_sd_s", "moving", "lags_s", "reason")
+        return cls(**arrays, **{name: body[name] for name in others})
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """(m,) lateness [s] of stamps ``time_s`` (m,)."""

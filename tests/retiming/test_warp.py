@@ -9,7 +9,7 @@ from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.references import path_spec
-from nanobench_tools.retiming.apply import with_clock
+from nanobench_tools.retiming.apply import apply_warp, find_warp
 from nanobench_tools.retiming.infer import believed, infer
 from nanobench_tools.retiming.warp import ClockWarp, retime
 
@@ -84,16 +84,17 @@ def test_retiming_brings_the_estimate_closer_without_having_seen_it(flown):
     flight, _ = recording(flown, 0, wander_sd_s=0.03)
     truth = flight["mocap"]
 
-    def error(clocked):
+    def error(seen):
         """Smallest over constant lags: the estimator's own delay belongs to it and stays."""
-        e = clocked.flight["estimator"]
+        e = seen["estimator"]
         inside = (e.time_s > 6.0) & (e.time_s < 16.0)
         p, t = e["x", "y", "z"][inside], e.time_s[inside]
         residuals = (p - truth.interpolate(("px", "py", "pz"), t - lag) for lag in np.arange(-0.04, 0.08, 0.002))
         return min(np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in residuals)
 
-    after = error(with_clock(flight, "retimed", judges_estimator=True))
-    assert after < 0.5 * error(with_clock(flight, "as-recorded"))
+    warp = find_warp(flight, "retimed", judges_estimator=True)
+    assert warp.moving
+    assert error(apply_warp(flight, warp)) < 0.5 * error(flight)
 
 
 def test_a_flight_that_never_moves_keeps_its_clock(flown):
@@ -101,6 +102,5 @@ def test_a_flight_that_never_moves_keeps_its_clock(flown):
     still = {k: s.rows(s.time_s < 1.0) for k, s in flight.streams.items()}
     ground = Flight("ground", still, {}, flight.provenance)
     assert believed(Context(ground)) is None
-    result = with_clock(ground, "retimed")
-    assert result.flight is ground
-    assert "no motion" in result.said
+    assert find_warp(ground, "offset") is None
+    assert apply_warp(ground, find_warp(ground, "retimed")) is ground

@@ -1,0 +1,50 @@
+"""Many flights on another clock, through the runner: found once per content, then from the store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..audit import Audit
+from ..flight import Flight
+from ..retiming.apply import apply_warp, find_warp, moved_audit
+from ..retiming.warp import ClockWarp
+from .progress import Progress
+from .runner import make_item, run_items
+
+
+@dataclass(frozen=True)
+class OnClock:
+    """flights and audits as seen with the clock; warps: name of the flight -> what was taken out, None where nothing
+    could be identified (such flights are as recorded); failed: [{item, file, error}]."""
+
+    flights: list[Flight]
+    audits: dict[str, Audit]
+    warps: dict[str, ClockWarp | None]
+    failed: list[dict[str, str]]
+
+
+def warp_item(flight: Flight, clock: str, judges_estimator: bool) -> dict[str, Any]:
+    """One warp as JSON; empty when there is none."""
+    warp = find_warp(flight, clock, judges_estimator)
+    return {} if warp is None else warp.to_json()
+
+
+def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judges_estimator: bool = False,
+             store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
+             progress: Progress | None = None) -> OnClock:
+    """``flights`` (those with an audit) and their audits on ``clock``: ``as-recorded``, ``offset`` or ``retimed``."""
+    audited = [f for f in flights if f.name in audits]
+    if clock == "as-recorded":
+        return OnClock(audited, dict(audits), {f.name: None for f in audited}, [])
+    items = [make_item(warp_item, {"flight": f, "clock": clock, "judges_estimator": judges_estimator},
+                       f"{clock} {f.name}") for f in audited]
+    result = run_items(items, store_dir, jobs, scheduler, progress, clock)
+    warps: dict[str, ClockWarp | None] = {}
+    for flight, item in zip(audited, items, strict=True):
+        body = result.values.get(item.key)
+        warps[flight.name] = ClockWarp.from_json(body) if body else None
+    return OnClock([apply_warp(f, warps[f.name]) for f in audited],
+                   {f.name: moved_audit(audits[f.name], warps[f.name]) for f in audited}, warps, result.failed)

@@ -1,0 +1,54 @@
+"""--clock: the same scores as recorded, with the constant offset, and with the moving error taken out."""
+
+import json
+
+import pytest
+
+from nanobench_tools.practice.flights import practice_flights
+from nanobench_tools.practice.logging_chain import LoggingChain
+from nanobench_tools.sources.nanobench_writer import write_nanobench
+
+
+@pytest.fixture(scope="module")
+def wandering(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wandering")
+    chain = LoggingChain(wander_sd_s=0.03, offset_s=0.04)
+    for flight in practice_flights(2, seed=8, families=("figure_eight", "trefoil"), duration_s=12.0, chain=chain):
+        write_nanobench(flight, folder / f"{flight.name}.csv")
+    return folder
+
+
+def scores(nanobench, folder, out, clock):
+    code, _, err = nanobench("estimate", "--data", folder, "--protocol", "clean", "--method", "onboard_ekf", "--clock",
+                             clock, "--json", out, "--jobs", 1, "--quiet")
+    assert code == 0, err
+    row = next(r for r in json.loads(out.read_text())["rows"] if r["group"] == "all")
+    assert row["clock"] == clock
+    return {name: value["mean"] for name, value in row["metrics"].items()}, row["given"]
+
+
+def test_each_clock_removes_what_it_says(nanobench, wandering, tmp_path):
+    recorded, _ = scores(nanobench, wandering, tmp_path / "a.json", "as-recorded")
+    offset, given = scores(nanobench, wandering, tmp_path / "b.json", "offset")
+    assert "constant offset" in given
+    retimed, given = scores(nanobench, wandering, tmp_path / "c.json", "retimed")
+    assert "gyro and accelerometer" in given
+    assert recorded["delay_s"] - offset["delay_s"] == pytest.approx(0.04, abs=0.015)
+    moving = "along_track_delay_removed_rmse_m"
+    assert offset[moving] == pytest.approx(recorded[moving], rel=0.15)  # a constant cannot remove what moves
+    assert retimed[moving] < 0.6 * recorded[moving]
+
+
+def test_rows_of_task_2_say_their_clock(nanobench, wandering, tmp_path):
+    out = tmp_path / "o.json"
+    code, _, err = nanobench("control", "--data", wandering, "--protocol", "clean", "--clock", "retimed", "--json", out,
+                             "--jobs", 1, "--quiet")
+    assert code == 0, err
+    assert {row["clock"] for row in json.loads(out.read_text())["rows"]} == {"retimed"}
+
+
+def test_the_published_table_is_never_retimed(nanobench, wandering):
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "as-published", "--clock", "retimed")
+    assert code == 2
+    assert err.strip().count("\n") <= 1
+    assert "--protocol clean only" in err
