@@ -83,7 +83,8 @@ nanobench.overview = (() => {
     return (c, width) => {
       const names = data.rows.map(row => row.flight);
       const room = narrow() || width < 500 ? 20 : 34;
-      return { legend: [], height: 70 + 15 * names.length, traces: [{
+      const row = nanobench.printing() ? Math.min(15, 800 / names.length) : 15;
+      return { legend: [], height: 70 + row * names.length, traces: [{
         x: data.rows.map(row => row.ms), y: names.map((_, i) => i), mode: "markers", marker: { size: 7, color: c.blue },
         error_x: { type: "data", symmetric: false, array: data.rows.map(row => row.high - row.ms),
           arrayminus: data.rows.map(row => row.ms - row.low), color: c.blue, thickness: 1.5, width: 3 },
@@ -91,7 +92,7 @@ nanobench.overview = (() => {
         hovertemplate: "%{text}<br>%{x:.1f} ms<extra></extra>" }],
       layout: layout(c, { margin: { l: 10, r: 14, t: 30, b: 40 }, xaxis: axis(c, "clock offset [ms]", { zeroline: true, zerolinecolor: c.ink, mirror: "allticks", side: "bottom" }),
         yaxis: axis(c, "", { tickvals: names.map((_, i) => i), ticktext: names.map(n => escape(short(n, room))), range: [names.length - 0.4, -0.6],
-          tickfont: { size: 10 }, ticks: "", fixedrange: true }) }) };
+          tickfont: { size: Math.min(10, row) }, ticks: "", fixedrange: true }) }) };
     };
   }
 
