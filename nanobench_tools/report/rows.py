@@ -23,7 +23,8 @@ ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_
 
 TITLES = {"clean": "Task 3: every distinct recording, clean and airborne"}
 CONTROL_METRICS = ("rmse_m", "ade_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent", "lag_s",
-                   "rmse_lag_removed_m", "contour_rmse_m", "z_bias_m", "worst_decile_m", "saturated_percent", "solve_p99_ms")
+                   "rmse_lag_removed_m", "contour_rmse_m", "z_bias_m", "worst_decile_m", "saturated_percent",
+                   "solve_p99_ms")
 SYSID_METRICS = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate_mae_rad_s")
 DATA = Column("data", "Data")
 
