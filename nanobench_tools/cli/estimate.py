@@ -85,6 +85,7 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
     from ..protocols import task3
 
     rows: list[dict[str, Any]] = []
+    per_flight: list[dict[str, Any]] = []
     wanted = dict.fromkeys(protocols or task3.PROTOCOLS)
     written = "clean" if "clean" in wanted else next(reversed(wanted))
     reasons = []
@@ -100,10 +101,12 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
         work = [(method, case) for method in chosen for case in cases]
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
-        rows += _score(options, protocol, work, options.out if protocol == written else None)
+        scored, single = _score(options, protocol, work, options.out if protocol == written else None)
+        rows += scored
+        per_flight += single
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
-    return {"rows": rows, "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
+    return {"rows": rows, "per_flight": per_flight, "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
@@ -118,10 +121,13 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
     return found
 
 
-def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None) -> list[dict[str, Any]]:
-    """Runs method x flight, writes the trajectories, gives and shows the rows of one protocol."""
+def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]],
+           out: Path | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them and the scores of
+    every single flight."""
     from ..harness import make_item
     from ..protocols import task3
+    from ..protocols.labels import speed_of
     from ..protocols.trajectories import score_and_write, write_missing, write_truths
 
     folder = None if out is None else out / "trajectories"
@@ -142,7 +148,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
         row["clock"] = options.clock
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _show(options, protocol, rows)
-    return rows
+    return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
+                   "speed": speed_of(case.flight), "metrics": value["metrics"]} for method, case, value in done]
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) -> None:
