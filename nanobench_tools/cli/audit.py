@@ -43,7 +43,7 @@ def audit_body(audits: Mapping[str, Audit], copies: Sequence[Sequence[str]]) -> 
 def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[Sequence[str]], details: bool) -> None:
     """The tables on stdout."""
     label = "SYNTHETIC " if options.synthetic else ""
-    options.show(overview(audits, f"{label}Audit of {len(audits)} recordings"))
+    options.show(overview(audits, f"{label}Audit of {len(audits)} recording{'s' * (len(audits) != 1)}"))
     if details:
         for verdict in audits.values():
             options.show(fault_table(verdict, f"{label}{verdict.flight}"))

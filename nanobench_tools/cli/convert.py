@@ -30,7 +30,8 @@ def convert(options: Options, to: str) -> int:
              for flight in options.load()]
     result = run_items(items, None, options.jobs, options.scheduler, options.progress, "convert")
     options.failed += result.failed
-    options.say(f"{len(result.values)} recordings written to {options.out}")
+    count = len(result.values)
+    options.say(f"{count} recording{'s' * (count != 1)} written to {options.out}")
     return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()]})
 
 

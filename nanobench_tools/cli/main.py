@@ -79,14 +79,16 @@ def cli(ctx: click.Context) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line ``argv`` (default: of this process) and returns the exit code."""
     warnings.showwarning = _warn
+    words = sys.argv[1:] if argv is None else list(argv)
     try:
-        code = cli.main(args=argv, prog_name="nanobench", standalone_mode=False)
+        with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes
+            code = cli.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else DONE
     except click.exceptions.Exit as stop:
         return stop.exit_code
     except click.UsageError as error:
-        return _complain(_usage_line(error, sys.argv[1:] if argv is None else argv), BAD)
+        return _complain(_usage_line(error, words), BAD)
     except click.ClickException as error:
         return _complain(f"nanobench: {error.format_message()}", BAD)
     except NanobenchError as error:

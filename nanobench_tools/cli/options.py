@@ -169,12 +169,20 @@ class Options:
             print(text, file=sys.stderr, flush=True)
 
     def show(self, table: Any) -> None:
-        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``."""
+        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. A reader that has gone (head, less)
+        does not stop the work."""
         if self.quiet or str(self.json) == "-":
             return
         from rich.console import Console
 
-        Console(width=None if sys.stdout.isatty() else 140, highlight=False).print(table)
+        console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+        with console.capture() as text:
+            console.print(table)
+        try:
+            sys.stdout.write(text.get())
+            sys.stdout.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _kinds(flights: Sequence[Flight]) -> str:

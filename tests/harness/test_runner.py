@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from harness_work import fail, score, scores
 
+from nanobench_tools import MissingExtraError
 from nanobench_tools.harness import Progress, make_item, run_items
 from nanobench_tools.harness.store import Store
 
@@ -155,6 +156,12 @@ def test_ctrl_c_ends_the_run_and_keeps_what_was_done(tmp_path, jobs):
     assert stderr.strip().endswith(b"KeyboardInterrupt")
     assert stderr.count(b"Traceback") == 1
     assert 3 <= len(stored(store)) < 20
+
+
+def test_a_missing_cluster_package_says_which_extra_brings_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'nanobench\[cluster\]'"):
+        run_items(scores(1), scheduler="tcp://127.0.0.1:8786")
 
 
 def test_progress_counts_and_is_silent_when_asked(capsys):
