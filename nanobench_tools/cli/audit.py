@@ -61,9 +61,9 @@ def overview(audits: Mapping[str, Audit], title: str) -> Table:
     from ..flight import intersect_spans
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name, justify in (("recording", "left"), ("controller", "left"), ("airborne s", "right"), ("clean s", "right"),
-                          ("imu late ms", "right"), ("imu Hz", "right"), ("faults", "left")):
-        table.add_column(name, justify=justify, overflow="fold")
+    for name in ("recording", "controller", "airborne s", "clean s", "imu late ms", "imu Hz", "faults"):
+        table.add_column(name, justify="left" if name in ("recording", "controller", "faults") else "right",
+                         overflow="fold")
     for a in audits.values():
         airborne = sum(s.duration_s for s in a.airborne)
         clean = sum(s.duration_s for s in intersect_spans(a.airborne, a.clean))

@@ -31,13 +31,12 @@ def run(options: Options, practice: bool) -> int:
     Reads --data, else the recordings in the default places; when there are none it simulates practice flights, and
     everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was.
     """
-    options.out = options.out or OUT
     main_job(options, practice)
     return options.exit_code()
 
 
 def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, Any]]:
-    """Does it all and gives the content of the result files by name. ``options.out`` has to be set.
+    """Does it all and gives the content of the result files by name; ``options.out`` is ./results if not set.
 
     A task for which the recordings do not suffice is listed in ``options.failed``; the others go on.
     """
@@ -48,12 +47,13 @@ def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, An
     from .estimate import estimate_body
     from .sysid import sysid_body
 
+    out = options.out = options.out or OUT
     stages: dict[str, Callable[[Options, list[Flight], dict[str, Audit]], dict[str, Any]]] = {
         "estimate": estimate_body, "control": control_body, "sysid": sysid_body}
     steps = len(stages) + 3
     if practice or not (options.data or default_data()):
         options.say(f"[1/{steps}] no recordings: practice flights, SYNTHETIC")
-        options.data = (simulate(options),)
+        options.data = (simulate(options, out / "practice"),)
     else:
         options.say(f"[1/{steps}] recordings")
     flights = options.load()
@@ -64,7 +64,7 @@ def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, An
 
     def keep(name: str, body: dict[str, Any], failed: list[dict[str, str]]) -> None:
         results[name] = options.envelope(name, body, failed)
-        write_json(options.out / f"{name}.json", results[name])
+        write_json(out / f"{name}.json", results[name])
 
     keep("audit", audit_body(audits, copies), list(options.failed))
     audited = [flight for flight in flights if flight.name in audits]
@@ -78,16 +78,15 @@ def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, An
             body = {"rows": []}
         keep(name, body, options.failed[before:])
     options.say(f"[{steps}/{steps}] report")
-    page = write_report(options.out, results, flights, audits, options.synthetic)
-    options.say(f"{page}, tables as CSV and LaTeX and all results as JSON in {options.out}")
+    page = write_report(out, results, flights, audits, options.synthetic)
+    options.say(f"{page}, tables as CSV and LaTeX and all results as JSON in {out}")
     return results
 
 
-def simulate(options: Options) -> Path:
-    """The folder with practice recordings below ``--out``; made once, again when a file is missing or changed."""
+def simulate(options: Options, folder: Path) -> Path:
+    """The folder with practice recordings; made once, again when a file is missing or changed."""
     from ..harness import make_item, run_items
 
-    folder = options.out / "practice"
     seeds = range(options.seed, options.seed + PRACTICE_SEEDS)
     wanted = [{"folder": folder / f"seed_{seed}", "n": PRACTICE_FLIGHTS, "seed": seed} for seed in seeds]
     items = [make_item(practice_item, kwargs, f"practice flights of seed {kwargs['seed']}") for kwargs in wanted]

@@ -63,8 +63,8 @@ def method_identity(method: Any) -> str:
         text += f" {_source_hash(kind.__module__)}"
     if kind is not method:
         text += f" {_hash(vars(method)) if hasattr(method, '__dict__') else sha256_of(pickle.dumps(method))}"
-    elif getattr(method, "__closure__", None):
-        text += f" {_hash([cell.cell_contents for cell in method.__closure__])}"
+    elif closure := getattr(method, "__closure__", None):
+        text += f" {_hash([cell.cell_contents for cell in closure])}"
     return text
 
 
@@ -124,8 +124,8 @@ def _feed(digest, value: Any) -> None:
 def _source_hash(module_name: str) -> str:
     """Hash of what an outside method is made of: its module or package, the own modules it imports anywhere in its
     text, and the names and versions of all installed distributions."""
-    module = sys.modules.get(module_name)
-    if not getattr(module, "__file__", None):
+    module_file = getattr(sys.modules.get(module_name), "__file__", None)
+    if not module_file:
         return uuid.uuid4().hex
     digest = hashlib.sha256("\0".join(_distributions()).encode())
     seen: set[str] = set()
@@ -136,7 +136,7 @@ def _source_hash(module_name: str) -> str:
             continue
         seen.add(name)
         own = len(seen) == 1
-        for path in _files_of(name, installed_too=own) or ([Path(module.__file__)] if own else []):
+        for path in _files_of(name, installed_too=own) or ([Path(module_file)] if own else []):
             digest.update(path.name.encode())
             if path.suffix == ".py":
                 text = path.read_bytes()
@@ -154,7 +154,7 @@ def _files_of(name: str, installed_too: bool) -> list[Path]:
     except (ImportError, ValueError):
         return []
     places = [*(spec.submodule_search_locations or [])] if spec else []
-    found = [Path(place) for place in places or ([spec.origin] if spec and spec.has_location else [])]
+    found = [Path(place) for place in places or ([spec.origin] if spec and spec.has_location and spec.origin else [])]
     installed = [Path(sysconfig.get_path(key)) for key in ("purelib", "platlib")]
     if not installed_too and any(path.is_relative_to(place) for path in found for place in installed):
         return []

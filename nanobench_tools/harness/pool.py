@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
@@ -43,7 +43,8 @@ def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
     """As many results as there are before the pool breaks. Two items per worker wait in the pool, so that an
     interrupt finds nothing else queued."""
     pool = _take(jobs)
-    queue, running = deque(items), {}
+    queue = deque(items)
+    running: dict[Future, Item] = {}
     sound = False
     try:
         broken = False

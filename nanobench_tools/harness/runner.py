@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +54,7 @@ class Outcome:
     error: str | None = None
 
 
-Results = Iterator[tuple[Item, Outcome]]
+Results = Generator[tuple[Item, Outcome]]
 
 
 def make_item(function: Callable[..., dict], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
@@ -75,20 +75,18 @@ def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 
     store = Store(store_dir) if store_dir is not None else None
     unique = {item.key: item for item in items}
     values: dict[str, dict] = {}
-    for key in unique if store else ():
-        value = store.get(key)
-        if value is not None:
-            values[key] = value
+    if store is not None:
+        values = {key: value for key in unique if (value := store.get(key)) is not None}
     pending = [item for key, item in unique.items() if key not in values]
     errors: dict[str, str] = {}
     with (progress or Progress(quiet=True)).task(title, len(unique)) as step, \
             closing(_results(pending, store, jobs, scheduler)) as results:
         step(len(values))
         for item, outcome in results:
-            if outcome.error is not None:
-                errors[item.key] = outcome.error
-            else:
+            if outcome.value is not None:
                 values[item.key] = outcome.value
+            else:
+                errors[item.key] = outcome.error or "no result"
             step(len(values) + len(errors), len(errors))
     failed = [{"item": item.label, "file": _file_of(item), "error": errors[key]}
               for key, item in unique.items() if key in errors]
