@@ -106,7 +106,8 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         per_flight += single
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
-    return {"rows": rows, "per_flight": per_flight, "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
+    return {"rows": rows, "per_flight": per_flight,
+            "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
