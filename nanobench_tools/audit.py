@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .clock.reading import ClockReading
@@ -17,7 +17,7 @@ from .content.airborne import airborne_spans
 from .content.context import Context
 from .content.controller import controller_of
 from .content.rates import RateReading, rates_of
-from .faults.copy import copies
+from .faults.copy import copies, fault_of
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
 from .registry import load_all
 
@@ -165,3 +165,12 @@ def audit(flight: Flight) -> Audit:
 def find_copies(flights: Sequence[Flight]) -> list[list[str]]:
     """Groups of two or more flights with the same numbers, by name, in the order given (see ``faults.copy``)."""
     return [[flights[i].name for i in group] for group in copies(flights)]
+
+
+def with_copies(audits: Sequence[Audit], flights: Sequence[Flight]) -> list[Audit]:
+    """The verdicts, with a ``copy`` fault on every flight whose numbers an earlier one has; both in the same order."""
+    marked = list(audits)
+    for first, *others in copies(flights):
+        for i in others:
+            marked[i] = replace(marked[i], faults=(*marked[i].faults, fault_of(flights[i], flights[first].name)))
+    return marked

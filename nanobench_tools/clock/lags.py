@@ -141,10 +141,10 @@ def best_lag(sums: LagSums, free: bool = True) -> Lag:
     cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
     offset = float(best(sums.lags_s, residual(cross, reference, measured, free), free))
     near = np.flatnonzero(np.abs(sums.lags_s - offset) <= LOCAL_S + 1e-9)
-    at = int(np.argmin(np.abs(sums.lags_s - offset)))
     k = measured.shape[0]
-    matrix = np.linalg.lstsq(reference[at], cross[at].T, rcond=1e-9)[0].T if free else np.eye(k)
-    left = residual(cross, reference, measured, free)[at]
+    cross_at, reference_at = (CubicSpline(sums.lags_s[near], x[near])(offset) for x in (cross, reference))
+    matrix = np.linalg.lstsq(reference_at, cross_at.T, rcond=1e-9)[0].T if free else np.eye(k)
+    left = residual(cross_at[None], reference_at[None], measured, free)[0]
     power = np.maximum(np.diag(measured), 1e-300)
     return Lag(offset, _half_width(sums, near, free), matrix, 1.0 - left / power, left / sums.rows.sum())
 
@@ -162,7 +162,7 @@ def _half_width(sums: LagSums, near: np.ndarray, free: bool) -> float:
             np.add.reduceat(x, edges, axis=0) for x in (sums.cross[:, near], sums.reference[:, near], sums.measured)
         ]
         without = [part.sum(axis=0) - part for part in parts]
-        offsets = best(lags, residual(*without, free), free)
+        offsets = best(lags, residual(without[0], without[1], without[2], free), free)
         variance = (groups - 1) / groups * np.sum((offsets - offsets.mean()) ** 2)
         widest = max(widest, float(student.ppf(0.975, groups - 1) * np.sqrt(variance)))
     return float(np.hypot(widest, GRID_S))

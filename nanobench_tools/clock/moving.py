@@ -18,6 +18,7 @@ from ..content.context import Context
 from ..content.leaps import mocap_leaps
 from .offset import Measured, measured_lags
 from .track import TrackError, track_error
+from .windows import Movement
 
 OWN_LAG_S = (-0.015, 0.050)
 """Delay of an estimator's output behind the gyro that is its own: measured 5-22 ms (firmware Kalman filter)."""
@@ -50,8 +51,9 @@ def track_of(context: Context) -> TrackError | None:
         return None
     if any(not leap.rotation for leap in context.once(mocap_leaps)):
         return None  # the path is not where it was before
-    placed = compare.on_grid(context, "estimator", ("x", "y", "z"))
-    truth = context.once(compare.truth_of)
+    placed, truth = compare.on_grid(context, "estimator", ("x", "y", "z")), context.once(compare.truth_of)
+    if placed is None or truth is None:
+        return None
     return track_error(
         own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s, own.lag.offset_s
     )
@@ -66,8 +68,11 @@ def moving_clocks(context: Context) -> dict[str, Moving]:
         if name == "estimator":
             if track is not None:
                 found[name] = _by_track(track)
-        elif name in measured and measured[name].movement is not None:
-            found[name] = _by_windows(measured[name], track if name == "imu" and _shares_clock(measured) else None)
+            continue
+        own = measured.get(name)
+        if own is not None and own.movement is not None:
+            shared = track if name == "imu" and _shares_clock(measured) else None
+            found[name] = _by_windows(own.by, own.movement, shared)
     return found
 
 
@@ -94,11 +99,10 @@ def _by_track(track: TrackError) -> Moving:
     )
 
 
-def _by_windows(own: Measured, track: TrackError | None) -> Moving:
-    m = own.movement
+def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
     wanders, sd = m.wanders, m.wander_sd_s
     evidence = (
-        f"lags of {own.by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
+        f"lags of {by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
         f"({1e3 * m.noise_sd_s:.1f} ms; chance {m.p_wander:.0e})"
     )
     if track is not None and track.wanders:
@@ -109,7 +113,7 @@ def _by_windows(own: Measured, track: TrackError | None) -> Moving:
             if p < CONFIRMED:
                 wanders, sd = True, track.wander_sd_s
                 evidence = (
-                    f"half-second lags of {own.by} move with the time error of the estimated position "
+                    f"half-second lags of {by} move with the time error of the estimated position "
                     f"(correlation {r:.2f}, "
                     f"chance {p:.0e}), which wanders by {1e3 * sd:.1f} ms RMS"
                 )
@@ -121,7 +125,7 @@ def _by_windows(own: Measured, track: TrackError | None) -> Moving:
         wanders,
         m.detectable_drift_s,
         m.detectable_wander_s,
-        f"lags of {own.by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})",
+        f"lags of {by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})",
         evidence,
     )
 

@@ -15,7 +15,7 @@ from ..content.likeness import likenesses
 from .lags import Lag, best_lag, lag_sums
 from .windows import Movement, movement
 
-MEASURED_BY = {
+MEASURED_BY: dict[str, tuple[compare.MakePair, ...]] = {
     "imu": (compare.gyro_pair, compare.force_pair),
     "attitude": (compare.attitude_pair,),
     "attitude_qw": (compare.attitude_qw_pair,),
@@ -32,8 +32,8 @@ class Measured:
     lag: Lag
     movement: Movement | None
     by: str
-    order: tuple[int, int, int] = (0, 1, 2)
-    sign: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    order: tuple[int, ...] = (0, 1, 2)
+    sign: tuple[float, ...] = (1.0, 1.0, 1.0)
     factor: float = 1.0
 
     def upright(self, values: np.ndarray) -> np.ndarray:
@@ -56,12 +56,12 @@ def measured_lags(context: Context) -> dict[str, Measured]:
     return found
 
 
-def _measure(context: Context, make, pair: compare.Pair) -> Measured | None:
-    sums = compare.sums_of(context, make)
-    if sums is None:
+def _measure(context: Context, make: compare.MakePair, pair: compare.Pair) -> Measured | None:
+    sums, truth = compare.sums_of(context, make), context.once(compare.truth_of)
+    if sums is None or truth is None:
         return None
     verdict = context.once(likenesses).get(make)
-    time_s = context.once(compare.truth_of).time_s
+    time_s = truth.time_s
     name = "/".join(pair.quantities)
     if pair.free or verdict is None or not verdict.wrong:
         lag = best_lag(sums, pair.free)
@@ -76,6 +76,8 @@ def _measure(context: Context, make, pair: compare.Pair) -> Measured | None:
         verdict.factor,
     )
     values = fixed.upright(pair.measured)
-    sums = lag_sums(values, pair.reference, pair.use, compare.STEP_S, pair.reach_s)
-    lag = best_lag(sums, False)
-    return replace(fixed, lag=lag, movement=movement(values, pair.reference, pair.use, time_s, sums, lag))
+    mended = lag_sums(values, pair.reference, pair.use, compare.STEP_S, pair.reach_s)
+    if mended is None:
+        return None
+    lag = best_lag(mended, False)
+    return replace(fixed, lag=lag, movement=movement(values, pair.reference, pair.use, time_s, mended, lag))

@@ -109,7 +109,8 @@ def _ms(own: Measured) -> str:
 def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
     """Why this measurement tells nothing; empty if it does."""
     if is_gyro:
-        rate = float(np.linalg.norm(context.once(compare.gyro_pair).rms[:2]))
+        pair = context.once(compare.gyro_pair)
+        rate = 0.0 if pair is None else float(np.linalg.norm(pair.rms[:2]))
         if rate < SMALLEST_RATE_RAD_S:
             return f"too little rotation: {rate:.3f} rad/s RMS, noise of the poses is {SMALLEST_RATE_RAD_S:.1f}"
     if own.lag.half_width_s > WIDEST_S:

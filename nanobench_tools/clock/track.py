@@ -24,8 +24,8 @@ BLOCK_S = 1.0
 @dataclass(frozen=True)
 class TrackError:
     """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean; wander_sd_s: its scatter
-    beyond that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a clock
-    error; span_s."""
+    beyond that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a
+    clock error; span_s."""
 
     time_s: np.ndarray
     late_s: np.ndarray

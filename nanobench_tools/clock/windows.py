@@ -83,12 +83,17 @@ def movement(
     # the placebo, linear in the quarter-turned slope
     step = sums.lags_s[1] - sums.lags_s[0]
     rows = _rows(use, sums, len(measured))
-    shift = round(lag.offset_s / step)
+    whole = int(np.floor(lag.offset_s / step))
+    part = lag.offset_s / step - whole
+
+    def delayed(x: np.ndarray) -> np.ndarray:
+        return (1.0 - part) * x[rows - whole] + part * x[rows - whole - 1]
+
     predicted = reference @ a.T
     slope = np.gradient(predicted, step, axis=0)
     turned = np.imag(hilbert(slope, axis=0))
-    rest = measured[rows] - predicted[rows - shift]
-    slope, turned = slope[rows - shift], turned[rows - shift]
+    rest = measured[rows] - delayed(predicted)
+    slope, turned = delayed(slope), delayed(turned)
 
     def per_window(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return ((x * y) @ w).reshape(windows, -1).sum(axis=1)

@@ -15,7 +15,6 @@ from scipy.signal import butter, sosfiltfilt
 
 from .. import so3
 from ..clock.lags import LagSums, lag_sums
-from ..flight import Stream
 from .airborne import airborne_spans
 from .context import Context
 from .crashes import crash_of
@@ -121,10 +120,9 @@ def _pair(
     reach_s: float = REACH_S,
     shift_s: float = 0.0,
 ) -> Pair | None:
-    placed = on_grid(context, name, quantities, prepare, shift_s)
-    if placed is None:
+    placed, truth = on_grid(context, name, quantities, prepare, shift_s), context.once(truth_of)
+    if placed is None or truth is None:
         return None
-    truth = context.once(truth_of)
     values, true_rows = placed
     use = context.once(flying_rows) & truth.good & ~widened(~true_rows, 10)
     inside = np.flatnonzero(use)
@@ -264,7 +262,8 @@ def euler_column_pair(context: Context) -> Pair | None:
     )
 
 
-PAIRS = (
+MakePair = Callable[[Context], Pair | None]
+PAIRS: tuple[MakePair, ...] = (
     gyro_pair,
     force_pair,
     attitude_pair,
@@ -280,20 +279,15 @@ PAIRS = (
 )
 
 
-def sums_of(context: Context, pair: Callable[[Context], Pair | None]) -> LagSums | None:
+def sums_of(context: Context, pair: MakePair) -> LagSums | None:
     """Lagged second moments of one of PAIRS, kept with the context."""
     return context.once(pair_sums)[pair]
 
 
-def pair_sums(context: Context) -> dict[Callable[[Context], Pair | None], LagSums | None]:
+def pair_sums(context: Context) -> dict[MakePair, LagSums | None]:
     """Lagged second moments of all PAIRS; None for a pair that cannot be formed."""
     result = {}
     for make in PAIRS:
         pair = context.once(make)
         result[make] = None if pair is None else lag_sums(pair.measured, pair.reference, pair.use, STEP_S, pair.reach_s)
     return result
-
-
-def stream_of(context: Context, name: str) -> Stream | None:
-    """A usable stream by name, None when the flight has none."""
-    return context.once(usable_streams).get(name)

@@ -50,7 +50,10 @@ def crash_of(context: Context) -> Crash | None:
 def _fall(context: Context) -> tuple[float, str] | None:
     """Time and words of the first steady descent faster than FALL_M_S over FALL_OVER_S, slope of the height; leaps of a
     tracker last one frame and are not steady."""
-    time_s, z = context.once(height_of)
+    height = context.once(height_of)
+    if height is None:
+        return None
+    time_s, z = height
     rows = max(round(FALL_OVER_S / max(float(np.median(np.diff(time_s))), 1e-4)), 2)
     if len(z) < 4 * rows:
         return None

@@ -10,6 +10,8 @@ from .context import Context
 from .packets import PRINT_RESOLUTION
 from .rows import usable_streams
 
+LEAST_STEP_M = 5e-6
+"""A slower line cannot be told from a tracker that rests and rounds."""
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 
 
@@ -41,5 +43,5 @@ def filled_poses(context: Context) -> Filled | None:
     share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
     bend = np.abs(p[1:-1] - (p[:-2] + (p[2:] - p[:-2]) * share))
     drawn = np.zeros(len(t), dtype=bool)
-    drawn[1:-1] = (bend <= PRINT_RESOLUTION).all(axis=1) & (p[1:-1] != p[:-2]).any(axis=1)
+    drawn[1:-1] = (bend <= PRINT_RESOLUTION).all(axis=1) & (np.abs(p[1:-1] - p[:-2]) > LEAST_STEP_M).any(axis=1)
     return Filled(lost, same & ~lost, drawn & ~same & ~lost)

@@ -35,11 +35,12 @@ def mocap_leaps(context: Context) -> list[Leap]:
     """Every leap of the tracked pose, in rising order of time."""
     stream = context.once(usable_streams).get("mocap")
     names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
-    if stream is None or len(stream) < 20 or context.once(filled_poses) is None:
+    filled = context.once(filled_poses)
+    if stream is None or len(stream) < 20 or filled is None:
         return []
     turned = all(n in stream.quantities for n in names[3:])
     pose = stream[names if turned else names[:3]]
-    keep = ~context.once(filled_poses).any
+    keep = ~filled.any
     for name, _, _, _, first, last in context.once(spikes):
         if name == "mocap":
             keep[first : last + 1] = False

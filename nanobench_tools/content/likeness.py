@@ -8,7 +8,6 @@ flight taken one by one, not only in their sum.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -17,6 +16,7 @@ import numpy as np
 from ..clock.lags import LagSums
 from .compare import (
     PAIRS,
+    MakePair,
     Pair,
     gyro_pair,
     mocap_rate_pair,
@@ -56,10 +56,10 @@ class Likeness:
 
     stream: str
     quantities: tuple[str, ...]
-    order: tuple[int, int, int]
-    sign: tuple[int, int, int]
-    correlation: tuple[float, float, float]
-    ratio: tuple[float, float, float]
+    order: tuple[int, ...]
+    sign: tuple[int, ...]
+    correlation: tuple[float, ...]
+    ratio: tuple[float, ...]
     swapped: bool
 
     @property
@@ -107,7 +107,7 @@ def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
     strength = {order: np.abs(k[:, axes, order]).sum(axis=1) for order in ORDERS}
     order = max(ORDERS, key=lambda o: strength[o].max())
     at = int(np.argmax(strength[order]))
-    moved = [i for i in axes if order[i] != i]
+    moved = [i for i in range(3) if order[i] != i]
     swapped = (
         bool(moved)
         and strength[order].max() > strength[ORDERS[0]].max() + 0.5
@@ -137,12 +137,12 @@ def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
     return bool(abs(share.mean()) > CERTAIN_T * spread / np.sqrt(len(share))) if spread > 0.0 else True
 
 
-def likenesses(context: Context) -> dict[Callable[[Context], Pair | None], Likeness]:
+def likenesses(context: Context) -> dict[MakePair, Likeness]:
     """The verdict for every pair that could be formed."""
     found = {}
     for make in PAIRS:
-        sums = sums_of(context, make)
-        verdict = None if sums is None else likeness_of(context.once(make), sums)
+        sums, pair = sums_of(context, make), context.once(make)
+        verdict = None if sums is None or pair is None else likeness_of(pair, sums)
         if verdict is not None:
             found[make] = verdict
     return found

@@ -88,10 +88,10 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         ("motor_request", ("m1", "m2", "m3", "m4")),
         ("pid", ("cmd_thrust",)),
     ):
-        ratio = _alive(context, name, quantities)
-        if ratio is None:
+        command = _alive(context, name, quantities)
+        if command is None:
             continue
-        top = float(np.quantile(ratio, 0.99))
+        top = float(np.quantile(command, 0.99))
         if top > 2.0:
             factor = PWM_FULL_SCALE if top > 256.0 else 100.0
             found.append(
@@ -103,14 +103,14 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
                     name, quantities, 1.0 / PWM_FULL_SCALE, f"{', '.join(quantities)} never exceed {top:.2g} of full"
                 )
             )
-    for name, quantities in (
+    for name, angles in (
         ("attitude", ("roll", "pitch", "yaw")),
         ("setpoint", ("yaw",)),
         ("pid", ("roll", "pitch", "yaw")),
     ):
-        angle = _alive(context, name, quantities)
+        angle = _alive(context, name, angles)
         if angle is not None and float(np.quantile(np.abs(angle), 0.99)) > 4.0 * np.pi:
             found.append(
-                WrongUnit(name, quantities, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad")
+                WrongUnit(name, angles, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad")
             )
     return found

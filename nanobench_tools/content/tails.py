@@ -98,7 +98,6 @@ def alive_until(context: Context) -> dict[str, float]:
     """Time of the last true value of every stream [s]."""
     tails = context.once(tails_of)
     return {
-        name: tails[name].from_s if name in tails else float(stream.time_s[-1])
+        name: tails[name].from_s if name in tails else float(stream.time_s[-1]) if len(stream) else 0.0
         for name, stream in context.once(usable_streams).items()
-        if len(stream)
     }

@@ -25,7 +25,7 @@ class Gravity:
 
     axis: int
     sign: int
-    mean: tuple[float, float, float]
+    mean: tuple[float, ...]
 
 
 def gravity_axis(context: Context) -> Gravity | None:

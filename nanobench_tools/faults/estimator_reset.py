@@ -41,7 +41,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         return []  # in other units or axes nothing fits anyway
     truth = context.once(truth_of)
     placed = on_grid(context, "estimator", POSITION) if truth is not None else None
-    if placed is not None:
+    if placed is not None and truth is not None:
         t, error = truth.time_s, placed[0] - truth.position_m
         velocity, use = truth.velocity_m_s, placed[1] & truth.good
     elif all(q in stream.quantities for q in VELOCITY) and len(stream) > 4 * ROWS:

@@ -32,7 +32,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 STREAMS[name],
                 order.upright,
                 "1",
-                f"read as x, y, z, w the mean cosine of tilt is {order.upright:.2f}, as {order.name} {order.fitting:.2f}",
+                f"as x, y, z, w the mean cosine of tilt is {order.upright:.2f}, as {order.name} {order.fitting:.2f}",
             )
         )
     return faults

@@ -1,0 +1,144 @@
+"""The audit of the real recordings: ends of logs, copies, controllers, innocence of what is right, invariances."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nanobench_tools import so3
+from nanobench_tools.audit import audit, find_copies
+from nanobench_tools.faults.copy import parts
+from nanobench_tools.sources import load_recordings
+
+pytestmark = pytest.mark.real
+
+STOPPED = {  # absolute start of the recording (UTC) is what tells them apart; the names only read well
+    "B2_circle_medium_rep3": 31.3, "B6_linear_ramp_rep4": 23.1, "B9_trefoil_fast_rep2": 12.5, "B9_trefoil_fast_rep5": 19.2,
+    "B9_trefoil_fast_rep3": 19.6, "B9_trefoil_medium_rep5": 38.0, "B9_trefoil_medium_rep15": 34.4,
+    "B2_circle_medium_rep1": 25.0, "B5_helix_medium_rep2": 41.0,
+}
+ON_GROUND = {"B2_circle_medium_rep1", "B5_helix_medium_rep2"}
+
+
+@pytest.fixture(scope="module")
+def recordings(real_data):
+    loaded = load_recordings([real_data / "nanobench" / "datasets"])
+    assert not loaded.failed
+    return {flight.name: flight for flight in loaded.flights}
+
+
+@pytest.fixture(scope="module")
+def verdicts(recordings):
+    return {name: audit(flight) for name, flight in recordings.items()}
+
+
+@pytest.mark.parametrize("name", STOPPED)
+def test_ends_of_logs_that_stopped(verdicts, name):
+    dead = {f.stream: f for f in verdicts[name].faults if f.kind == "dead_stream"}
+    for stream in ("imu", "motor", "estimator", "estimator_acc", "attitude", "attitude_qw", "setpoint", "pid"):
+        assert abs(dead[stream].start_s - STOPPED[name]) < 0.1
+    assert -1.1 < dead["battery"].start_s - STOPPED[name] < 0.1
+
+
+def test_no_other_log_stops_before_its_last_half_second(recordings, verdicts):
+    for name, verdict in verdicts.items():
+        dead = [f for f in verdict.faults if f.kind == "dead_stream" and f.stream != "battery"]
+        long = [f for f in dead if f.size > 0.45]
+        again = {a for group in find_copies([recordings[n] for n in STOPPED] + [recordings[name]]) for a in group}
+        assert bool(long) == (name in STOPPED or name in again), (name, long)
+
+
+def test_copies_and_slices(recordings, real_data):
+    groups = {frozenset(g) for g in find_copies(list(recordings.values()))}
+    assert groups == {frozenset({"B9_trefoil_fast_rep3", "B9_trefoil_fast_rep15"}),
+                      frozenset({"B9_trefoil_medium_rep3", "B9_trefoil_medium_rep7"}),
+                      frozenset({"B9_trefoil_medium_rep5", "B9_trefoil_medium_rep16"}),
+                      frozenset({"B9_trefoil_slow_rep2", "B9_trefoil_slow_rep8"})}
+    slices = load_recordings([real_data / "nanobench" / "benchmarks" / "task3_stateEst"]).flights
+    both = [*recordings.values(), *slices]
+    sliced = {i for i, _ in parts(both)}
+    assert sliced == set(range(len(recordings), len(both)))
+
+
+def test_controllers(verdicts):
+    assert Counter(v.controller for v in verdicts.values()) == {"pid": 48, "mellinger": 23, "none": 1}
+
+
+def test_nobody_is_accused_who_is_right(verdicts):
+    innocent = {"unit", "sign", "axis_swap", "quaternion_order", "spike", "mocap_jump", "mocap_occlusion", "estimator_reset",
+                "saturated_sensor", "frozen_stream", "crash", "duplicate_time", "backward_time", "clock_drift", "bad_cell",
+                "missing_column", "extra_column"}
+    accused = [(name, f) for name, v in verdicts.items() for f in v.faults if f.kind in innocent]
+    assert accused == []
+    assert [name for name, v in verdicts.items() if any(f.kind == "never_flew" for f in v.faults)] == ["B7_oval_slow_rep1"]
+
+
+def test_airborne_times(verdicts):
+    """Lift-off and touch-down by the measured table (first and last crossing of 5 cm)."""
+    for name, lift, last in (("B2_circle_fast_rep1", 3.26, 23.3), ("B8_star_fast_rep3", 2.67, 38.8), ("B6_linear_ramp_rep3", 3.24, 28.9)):
+        (air,) = verdicts[name].airborne
+        assert abs(air.start_s - lift) < 0.1
+        assert abs(air.end_s - last) < 1.1
+
+
+def test_clock_of_the_real_link(verdicts):
+    readings = [v.clock["imu"] for v in verdicts.values()]
+    offsets = [r.offset_s for r in readings if r.identifiable]
+    assert len(offsets) >= 60
+    assert abs(np.median(offsets)) < 0.005
+    assert not verdicts["B6_linear_ramp_rep3"].clock["imu"].identifiable
+    assert not verdicts["B7_oval_slow_rep1"].clock["imu"].identifiable
+    moved = [any(f.kind == "clock_wander" and f.stream == "estimator" for f in v.faults) for v in verdicts.values()]
+    assert sum(moved) >= 66
+    wander = [v.clock["estimator"].wander_sd_s for v in verdicts.values() if np.isfinite(v.clock["estimator"].wander_sd_s)]
+    assert 0.025 < np.median(wander) < 0.04
+
+
+def summary(verdict, shift_s=0.0):
+    return [(f.kind, f.stream, f.columns, round(f.start_s - shift_s, 2), round(f.end_s - shift_s, 2)) for f in verdict.faults]
+
+
+@pytest.mark.parametrize("name", ["B9_trefoil_fast_rep5", "B5_helix_rep1"])
+def test_a_shift_of_all_stamps_changes_nothing_else(recordings, verdicts, name):
+    flight = recordings[name]
+    time_s = flight["mocap"].time_s + 1000.0
+    moved = replace(flight, streams={n: replace(s, time_s=time_s) for n, s in flight.streams.items()})
+    verdict = audit(moved)
+    assert sorted(summary(verdict, 1000.0)) == sorted(summary(verdicts[name]))
+    assert verdict.clock["imu"].offset_s == pytest.approx(verdicts[name].clock["imu"].offset_s, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["B2_circle_fast_rep1", "B9_trefoil_medium_rep3"])
+@pytest.mark.parametrize("angle", [0.7, 2.5])
+def test_turning_the_world_changes_nothing(recordings, verdicts, name, angle):
+    flight = recordings[name]
+    turn = so3.exp(np.array([0.0, 0.0, angle]))
+    matrix = so3.matrix(turn)
+
+    def turned(stream, vectors=(), quaternion=(), yaw=()):
+        s = flight[stream]
+        values = s.values.copy()
+        for names in vectors:
+            columns = [s.index(n) for n in names]
+            values[:, columns] = values[:, columns] @ matrix.T
+        if quaternion:
+            columns = [s.index(n) for n in quaternion]
+            values[:, columns] = so3.multiply(turn, values[:, columns])
+        for n in yaw:
+            values[:, s.index(n)] = values[:, s.index(n)] + angle
+        return replace(s, values=values)
+
+    q, xyz = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
+    world = flight.with_streams(
+        mocap=turned("mocap", (("px", "py", "pz"), ("vx", "vy", "vz")), q, ("yaw",)),
+        estimator=turned("estimator", (xyz, ("vx", "vy", "vz"))), estimator_acc=turned("estimator_acc", (("ax", "ay", "az"),)),
+        attitude=turned("attitude", yaw=("yaw",)), attitude_qw=turned("attitude_qw", quaternion=q),
+        setpoint=turned("setpoint", (xyz,), yaw=("yaw",)), pid=turned("pid", yaw=("yaw",)))
+    assert sorted(summary(audit(world))) == sorted(summary(verdicts[name]))
+
+
+def test_the_name_is_not_read(recordings, verdicts):
+    flight = replace(recordings["B9_trefoil_fast_rep2"], name="practice", metadata={})
+    verdict = audit(flight)
+    assert verdict.to_json() == {**verdicts["B9_trefoil_fast_rep2"].to_json(), "flight": "practice"}
