@@ -1,6 +1,6 @@
 """An estimator of one's own: between the poses that are given, straight on with the last velocity and the gyro.
 
-    nanobench estimate --protocol aided --method own_estimator:GyroAndLine
+    nanobench estimate --protocol clean --method own_estimator:GyroAndLine
 """
 
 import numpy as np
