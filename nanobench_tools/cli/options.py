@@ -174,8 +174,12 @@ class Options:
         if self.quiet or str(self.json) == "-":
             return
         from rich.console import Console
+        from rich.measure import Measurement
 
-        console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+        wide = Console(width=10_000)
+        console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+        if not isinstance(table, str):  # rather a line that the terminal folds than a number cut short
+            console.width = max(console.width, Measurement.get(wide, wide.options, table).minimum)
         with console.capture() as text:
             console.print(table)
         try:

@@ -45,11 +45,13 @@ def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, s
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in heads:
-        table.add_column(head, overflow="fold")
-    for i, (_, heading, _, _) in enumerate(columns):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(head, no_wrap=True)
+    for i, (_, heading, _, digits) in enumerate(columns):
+        # on a narrow screen a score breaks after its mean, never inside a number
+        widest = max([len(word) for word in heading.split()] + [digits + 4])
+        table.add_column(heading, justify="right", min_width=widest)
         if i == 0:
-            table.add_column("95 %", justify="right", no_wrap=True)
+            table.add_column("95 %", justify="right", min_width=widest)
     name, _, factor, digits = columns[0]
     for texts, metrics in lines:
         cells = [score_text(metrics.get(n), f, d) for n, _, f, d in columns]

@@ -89,7 +89,7 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
              "and sum over 1..50 \\[95 % interval of the sum]")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("model", "information", "truth", "group", "windows", "flights"):
-        table.add_column(head, overflow="fold")
+        table.add_column(head, no_wrap=head != "model")
     for _, heading in SHOWN:
         table.add_column(heading, justify="right")
     for row in rows:
