@@ -31,7 +31,8 @@ LOCAL_S = 0.08
 @dataclass(frozen=True)
 class LagSums:
     """Second moments per block b and lag l: cross (b, l, k, k) of s(t) r(t - lag)', reference (b, l, k, k) of
-    r(t - lag) r(t - lag)', measured (b, k, k) of s s'; lags_s (l,); rows (b,) in each block; block_s its length."""
+    r(t - lag) r(t - lag)', measured (b, k, k) of s s'; lags_s (l,); rows (b, m) of the grid in each block;
+    block_s its length."""
 
     lags_s: np.ndarray
     cross: np.ndarray
@@ -63,38 +64,31 @@ def lag_sums(
 ) -> LagSums | None:
     """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
 
-    Rows closer than ``reach_s`` to the ends of the grid are left out. None with less than three seconds of rows.
+    Blocks are whole and without holes; rows closer than ``reach_s`` to the ends of the grid are left out. None with
+    less than three seconds of blocks.
     """
     n, k = measured.shape
     reach = round(reach_s / step_s)
     use = use.copy()
     use[:reach] = False
     use[n - reach :] = False
-    rows = np.flatnonzero(use)
     per_block = round(block_s / step_s)
-    blocks = len(rows) // per_block
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], use.astype(np.int8), [0])))).reshape(-1, 2)
+    starts = np.concatenate([np.arange(a, b - per_block + 1, per_block) for a, b in edges] or [np.zeros(0, int)])
+    blocks = len(starts)
     if blocks * block_s < 3.0:
         return None
-    rows = rows[: blocks * per_block]
+    rows = starts[:, None] + np.arange(per_block)
     windows = np.lib.stride_tricks.sliding_window_view(reference, 2 * reach + 1, axis=0)  # row i: r[i .. i + 2 reach]
-    lagged = windows[rows - reach][:, :, ::-1].reshape(blocks, per_block, k * (2 * reach + 1))
-    s = measured[rows].reshape(blocks, per_block, k)
+    lagged = windows[rows - reach][..., ::-1].reshape(blocks, per_block, k * (2 * reach + 1))
+    s = measured[rows]
     cross = (s.transpose(0, 2, 1) @ lagged).reshape(blocks, k, k, -1).transpose(0, 3, 1, 2)
+    # sums of products over a block are differences of one running sum
     products = (reference[:, :, None] * reference[:, None, :]).reshape(n, k * k)
-    shifts = rows.reshape(blocks, per_block)[:, None, :] - np.arange(-reach, reach + 1)[None, :, None]
-    if np.all(np.diff(rows) == 1):  # no holes: differences of one running sum
-        total = np.vstack([np.zeros((1, k * k)), np.cumsum(products, axis=0)])
-        auto = total[shifts[:, :, -1] + 1] - total[shifts[:, :, 0]]
-    else:
-        auto = products[shifts].sum(axis=2)
-    return LagSums(
-        np.arange(-reach, reach + 1) * step_s,
-        cross,
-        auto.reshape(blocks, -1, k, k),
-        s.transpose(0, 2, 1) @ s,
-        np.full(blocks, per_block),
-        block_s,
-    )
+    total = np.vstack([np.zeros((1, k * k)), np.cumsum(products, axis=0)])
+    first = starts[:, None] - np.arange(-reach, reach + 1)
+    auto = (total[first + per_block] - total[first]).reshape(blocks, -1, k, k)
+    return LagSums(np.arange(-reach, reach + 1) * step_s, cross, auto, s.transpose(0, 2, 1) @ s, rows, block_s)
 
 
 def residual(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, free: bool) -> np.ndarray:
@@ -146,7 +140,7 @@ def best_lag(sums: LagSums, free: bool = True) -> Lag:
     matrix = np.linalg.lstsq(reference_at, cross_at.T, rcond=1e-9)[0].T if free else np.eye(k)
     left = residual(cross_at[None], reference_at[None], measured, free)[0]
     power = np.maximum(np.diag(measured), 1e-300)
-    return Lag(offset, _half_width(sums, near, free), matrix, 1.0 - left / power, left / sums.rows.sum())
+    return Lag(offset, _half_width(sums, near, free), matrix, 1.0 - left / power, left / sums.rows.size)
 
 
 def _half_width(sums: LagSums, near: np.ndarray, free: bool) -> float:

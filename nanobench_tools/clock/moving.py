@@ -30,7 +30,8 @@ CONFIRMED = 1e-3
 @dataclass(frozen=True)
 class Moving:
     """slope (s/s) and wander_sd_s of one stream's time error; whether they are beyond doubt; what is just detectable
-    (change over the flight, standard deviation; s); evidence in words."""
+    (change over the flight, standard deviation; s); evidence in words;
+    like_track: it moves with the track."""
 
     slope: float
     span_s: float
@@ -41,6 +42,7 @@ class Moving:
     detectable_wander_s: float
     drift_evidence: str
     wander_evidence: str
+    like_track: bool = False
 
 
 def track_of(context: Context) -> TrackError | None:
@@ -100,7 +102,7 @@ def _by_track(track: TrackError) -> Moving:
 
 
 def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
-    wanders, sd = m.wanders, m.wander_sd_s
+    wanders, sd, like_track = m.wanders, m.wander_sd_s, False
     evidence = (
         f"lags of {by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
         f"({1e3 * m.noise_sd_s:.1f} ms; chance {m.p_wander:.0e})"
@@ -111,7 +113,7 @@ def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
         if both.sum() >= 10:
             r, p = pearsonr(means[both], m.lag_s[both], alternative="greater")
             if p < CONFIRMED:
-                wanders, sd = True, track.wander_sd_s
+                wanders, sd, like_track = True, track.wander_sd_s, True
                 evidence = (
                     f"half-second lags of {by} move with the time error of the estimated position "
                     f"(correlation {r:.2f}, "
@@ -127,6 +129,7 @@ def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
         m.detectable_wander_s,
         f"lags of {by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})",
         evidence,
+        like_track,
     )
 
 

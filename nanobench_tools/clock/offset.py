@@ -65,7 +65,7 @@ def _measure(context: Context, make: compare.MakePair, pair: compare.Pair) -> Me
     name = "/".join(pair.quantities)
     if pair.free or verdict is None or not verdict.wrong:
         lag = best_lag(sums, pair.free)
-        return Measured(lag, movement(pair.measured, pair.reference, pair.use, time_s, sums, lag), name)
+        return Measured(lag, movement(pair.measured, pair.reference, time_s, sums, lag), name)
     # world frames agree once axes, signs and unit are put right
     fixed = Measured(
         best_lag(sums, True),
@@ -80,4 +80,4 @@ def _measure(context: Context, make: compare.MakePair, pair: compare.Pair) -> Me
     if mended is None:
         return None
     lag = best_lag(mended, False)
-    return replace(fixed, lag=lag, movement=movement(values, pair.reference, pair.use, time_s, mended, lag))
+    return replace(fixed, lag=lag, movement=movement(values, pair.reference, time_s, mended, lag))

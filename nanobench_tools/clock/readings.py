@@ -6,7 +6,8 @@ the gyro. What the estimator sends (position, attitude, acceleration) follows it
 that is a property of the estimate and no error of its stamps. A stream of the estimator therefore gets the gyro's
 offset as long as it follows the gyro by no less than OWN_LAG_S[0] and no more than OWN_LAG_S[1], and its measured
 delay is told in the reason. Beyond, its stamps are wrong by themselves and it gets its own measured delay, with an
-interval widened by what its own lag may be. Motors, requests, setpoints and battery are not seen by cameras.
+interval widened by what its own lag may be. Motors, requests, setpoints and battery are not
+seen by cameras. Where the clock wanders, the offset is its mean (``mean_offset``).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from ..content import compare
 from ..content.context import Context
+from .mean_offset import mean_lag
 from .moving import OWN_LAG_S, moving_clocks
 from .offset import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
@@ -44,7 +46,11 @@ def read_clocks(context: Context) -> dict[str, ClockReading]:
     names = [name for name in flight.streams if name != "mocap"]
     if context.once(compare.truth_of) is None:
         return {name: ClockReading.unknown("no motion capture to compare with") for name in names}
-    measured = context.once(measured_lags)
+    measured = dict(context.once(measured_lags))
+    mean = context.once(mean_lag)
+    if mean is not None:
+        gyro = measured["imu"]
+        measured["imu"] = replace(gyro, lag=mean, by=f"{gyro.by} with the track's wander taken out")
     readings = {}
     for name in names:
         if name in measured:

@@ -25,7 +25,8 @@ BLOCK_S = 1.0
 class TrackError:
     """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean; wander_sd_s: its scatter
     beyond that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a
-    clock error; span_s."""
+    clock error; span_s; mean_sd_s: how
+    well these rows tell the mean of the whole recording."""
 
     time_s: np.ndarray
     late_s: np.ndarray
@@ -37,6 +38,7 @@ class TrackError:
     p_drift: float
     p_wander: float
     blocks: int
+    mean_sd_s: float
 
     @property
     def drifts(self) -> bool:
@@ -119,4 +121,5 @@ def track_error(
         p_drift,
         p_wander,
         n,
+        float(mean.std(ddof=1) / np.sqrt(n) * np.sqrt(max(1.0 - len(t) / len(time_s), 0.0))),
     )

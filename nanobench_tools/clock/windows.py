@@ -65,7 +65,7 @@ class Movement:
 
 
 def movement(
-    measured: np.ndarray, reference: np.ndarray, use: np.ndarray, time_s: np.ndarray, sums: LagSums, lag: Lag
+    measured: np.ndarray, reference: np.ndarray, time_s: np.ndarray, sums: LagSums, lag: Lag
 ) -> Movement | None:
     """From one pair (n, 3), its sums (blocks are the windows) and its lag; None with fewer than eight windows."""
     a, w = lag.matrix, 1.0 / np.maximum(lag.noise, 1e-300)
@@ -82,12 +82,12 @@ def movement(
     lags = best(sums.lags_s[near], left[..., None], False) - lag.offset_s
     # the placebo, linear in the quarter-turned slope
     step = sums.lags_s[1] - sums.lags_s[0]
-    rows = _rows(use, sums, len(measured))
+    rows = sums.rows.ravel()
     whole = int(np.floor(lag.offset_s / step))
     part = lag.offset_s / step - whole
 
     def delayed(x: np.ndarray) -> np.ndarray:
-        return (1.0 - part) * x[rows - whole] + part * x[rows - whole - 1]
+        return (1.0 - part) * x[rows - whole] + part * x[np.maximum(rows - whole - 1, 0)]
 
     predicted = reference @ a.T
     slope = np.gradient(predicted, step, axis=0)
@@ -103,15 +103,6 @@ def movement(
     placebo = per_window(turned, rest) / np.maximum(power, 1e-300)
     times = time_s[rows].reshape(windows, -1).mean(axis=1)
     return _judge(times, lags, weight, placebo, power)
-
-
-def _rows(use: np.ndarray, sums: LagSums, n: int) -> np.ndarray:
-    """The rows ``lag_sums`` has used, in blocks."""
-    reach = (len(sums.lags_s) - 1) // 2
-    keep = use.copy()
-    keep[:reach] = False
-    keep[n - reach :] = False
-    return np.flatnonzero(keep)[: int(sums.rows.sum())]
 
 
 def _judge(times: np.ndarray, lags: np.ndarray, weight: np.ndarray, placebo: np.ndarray, power: np.ndarray) -> Movement:

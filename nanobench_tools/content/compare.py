@@ -124,6 +124,28 @@ def _pair(
     if placed is None or truth is None:
         return None
     values, true_rows = placed
+    return pair_of(context, name, quantities, signal, values, true_rows, reference(truth), band_hz, free, reach_s)
+
+
+def pair_of(
+    context: Context,
+    name: str,
+    quantities: tuple[str, ...],
+    signal: Callable[[np.ndarray], np.ndarray],
+    values: np.ndarray,
+    true_rows: np.ndarray,
+    reference: np.ndarray,
+    band_hz: tuple[float, float],
+    free: bool,
+    reach_s: float = REACH_S,
+) -> Pair | None:
+    """The pair of ``signal(values)`` and ``reference``, both on the grid of truth; true_rows (n,) bool: real values.
+
+    None with less than three seconds in the air.
+    """
+    truth = context.once(truth_of)
+    if truth is None:
+        return None
     use = context.once(flying_rows) & truth.good & ~widened(~true_rows, 10)
     inside = np.flatnonzero(use)
     if len(inside) < 300:
@@ -136,7 +158,7 @@ def _pair(
     use[last - reach + 1 :] = False
     both = np.zeros((2, len(values), 3))
     both[:, first : last + 1] = band_limited(
-        np.stack([signal(values[first : last + 1]), reference(truth)[first : last + 1]]), band_hz
+        np.stack([signal(values[first : last + 1]), reference[first : last + 1]]), band_hz
     )
     # an axis that never moves holds rounding errors only
     both[np.broadcast_to((np.abs(both).max(axis=1) < 1e-9)[:, None, :], both.shape)] = 0.0

@@ -10,17 +10,49 @@ from nanobench_tools.audit import CUTTING_KINDS, Audit, ClockReading, RateReadin
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 
 KINDS = {
-    "dead_stream", "frozen_stream", "gap", "duplicate_time", "backward_time", "clock_offset", "clock_drift", "clock_wander",
-    "unit", "sign", "axis_swap", "spike", "saturated_sensor", "mocap_occlusion", "mocap_jump", "quaternion_order",
-    "estimator_reset", "never_flew", "crash", "copy", "missing_column", "extra_column", "truncated", "checksum", "bad_cell",
+    "dead_stream",
+    "frozen_stream",
+    "gap",
+    "duplicate_time",
+    "backward_time",
+    "clock_offset",
+    "clock_drift",
+    "clock_wander",
+    "unit",
+    "sign",
+    "axis_swap",
+    "spike",
+    "saturated_sensor",
+    "mocap_occlusion",
+    "mocap_jump",
+    "quaternion_order",
+    "estimator_reset",
+    "never_flew",
+    "crash",
+    "copy",
+    "missing_column",
+    "extra_column",
+    "truncated",
+    "checksum",
+    "bad_cell",
     "interpolated",
 }
 
 
 def verdict(*faults: Fault) -> Audit:
     reading = ClockReading(0.01, (0.005, 0.015), True, "because", 0.002, ((1.0, 0.01, 0.001),))
-    return Audit("f", "f.csv", "00", "pid", (Span(2.0, 8.0),), (), faults,
-                 {"imu": reading, "motor": ClockReading.unknown("unseen")}, {"imu": RateReading(900, 90.0)}, Span(0.0, 10.0))
+    return Audit(
+        "f",
+        "f.csv",
+        "00",
+        "pid",
+        (Span(2.0, 8.0),),
+        (),
+        faults,
+        {"imu": reading, "motor": ClockReading.unknown("unseen")},
+        {"imu": RateReading(900, 90.0)},
+        Span(0.0, 10.0),
+    )
 
 
 def fault(kind: str, stream: str, start: float, end: float) -> Fault:
@@ -31,7 +63,7 @@ def test_every_kind_has_one_file_and_says_how_it_is_found():
     modules = registry.load_all("faults")
     assert set(modules) == KINDS
     for kind, module in modules.items():
-        assert module.KIND == kind
+        assert kind == module.KIND
         assert module.__doc__.startswith(kind)
         assert "Found" in module.__doc__ or kind in ("copy",), kind
         assert "Smallest" in module.__doc__, kind
@@ -49,8 +81,12 @@ def test_json_there_and_back():
 
 
 def test_clean_spans_count_only_the_streams_asked_for():
-    v = verdict(fault("gap", "imu", 1.0, 2.0), fault("spike", "mocap", 4.0, 4.5), fault("clock_offset", "imu", 0.0, 10.0),
-                fault("crash", "", 9.0, 10.0))
+    v = verdict(
+        fault("gap", "imu", 1.0, 2.0),
+        fault("spike", "mocap", 4.0, 4.5),
+        fault("clock_offset", "imu", 0.0, 10.0),
+        fault("crash", "", 9.0, 10.0),
+    )
     assert v.clean_for(["imu"]) == (Span(0.0, 1.0), Span(2.0, 9.0))
     assert v.clean_for(["mocap", "imu"]) == (Span(0.0, 1.0), Span(2.0, 4.0), Span(4.5, 9.0))
     assert v.clean_for(["battery"]) == (Span(0.0, 9.0),)
@@ -60,9 +96,13 @@ def test_clean_spans_count_only_the_streams_asked_for():
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 25])
 def test_tiny_recordings_are_audited_without_a_word(n):
     t = np.arange(n) / 100.0
-    streams = {"mocap": make_stream("mocap", t, np.zeros((n, 7)), ("px", "py", "pz", "qx", "qy", "qz", "qw")),
-               "imu": make_stream("imu", t, np.full((n, 6), np.nan), ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")),
-               "battery": make_stream("battery", t, np.zeros((n, 1)), ("vbat",))}
+    streams = {
+        "mocap": make_stream("mocap", t, np.zeros((n, 7)), ("px", "py", "pz", "qx", "qy", "qz", "qw")),
+        "imu": make_stream(
+            "imu", t, np.full((n, 6), np.nan), ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
+        ),
+        "battery": make_stream("battery", t, np.zeros((n, 1)), ("vbat",)),
+    }
     result = audit(Flight("tiny", streams, {}, Provenance("tiny.csv", "", "test")))
     assert result.airborne == ()
     json.dumps(result.to_json(), allow_nan=False)

@@ -33,6 +33,7 @@ def test_controller_air_and_rates(flights, audits):
 
 def test_estimated_counts_are_near_the_true_ones(flights):
     from dataclasses import replace
+
     flight = flights[0]
     blind = flight.with_streams(**{name: replace(s, samples=None) for name, s in flight.streams.items()})
     rates = audit(blind).rates

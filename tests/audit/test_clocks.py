@@ -12,9 +12,13 @@ STEP = 0.01
 
 
 def signals(rng, delay_s, n=3000, noise=0.0, matrix=None):
-    """Sums of sines from 0.3 to 6 Hz, three axes, and the same turned and ``delay_s`` later: exact, no interpolation."""
+    """Sums of sines from 0.3 to 6 Hz, three axes, and the same turned and ``delay_s`` later, exactly."""
     t = np.arange(n) * STEP
-    frequency, phase, size = rng.uniform(0.3, 6.0, (40, 3)), rng.uniform(0, 2 * np.pi, (40, 3)), rng.normal(size=(40, 3))
+    frequency, phase, size = (
+        rng.uniform(0.3, 6.0, (40, 3)),
+        rng.uniform(0, 2 * np.pi, (40, 3)),
+        rng.normal(size=(40, 3)),
+    )
 
     def at(t):
         return np.sum(size * np.sin(2 * np.pi * frequency * t[:, None, None] + phase), axis=1)
@@ -90,7 +94,12 @@ def test_the_whole_link_is_late_or_one_stream_is(flights):
     result = audit(link)
     for name in ("imu", "estimator", "attitude", "attitude_qw"):
         assert result.clock[name].offset_s == pytest.approx(0.06, abs=0.003)
-    assert {f.stream for f in result.faults if f.kind == "clock_offset"} >= {"imu", "estimator", "attitude", "attitude_qw"}
+    assert {f.stream for f in result.faults if f.kind == "clock_offset"} >= {
+        "imu",
+        "estimator",
+        "attitude",
+        "attitude_qw",
+    }
     for name in ("motor", "pid", "setpoint", "battery"):
         assert not result.clock[name].identifiable
         assert result.clock[name].reason

@@ -13,10 +13,16 @@ from nanobench_tools.sources import load_recordings
 
 pytestmark = pytest.mark.real
 
-STOPPED = {  # absolute start of the recording (UTC) is what tells them apart; the names only read well
-    "B2_circle_medium_rep3": 31.3, "B6_linear_ramp_rep4": 23.1, "B9_trefoil_fast_rep2": 12.5, "B9_trefoil_fast_rep5": 19.2,
-    "B9_trefoil_fast_rep3": 19.6, "B9_trefoil_medium_rep5": 38.0, "B9_trefoil_medium_rep15": 34.4,
-    "B2_circle_medium_rep1": 25.0, "B5_helix_medium_rep2": 41.0,
+STOPPED = {
+    "B2_circle_medium_rep3": 31.3,
+    "B6_linear_ramp_rep4": 23.1,
+    "B9_trefoil_fast_rep2": 12.5,
+    "B9_trefoil_fast_rep5": 19.2,
+    "B9_trefoil_fast_rep3": 19.6,
+    "B9_trefoil_medium_rep5": 38.0,
+    "B9_trefoil_medium_rep15": 34.4,
+    "B2_circle_medium_rep1": 25.0,
+    "B5_helix_medium_rep2": 41.0,
 }
 ON_GROUND = {"B2_circle_medium_rep1", "B5_helix_medium_rep2"}
 
@@ -51,10 +57,12 @@ def test_no_other_log_stops_before_its_last_half_second(recordings, verdicts):
 
 def test_copies_and_slices(recordings, real_data):
     groups = {frozenset(g) for g in find_copies(list(recordings.values()))}
-    assert groups == {frozenset({"B9_trefoil_fast_rep3", "B9_trefoil_fast_rep15"}),
-                      frozenset({"B9_trefoil_medium_rep3", "B9_trefoil_medium_rep7"}),
-                      frozenset({"B9_trefoil_medium_rep5", "B9_trefoil_medium_rep16"}),
-                      frozenset({"B9_trefoil_slow_rep2", "B9_trefoil_slow_rep8"})}
+    assert groups == {
+        frozenset({"B9_trefoil_fast_rep3", "B9_trefoil_fast_rep15"}),
+        frozenset({"B9_trefoil_medium_rep3", "B9_trefoil_medium_rep7"}),
+        frozenset({"B9_trefoil_medium_rep5", "B9_trefoil_medium_rep16"}),
+        frozenset({"B9_trefoil_slow_rep2", "B9_trefoil_slow_rep8"}),
+    }
     slices = load_recordings([real_data / "nanobench" / "benchmarks" / "task3_stateEst"]).flights
     both = [*recordings.values(), *slices]
     sliced = {i for i, _ in parts(both)}
@@ -66,17 +74,39 @@ def test_controllers(verdicts):
 
 
 def test_nobody_is_accused_who_is_right(verdicts):
-    innocent = {"unit", "sign", "axis_swap", "quaternion_order", "spike", "mocap_jump", "mocap_occlusion", "estimator_reset",
-                "saturated_sensor", "frozen_stream", "crash", "duplicate_time", "backward_time", "clock_drift", "bad_cell",
-                "missing_column", "extra_column"}
+    innocent = {
+        "unit",
+        "sign",
+        "axis_swap",
+        "quaternion_order",
+        "spike",
+        "mocap_jump",
+        "mocap_occlusion",
+        "estimator_reset",
+        "saturated_sensor",
+        "frozen_stream",
+        "crash",
+        "duplicate_time",
+        "backward_time",
+        "clock_drift",
+        "bad_cell",
+        "missing_column",
+        "extra_column",
+    }
     accused = [(name, f) for name, v in verdicts.items() for f in v.faults if f.kind in innocent]
     assert accused == []
-    assert [name for name, v in verdicts.items() if any(f.kind == "never_flew" for f in v.faults)] == ["B7_oval_slow_rep1"]
+    assert [name for name, v in verdicts.items() if any(f.kind == "never_flew" for f in v.faults)] == [
+        "B7_oval_slow_rep1"
+    ]
 
 
 def test_airborne_times(verdicts):
     """Lift-off and touch-down by the measured table (first and last crossing of 5 cm)."""
-    for name, lift, last in (("B2_circle_fast_rep1", 3.26, 23.3), ("B8_star_fast_rep3", 2.67, 38.8), ("B6_linear_ramp_rep3", 3.24, 28.9)):
+    for name, lift, last in (
+        ("B2_circle_fast_rep1", 3.26, 23.3),
+        ("B8_star_fast_rep3", 2.67, 38.8),
+        ("B6_linear_ramp_rep3", 3.24, 28.9),
+    ):
         (air,) = verdicts[name].airborne
         assert abs(air.start_s - lift) < 0.1
         assert abs(air.end_s - last) < 1.1
@@ -91,12 +121,17 @@ def test_clock_of_the_real_link(verdicts):
     assert not verdicts["B7_oval_slow_rep1"].clock["imu"].identifiable
     moved = [any(f.kind == "clock_wander" and f.stream == "estimator" for f in v.faults) for v in verdicts.values()]
     assert sum(moved) >= 66
-    wander = [v.clock["estimator"].wander_sd_s for v in verdicts.values() if np.isfinite(v.clock["estimator"].wander_sd_s)]
+    wander = [
+        v.clock["estimator"].wander_sd_s for v in verdicts.values() if np.isfinite(v.clock["estimator"].wander_sd_s)
+    ]
     assert 0.025 < np.median(wander) < 0.04
 
 
 def summary(verdict, shift_s=0.0):
-    return [(f.kind, f.stream, f.columns, round(f.start_s - shift_s, 2), round(f.end_s - shift_s, 2)) for f in verdict.faults]
+    return [
+        (f.kind, f.stream, f.columns, round(f.start_s - shift_s, 2), round(f.end_s - shift_s, 2))
+        for f in verdict.faults
+    ]
 
 
 @pytest.mark.parametrize("name", ["B9_trefoil_fast_rep5", "B5_helix_rep1"])
@@ -132,9 +167,13 @@ def test_turning_the_world_changes_nothing(recordings, verdicts, name, angle):
     q, xyz = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
     world = flight.with_streams(
         mocap=turned("mocap", (("px", "py", "pz"), ("vx", "vy", "vz")), q, ("yaw",)),
-        estimator=turned("estimator", (xyz, ("vx", "vy", "vz"))), estimator_acc=turned("estimator_acc", (("ax", "ay", "az"),)),
-        attitude=turned("attitude", yaw=("yaw",)), attitude_qw=turned("attitude_qw", quaternion=q),
-        setpoint=turned("setpoint", (xyz,), yaw=("yaw",)), pid=turned("pid", yaw=("yaw",)))
+        estimator=turned("estimator", (xyz, ("vx", "vy", "vz"))),
+        estimator_acc=turned("estimator_acc", (("ax", "ay", "az"),)),
+        attitude=turned("attitude", yaw=("yaw",)),
+        attitude_qw=turned("attitude_qw", quaternion=q),
+        setpoint=turned("setpoint", (xyz,), yaw=("yaw",)),
+        pid=turned("pid", yaw=("yaw",)),
+    )
     assert sorted(summary(audit(world))) == sorted(summary(verdicts[name]))
 
 
