@@ -8,8 +8,9 @@ from pathlib import Path
 
 from ..audit import Audit, audit, find_copies
 from ..flight import Flight
+from .items import make_item
 from .progress import Progress
-from .runner import make_item, run_items
+from .runner import run_items
 
 
 @dataclass(frozen=True)

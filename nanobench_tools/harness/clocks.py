@@ -11,8 +11,9 @@ from ..audit import Audit
 from ..flight import Flight
 from ..retiming.apply import apply_warp, find_warp, moved_audit
 from ..retiming.warp import ClockWarp
+from .items import make_item
 from .progress import Progress
-from .runner import make_item, run_items
+from .runner import run_items
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 
 from ..errors import MissingExtraError, UsageError
-from .runner import Item, Outcome, Results, execute
+from .items import Item, Outcome, Results, execute
 from .store import Store
 from .threads import one_thread
 

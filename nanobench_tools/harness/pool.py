@@ -15,7 +15,7 @@ from multiprocessing import resource_tracker
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from .runner import Item, Outcome, Results, execute
+from .items import Item, Outcome, Results, execute
 from .store import Store
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -6,34 +6,15 @@ is reported and does not stop the others.
 
 from __future__ import annotations
 
-import os
-import traceback
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ..errors import NanobenchError
 from ..flight import Flight
-from .identity import item_key
+from .items import Item, Results, execute
 from .progress import Progress
-from .store import Store, encode
-from .threads import one_thread
-
-
-@dataclass(frozen=True)
-class Item:
-    """One piece of work: a module-level ``function`` that turns ``kwargs`` into a JSON-able dict.
-
-    key: ``item_key``; label: what a person calls it; file: the input it is about (found in ``kwargs`` if empty).
-    """
-
-    key: str
-    function: Callable[..., dict]
-    kwargs: Mapping[str, Any]
-    label: str
-    file: str = ""
+from .store import Store
 
 
 @dataclass(frozen=True)
@@ -44,23 +25,6 @@ class RunResult:
     values: dict[str, dict]
     failed: list[dict[str, str]]
     executed: int = 0
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of one item: a value, or one line of error."""
-
-    value: dict | None = None
-    error: str | None = None
-
-
-Results = Generator[tuple[Item, Outcome]]
-
-
-def make_item(function: Callable[..., dict], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
-              file: str = "") -> Item:
-    """An Item with its key. ``inputs``: content hashes of the files that ``kwargs`` only names."""
-    return Item(item_key(function, kwargs, inputs), function, kwargs, label, file)
 
 
 def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
@@ -104,29 +68,6 @@ def _results(pending: list[Item], store: Store | None, jobs: int, scheduler: str
 
         return run_on_pool(pending, store, min(jobs, len(pending)))
     return ((item, execute(item, store)) for item in pending)
-
-
-def execute(item: Item, store: Store | None) -> Outcome:
-    """Does one item, here, and stores its value at once."""
-    try:
-        with one_thread():
-            value = encode(item.function(**item.kwargs))
-        if store is not None:
-            store.put(item.key, value, item.label)
-        return Outcome(value=value)
-    except NanobenchError as error:
-        return Outcome(error=str(error))
-    except Exception as error:  # a method is anybody's code: whatever it raises concerns this item alone
-        if os.environ.get("NANOBENCH_DEBUG"):
-            traceback.print_exc()
-        return Outcome(error=describe(error))
-
-
-def describe(error: BaseException) -> str:
-    """Type, message and place of an exception on one line."""
-    frames = traceback.extract_tb(error.__traceback__)
-    where = f" (in {frames[-1].name}, {Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return " ".join(f"{type(error).__name__}: {error}".split()) + where
 
 
 def _file_of(item: Item) -> str:
