@@ -17,6 +17,7 @@ from .content.airborne import airborne_spans
 from .content.context import Context
 from .content.controller import controller_of
 from .content.rates import RateReading, rates_of
+from .content.rows import whole_span
 from .faults.copy import copies, fault_of
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
 from .registry import load_all
@@ -143,9 +144,10 @@ def _nan(value: float | None) -> float:
 def audit(flight: Flight) -> Audit:
     """Everything that can be said about one recording from its own content. Pure; about 0.2 s for 42 s of flight."""
     context = Context(flight)
+    span = context.once(whole_span)
     faults: list[Fault] = []
     for module in load_all("faults").values():
-        faults.extend(module.find(flight, context))
+        faults.extend(module.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
     cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
     return Audit(
@@ -154,11 +156,11 @@ def audit(flight: Flight) -> Audit:
         sha256=flight.provenance.sha256,
         controller=controller_of(context),
         airborne=context.once(airborne_spans),
-        clean=subtract_spans([flight.span], cuts),
+        clean=subtract_spans([span], cuts),
         faults=tuple(faults),
         clock=context.once(read_clocks),
         rates=context.once(rates_of),
-        span=flight.span,
+        span=span,
     )
 
 

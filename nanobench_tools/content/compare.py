@@ -95,8 +95,8 @@ def on_grid(
     t = truth.time_s - shift_s
     values = stream[quantities]
     fine = np.isfinite(values).all(axis=1) & (stream.time_s <= context.once(alive_until)[name])
-    still = context.once(packets_of)[name].still
-    for a, b in runs(still):
+    packets = context.once(packets_of).get(name)
+    for a, b in [] if packets is None else runs(packets.still):
         if b - a >= STILL_ROWS:
             fine[a:b] = False
     if fine.sum() < 100:

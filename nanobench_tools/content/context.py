@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar
+
+import numpy as np
 
 from ..flight import Flight
 
 T = TypeVar("T")
+LARGEST = 1e8
+"""Beyond, in SI units, a number is no measurement, and its square may overflow."""
 
 
 class Context:
-    """``context.once(f)`` is ``f(context)``, kept: checks that need the same derived signal share it."""
+    """``context.once(f)`` is ``f(context)``, kept: checks that need the same derived signal share it.
+
+    ``context.flight`` has only rows whose stamps are numbers (without one, a row stands nowhere), and NaN for values
+    that are none or larger than any measurement.
+    """
 
     def __init__(self, flight: Flight) -> None:
-        self.flight = flight
+        self.flight = _placed(flight)
         self._kept: dict[Callable[..., Any], Any] = {}
 
     def once(self, function: Callable[[Context], T]) -> T:
@@ -22,3 +31,18 @@ class Context:
         if function not in self._kept:
             self._kept[function] = function(self)
         return self._kept[function]
+
+
+def _placed(flight: Flight) -> Flight:
+    changed = {}
+    for name, stream in flight.streams.items():
+        there = np.isfinite(stream.time_s)
+        if not there.all():
+            stream = stream.rows(there)
+        with np.errstate(invalid="ignore"):
+            measured = np.abs(stream.values) < LARGEST
+        if not measured.all():
+            stream = replace(stream, values=np.where(measured, stream.values, np.nan))
+        if stream is not flight.streams[name]:
+            changed[name] = stream
+    return flight.with_streams(**changed) if changed else flight

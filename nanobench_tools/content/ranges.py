@@ -13,12 +13,14 @@ import numpy as np
 from ..flight import Stream
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .context import Context
-from .rows import usable_streams
+from .rows import typical_step_s, usable_streams
 from .tails import alive_until
 
 ROOM_M = 50.0
 """Wider than any room with a motion capture system; a metre read as millimetre is 1000."""
 FACTOR = 3.0
+SLOWEST_STEP_S = 2.0
+"""Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
 BATTERY_V = (1.5, 60.0)
 """One cell under load to fourteen cells."""
 
@@ -38,9 +40,12 @@ def tracker_scale(context: Context) -> float:
     stream = context.once(usable_streams).get("mocap")
     if stream is None or not {"px", "py", "pz"} <= set(stream.quantities) or len(stream) < 20:
         return 1.0
-    low, high = np.nanquantile(stream["px", "py", "pz"], (0.05, 0.95), axis=0)
-    widest = float(np.max(high - low))
-    return 1000.0 if np.isfinite(widest) and widest > ROOM_M else 1.0
+    position = stream["px", "py", "pz"]
+    position = position[np.isfinite(position).all(axis=1)]
+    if len(position) < 20:
+        return 1.0
+    low, high = np.quantile(position, (0.05, 0.95), axis=0)
+    return 1000.0 if np.max(high - low) > ROOM_M else 1.0
 
 
 def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarray | None:
@@ -55,6 +60,13 @@ def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarr
 def wrong_ranges(context: Context) -> list[WrongUnit]:
     """Everything whose size alone gives it away."""
     found = []
+    for name in ("mocap", "imu"):
+        stream = context.once(usable_streams).get(name)
+        step = typical_step_s(stream.time_s) if stream is not None and len(stream) > 100 else 0.0
+        if step > SLOWEST_STEP_S:
+            evidence = f"the rows of {name} are stamped {step:.3g} s apart: milliseconds or microseconds"
+            found.append(WrongUnit("", ("t",), 1000.0 if step < 1e3 * SLOWEST_STEP_S else 1e6, evidence))
+            break
     if context.once(tracker_scale) != 1.0:
         found.append(
             WrongUnit("mocap", ("px", "py", "pz"), 1000.0, "the tracked position spans more than a room: millimetres")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..flight import Stream
+from ..flight import Span, Stream
 from .context import Context
 
 
@@ -38,6 +38,12 @@ def runs(flags: np.ndarray) -> np.ndarray:
 def typical_step_s(time_s: np.ndarray) -> float:
     """Median distance of stamps [s]; nan for fewer than two."""
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
+
+
+def whole_span(context: Context) -> Span:
+    """From the first to the last stamp of any stream that is a number."""
+    ends = [(float(s.time_s[0]), float(s.time_s[-1])) for s in context.once(usable_streams).values() if len(s)]
+    return Span(min(a for a, _ in ends), max(b for _, b in ends)) if ends else Span(0.0, 0.0)
 
 
 def usual_step_s(time_s: np.ndarray) -> float:

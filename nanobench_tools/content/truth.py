@@ -18,6 +18,9 @@ from .rows import usable_streams
 STEP_S = 0.01
 """Of the grid; the recordings' own frame time, and ten times finer than what is compared (8 Hz)."""
 
+SLOWEST_STEP_S = 0.2
+"""Poses rarer than 5 Hz tell no rates, and stamps in milliseconds are 10 "s" apart."""
+
 BRIDGED_S = 0.05
 """Frames missing for longer are not bridged: the grid is marked bad there."""
 
@@ -57,7 +60,7 @@ def truth_of(context: Context) -> Truth | None:
     pose = pose / np.array([*[context.once(tracker_scale)] * 3, 1.0, 1.0, 1.0, 1.0])
     keep = ~filled.any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
     t, pose = stream.time_s[keep], pose[keep]
-    if len(t) < 20 or t[-1] - t[0] < 1.0:
+    if len(t) < 20 or t[-1] - t[0] < 1.0 or np.median(np.diff(t)) > SLOWEST_STEP_S:
         return None
     pose = np.column_stack([pose[:, :3], so3.make_continuous(pose[:, 3:])])
     grid = np.arange(t[0], t[-1], STEP_S)

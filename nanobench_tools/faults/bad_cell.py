@@ -1,7 +1,8 @@
-"""bad_cell: text, an infinity or nothing where a number belongs, or a row with too few or too many cells.
+"""bad_cell: text, an infinity, a gigantic number or nothing where a number belongs, or a row with too few or too many
+cells.
 
 Found by the reader, which names line and column; what is not a number in a stream and was not named by it is found
-here (streams built by a program, for instance). Poses that are not numbers are ``mocap_occlusion``.
+here, and so are numbers beyond any measurement (1e8 in SI units). Stretches of poses are ``mocap_occlusion``.
 
 Size: cells, or rows. Smallest found: one cell.
 """
@@ -13,6 +14,7 @@ import numpy as np
 from ..content.context import Context
 from ..content.rows import runs, usable_streams
 from ..flight import Fault, Flight
+from . import mocap_occlusion
 from .making import findings
 
 KIND = "bad_cell"
@@ -21,15 +23,20 @@ KIND = "bad_cell"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings, and stretches of rows that are not finite in streams it said nothing about."""
     faults = findings(flight, KIND)
-    told = {fault.stream for fault in faults}
+    occluded = mocap_occlusion.find(flight, context)
     for name, stream in context.once(usable_streams).items():
-        if name in told or name in ("mocap", "extra") or "" in told:
+        if name == "extra":
             continue
+        told = [f.span for f in faults if f.stream in (name, "")]
         bad = ~np.isfinite(stream.values)
         t = stream.time_s
         for a, b in runs(bad.any(axis=1)):
             columns = tuple(c for c, flag in zip(stream.columns, bad[a:b].any(axis=0), strict=True) if flag)
+            if any(span.start_s <= t[b - 1] and t[a] <= span.end_s for span in told):
+                continue
             start, end = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
+            if any(fault.stream == name and fault.start_s <= start and end <= fault.end_s for fault in occluded):
+                continue
             faults.append(
                 Fault(
                     KIND,
@@ -39,7 +46,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                     end,
                     float(bad[a:b].sum()),
                     "cells",
-                    f"{', '.join(columns)}: no number in {b - a} rows",
+                    f"{', '.join(columns)}: no number, or one beyond any measurement, in {b - a} rows",
                     1.0,
                 )
             )

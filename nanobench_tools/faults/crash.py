@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from ..content.context import Context
 from ..content.crashes import TILT_RAD, crash_of
+from ..content.rows import whole_span
 from ..flight import Fault, Flight
 
 KIND = "crash"
@@ -23,5 +24,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return (
         []
         if crash is None
-        else [Fault(KIND, "", (), crash.start_s, flight.span.end_s, crash.size, "rad", crash.evidence, float(TILT_RAD))]
+        else [
+            Fault(
+                KIND,
+                "",
+                (),
+                crash.start_s,
+                context.once(whole_span).end_s,
+                crash.size,
+                "rad",
+                crash.evidence,
+                float(TILT_RAD),
+            )
+        ]
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from ..content.context import Context
 from ..content.rates import rates_of
 from ..flight import Fault, Flight
+from .making import over_stream
 
 KIND = "interpolated"
 
@@ -23,17 +24,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         stream = flight.streams[name]
         share = 1.0 - rate.samples / len(stream) if len(stream) else 0.0
         if share > SMALLEST:
-            faults.append(
-                Fault(
-                    KIND,
-                    name,
-                    stream.columns,
-                    stream.span.start_s,
-                    stream.span.end_s,
-                    share,
-                    "1",
-                    f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second",
-                    SMALLEST,
-                )
-            )
+            evidence = f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second"
+            faults.append(over_stream(KIND, flight, name, None, share, "1", evidence, SMALLEST))
     return faults

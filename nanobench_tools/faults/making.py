@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from ..flight import Fault, Flight
 
 
@@ -20,10 +22,10 @@ def over_stream(
 ) -> Fault:
     """A fault from the first to the last row of a stream; ``quantities`` None means all its columns."""
     stream = flight[name]
+    # stamps may go backwards
+    start, end = (float(np.min(stream.time_s)), float(np.max(stream.time_s))) if len(stream) else (0.0, 0.0)
     columns = stream.columns if quantities is None else tuple(stream.columns[stream.index(q)] for q in quantities)
-    return Fault(
-        kind, name, columns, stream.span.start_s, stream.span.end_s, float(size), unit, evidence, minimum_detectable
-    )
+    return Fault(kind, name, columns, start, end, float(size), unit, evidence, minimum_detectable)
 
 
 def findings(flight: Flight, kind: str) -> list[Fault]:

@@ -9,12 +9,14 @@ Size: columns. Smallest found: one column.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..content.context import Context
 from ..flight import Fault, Flight, Stream
 from ..sources.nanobench_columns import STREAMS
-from .making import findings
+from .making import findings, over_stream
 
 KIND = "missing_column"
 
@@ -57,21 +59,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         missing = tuple(q for vector in vectors if there & set(vector) for q in vector if q not in there)
         # a stream of which nothing is left but what stands alone was never recorded
         if missing:
-            span = stream.span
             columns = _column_names(name, stream, missing)
-            faults.append(
-                Fault(
-                    KIND,
-                    name,
-                    columns,
-                    span.start_s,
-                    span.end_s,
-                    float(len(missing)),
-                    "columns",
-                    f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}",
-                    1.0,
-                )
-            )
+            evidence = f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}"
+            whole = over_stream(KIND, flight, name, (), len(missing), "columns", evidence, 1.0)
+            faults.append(replace(whole, columns=columns))
     return faults
 
 

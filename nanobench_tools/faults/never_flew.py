@@ -10,6 +10,7 @@ import numpy as np
 
 from ..content.airborne import HEIGHT_M, airborne_spans, height_of, resting_height_m
 from ..content.context import Context
+from ..content.rows import whole_span
 from ..flight import Fault, Flight
 
 KIND = "never_flew"
@@ -27,13 +28,14 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     motor = flight.streams.get("motor")
     ran = motor is not None and bool(np.any(np.nan_to_num(motor.values) > 0.0))
     motors = "" if motor is None else "; motors ran" if ran else "; motors never ran"
+    span = context.once(whole_span)
     return [
         Fault(
             KIND,
             "",
             (),
-            flight.span.start_s,
-            flight.span.end_s,
+            span.start_s,
+            span.end_s,
             top,
             "m",
             f"never more than {100 * top:.1f} cm above the ground{motors}",

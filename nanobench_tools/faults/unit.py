@@ -1,9 +1,9 @@
 """unit: a stream is in another unit than it should be (deg for rad, g for m/s^2, mV for V, mm for m, counts for ratio).
 
-Found in two ways. Size alone: specific force against gravity, battery against what cells give, motor commands against
-full, angles beyond two turns, a tracked position wider than a room. Comparison: the amplitude of rates, angles,
-velocities and positions in the air against the motion capture (``content.likeness``), where the two correlate by more
-than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
+Found in two ways. Size alone: the time between rows, specific force against gravity, battery against what cells give,
+motor commands against full, angles beyond two turns, a tracked position wider than a room. Comparison: the amplitude of
+rates, angles, velocities and positions in the air against the motion capture (``content.likeness``), where the two
+correlate by more than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
 
 Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real flights (motion capture noise, clock),
 the smallest common mistake is 9.81. Not found: scale errors of calibration.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from ..content.context import Context
 from ..content.ranges import FACTOR
+from ..content.rows import whole_span
 from ..content.wrongness import wrong_units
 from ..flight import Fault, Flight
 from .making import over_stream
@@ -21,8 +22,16 @@ KIND = "unit"
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
-    """One fault per group of columns."""
-    return [
-        over_stream(KIND, flight, wrong.stream, wrong.quantities, wrong.factor, "1", wrong.evidence, FACTOR)
-        for wrong in context.once(wrong_units)
-    ]
+    """One fault per group of columns; the time belongs to no stream."""
+    faults = []
+    for wrong in context.once(wrong_units):
+        if wrong.stream:
+            faults.append(
+                over_stream(KIND, flight, wrong.stream, wrong.quantities, wrong.factor, "1", wrong.evidence, FACTOR)
+            )
+        else:
+            span = context.once(whole_span)
+            faults.append(
+                Fault(KIND, "", wrong.quantities, span.start_s, span.end_s, wrong.factor, "1", wrong.evidence, FACTOR)
+            )
+    return faults
