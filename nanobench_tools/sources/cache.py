@@ -7,6 +7,8 @@ checksums; an entry that cannot be read or fails its check is read from the sour
 from __future__ import annotations
 
 import contextlib
+import functools
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -17,9 +19,6 @@ import pyarrow.parquet as pq
 
 from ..flight import Fault, Flight, Provenance, Span, Stream
 
-FORMAT = 1
-"""Raised when the layout of an entry changes."""
-
 
 def cache_folder() -> Path:
     """$NANOBENCH_CACHE, else $XDG_CACHE_HOME/nanobench, else ~/.cache/nanobench."""
@@ -29,8 +28,17 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "nanobench"
 
 
+@functools.cache
+def code_hash() -> str:
+    """Of everything that turns bytes into a Flight: a reader that was changed is never answered from old entries."""
+    here = Path(__file__).parent
+    files = [*sorted(here.glob("*.py")), *(here.parent / name for name in ("flight.py", "units.py", "frames.py"))]
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
 def entry_path(sha256: str, source: str, version: int | str) -> Path:
-    return cache_folder() / "recordings" / sha256[:2] / f"{sha256}-{source}-{version}-{FORMAT}.parquet"
+    """Where the entry of a file of this content is, as this ``version`` of this source and this code read it."""
+    return cache_folder() / "recordings" / sha256[:2] / f"{sha256}-{source}-{version}-{code_hash()}.parquet"
 
 
 def store(entry: Path, flight: Flight) -> None:
