@@ -21,20 +21,7 @@ KIND = "crash"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """At most one fault."""
     crash = context.once(crash_of)
-    return (
-        []
-        if crash is None
-        else [
-            Fault(
-                KIND,
-                "",
-                (),
-                crash.start_s,
-                context.once(whole_span).end_s,
-                crash.size,
-                "rad",
-                crash.evidence,
-                float(TILT_RAD),
-            )
-        ]
-    )
+    if crash is None:
+        return []
+    end = context.once(whole_span).end_s
+    return [Fault(KIND, "", (), crash.start_s, end, crash.size, "rad", crash.evidence, float(TILT_RAD))]
