@@ -24,7 +24,7 @@ from nanobench_tools.content.context import Context
 from nanobench_tools.content.likeness import CLEAR, likenesses
 from nanobench_tools.content.packets import packets_of
 from nanobench_tools.faults.clock_offset import SMALLEST_S
-from nanobench_tools.faults.estimator_reset import ACROSS_M, ALONG_M, ALONG_S
+from nanobench_tools.faults.estimator_reset import ACROSS_M, ALONG_M, ALONG_S, SURELY
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
@@ -121,7 +121,7 @@ def detectable(flight: Flight, truth: Fault) -> bool:
         speed = np.linalg.norm(
             [flight["mocap"].interpolate(v, np.array([truth.start_s]))[0] for v in ("vx", "vy", "vz")]
         )
-        return truth.size > np.hypot(ALONG_M + ALONG_S * speed, ACROSS_M)
+        return truth.size > SURELY * np.hypot(ALONG_M + ALONG_S * speed, ACROSS_M)
     return True
 
 
