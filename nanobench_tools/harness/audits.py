@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..audit import Audit, audit, find_copies
+from ..audit import Audit, audit, find_copies, with_copies
 from ..flight import Flight
 from .items import make_item
 from .progress import Progress
@@ -33,6 +33,7 @@ def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs
     """Audits ``flights`` (names unique) as ``run_items`` does; the same result for any ``jobs``."""
     items = [make_item(audit_item, {"flight": flight}, f"audit {flight.name}") for flight in flights]
     result = run_items(items, store_dir, jobs, scheduler, progress, "audit")
-    audits = {flight.name: Audit.from_json(result.values[item.key])
-              for flight, item in zip(flights, items, strict=True) if item.key in result.values}
-    return Audited(audits, find_copies(flights), result.failed)
+    read = [(flight, Audit.from_json(result.values[item.key]))
+            for flight, item in zip(flights, items, strict=True) if item.key in result.values]
+    marked = with_copies([verdict for _, verdict in read], [flight for flight, _ in read])
+    return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed)
