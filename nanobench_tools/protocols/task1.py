@@ -31,6 +31,9 @@ STREAMS = tuple(NEEDED)
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
 """Families of the training split."""
 
+UNIT_WITHIN = 1e-3
+"""Lengths of predicted quaternions differ from 1 by less."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -113,7 +116,8 @@ def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str
 def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
     """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}} of one predictor on one flight.
 
-    Raises InputError that names predictor and flight when the prediction has the wrong shape or is not finite.
+    Raises InputError that names predictor and flight when the prediction has the wrong shape, is not
+    finite, or holds quaternions that are not of unit length.
     """
     place = case.flight.provenance.path
     cut = cut_windows(case.flight, case.spans, truth)
@@ -129,6 +133,11 @@ def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
         raise InputError(place, f"predictor {predictor.name} gave no prediction that can be scored: {error}") from None
     if not all(np.isfinite(e).all() for e in errors.values()):
         raise InputError(place, f"predictor {predictor.name} predicted a state that is not finite")
+    norm = np.linalg.norm(predicted.quaternion, axis=-1)
+    if not np.all(np.abs(norm - 1.0) < UNIT_WITHIN):  # the angle of a zero quaternion to any other would be zero
+        worst = norm.flat[int(np.argmax(np.abs(norm - 1.0)))]
+        raise InputError(place, f"predictor {predictor.name} predicted a quaternion of length {worst:.4g}",
+                         f"lengths have to be 1 within {UNIT_WITHIN}")
     return {"windows": len(windows), "sums": {name: e.sum(axis=0).tolist() for name, e in errors.items()}}
 
 

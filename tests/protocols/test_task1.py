@@ -163,6 +163,8 @@ def test_nothing_to_test_on_names_the_streams():
 @pytest.mark.parametrize(("change", "says"), [
     (lambda p: replace(p, position_m=p.position_m[:, :-1]), "position_m has shape"),
     (lambda p: replace(p, velocity_m_s=p.velocity_m_s * np.nan), "not finite"),
+    (lambda p: replace(p, quaternion=0.0 * p.quaternion), "quaternion of length 0;"),
+    (lambda p: replace(p, quaternion=1.01 * p.quaternion), "quaternion of length 1.01;"),
     (lambda p: None, "position_m")])
 def test_what_is_no_prediction_is_said_in_one_line(change, says):
     class Bad(Naive):
