@@ -1,4 +1,5 @@
-"""Leaps of the tracked pose between two frames; limits and reasons stand in ``faults.mocap_jump``."""
+"""Leaps of the tracked pose between two frames and the stretches they displace; limits and reasons stand in
+``faults.mocap_jump``."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from .context import Context
 from .crashes import crash_of
 from .filled import filled_poses
 from .ranges import tracker_scale
-from .rows import tables, usable_streams
+from .rows import tables, usable_streams, whole_span
 from .spikes import spikes
 
 LIMIT_M, BEND_M_S2 = 0.012, 60.0
@@ -22,13 +23,60 @@ SIDE = 3
 
 @dataclass(frozen=True)
 class Leap:
-    """Between the frames at start_s and end_s; size and limit in m, or rad when ``rotation``."""
+    """Between the frames at start_s and end_s; size and limit in m, or rad when ``rotation``; offset (3,) the step in
+    m, world, or the rotation vector in rad, body."""
 
     start_s: float
     end_s: float
     size: float
     limit: float
     rotation: bool
+    offset: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """From start_s to end_s the poses are off those of the rest; before, after: the leaps at its ends, None at an end
+    of the recording."""
+
+    start_s: float
+    end_s: float
+    before: Leap | None
+    after: Leap | None
+
+
+def displaced_stretches(context: Context) -> list[Displaced]:
+    """The stretches between leaps whose poses stand in another frame than the longest consistent part.
+
+    A leap that a later one undoes leads back to the same frame, so stretches with the same sum of leaps belong
+    together. Leaps are known to within their limits; half of the smallest one is the most that counts as the same.
+    """
+    leaps = context.once(mocap_leaps)
+    if not leaps:
+        return []
+    span = context.once(whole_span)
+    starts = np.array([span.start_s, *(leap.end_s for leap in leaps)])
+    ends = np.array([*(leap.start_s for leap in leaps), span.end_s])
+    same = np.ones((len(starts), len(starts)), dtype=bool)
+    for rotation in (False, True):
+        kind = [leap for leap in leaps if leap.rotation == rotation]
+        if not kind:
+            continue
+        steps = np.array([leap.offset if leap.rotation == rotation else (0.0, 0.0, 0.0) for leap in leaps])
+        at = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        off = np.linalg.norm(at[:, None] - at[None, :], axis=2)
+        same &= off < min(2.0 * max(leap.limit for leap in kind), 0.5 * min(leap.size for leap in kind))
+    kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
+    bounds = [None, *leaps, None]
+    return [
+        Displaced(
+            float(starts[k] if bounds[k] is None else bounds[k].start_s),
+            float(ends[k] if bounds[k + 1] is None else bounds[k + 1].end_s),
+            bounds[k],
+            bounds[k + 1],
+        )
+        for k in np.flatnonzero(~kept)
+    ]
 
 
 def mocap_leaps(context: Context) -> list[Leap]:
@@ -52,22 +100,25 @@ def mocap_leaps(context: Context) -> list[Leap]:
     before = (p[i] - p[i - SIDE]) / (t[i] - t[i - SIDE])[:, None]
     after = (p[i + 1 + SIDE] - p[i + 1]) / (t[i + 1 + SIDE] - t[i + 1])[:, None]
     dt = t[i + 1] - t[i]
-    step = np.linalg.norm(p[i + 1] - p[i] - 0.5 * (before + after) * dt[:, None], axis=1)
+    offset = p[i + 1] - p[i] - 0.5 * (before + after) * dt[:, None]
+    step = np.linalg.norm(offset, axis=1)
     limit = LIMIT_M + BEND_M_S2 * dt**2
     judged = (dt < 0.5) & ~_stamps_broken(context, t[i]) & (t[i] < _until(context))
     moved = (step > limit) & judged
-    leap = np.zeros(len(i))
+    leap, turn = np.zeros(len(i)), np.zeros((len(i), 3))
     if turned:
         q = pose[:, 3:] / np.maximum(np.linalg.norm(pose[:, 3:], axis=1, keepdims=True), 1e-9)
         angle = so3.geodesic_angle(q[:-1], q[1:])
         rate = angle / np.diff(t)
         leap = angle[i] - 0.5 * (rate[i - 1] + rate[i + 1]) * dt
+        turn = so3.log(so3.multiply(so3.conjugate(q[i]), q[i + 1]))
     leaps = [
-        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False) for k in _peaks(moved, step)
+        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False, tuple(map(float, offset[k])))
+        for k in _peaks(moved, step)
     ]
     limit = LIMIT_RAD + BEND_RAD_S2 * dt**2
     leaps += [
-        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(leap[k]), float(limit[k]), True)
+        Leap(float(t[i[k]]), float(t[i[k] + 1]), float(leap[k]), float(limit[k]), True, tuple(map(float, turn[k])))
         for k in _peaks((leap > limit) & judged & ~moved, leap)
     ]
     return sorted(leaps, key=lambda x: x.start_s)

@@ -1,0 +1,65 @@
+"""A jump of the motion capture takes away the whole displaced stretch, and what is left stands in one frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nanobench_tools import so3
+from nanobench_tools.audit import audit
+
+WAY = np.array([0.2, -0.2, 0.1])  # 0.3 m
+POSITION, ROTATION = ["px", "py", "pz"], ["qx", "qy", "qz", "qw"]
+
+
+def moved(flight, start_s, end_s, offset=WAY, turn=None):
+    s = flight["mocap"]
+    values = s.values.copy()
+    rows = np.flatnonzero((s.time_s >= start_s) & (s.time_s < end_s))
+    values[np.ix_(rows, [s.index(q) for q in POSITION])] += offset
+    if turn is not None:
+        columns = [s.index(q) for q in ROTATION]
+        values[np.ix_(rows, columns)] = so3.multiply(values[np.ix_(rows, columns)], so3.exp(np.array(turn)))
+    return flight.with_streams(mocap=replace(s, values=values))
+
+
+def jumps(flight):
+    verdict = audit(flight)
+    return verdict, [f for f in verdict.faults if f.kind == "mocap_jump"]
+
+
+@pytest.mark.parametrize("length_s", [0.2, 3.0])
+def test_a_jump_and_its_return_are_one_fault(flights, length_s):
+    for flight in flights[::9]:
+        verdict, found = jumps(moved(flight, 8.0, 8.0 + length_s))
+        assert len(found) == 1
+        assert found[0].start_s == pytest.approx(8.0, abs=0.025)
+        assert found[0].end_s == pytest.approx(8.0 + length_s, abs=0.025)
+        assert found[0].size == pytest.approx(0.3, abs=0.02)
+        assert not any(s.start_s < 8.0 + length_s / 2 < s.end_s for s in verdict.clean)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_jump_without_return_leaves_the_longer_side(flights, share):
+    flight = flights[4]
+    end = flight.span.end_s
+    verdict, (fault,) = jumps(moved(flight, share * end, np.inf))
+    if share < 0.5:
+        assert fault.start_s == 0.0
+        assert fault.end_s == pytest.approx(share * end, abs=0.025)
+    else:
+        assert fault.start_s == pytest.approx(share * end, abs=0.025)
+        assert fault.end_s == pytest.approx(end)
+    assert "not return" in fault.evidence
+    assert len(verdict.clean_for(["mocap"], ["mocap_jump"])) == 1
+
+
+def test_a_turned_stretch_is_cut_as_a_whole(flights):
+    _, found = jumps(moved(flights[4], 8.0, 8.5, offset=0.0, turn=(0.0, 0.0, 0.8)))
+    assert [(round(f.start_s, 1), round(f.end_s, 1), f.unit) for f in found] == [(8.0, 8.5, "rad")]
+
+
+def test_two_stretches_in_other_frames_are_two_faults(flights):
+    flight = moved(moved(flights[4], 6.0, 7.0), 9.0, 9.4, offset=-2.0 * WAY)
+    _, found = jumps(flight)
+    assert [(round(f.start_s, 1), round(f.end_s, 1)) for f in found] == [(6.0, 7.0), (9.0, 9.4)]
