@@ -6,13 +6,22 @@ import numpy as np
 
 from .context import Context
 
+ONBOARD = ("pid", "mellinger")
+RESERVED = (*ONBOARD, "none", "unknown")
+"""Words that a sheet cannot claim: they say what the content shows."""
+
 
 def controller_of(context: Context) -> str:
-    """``mellinger`` when the PID's roll, pitch and thrust stay exactly 0 and its yaw constant, ``none`` when the motors
+    """Content decides between the onboard controllers; any other has the name that its sheet gives (``controller``).
+
+    ``mellinger`` when the PID's roll, pitch and thrust stay exactly 0 and its yaw constant, ``none`` when the motors
     never ran, else ``pid``; ``unknown`` without the streams that tell."""
     flight = context.flight
     if "motor" in flight and len(flight["motor"]) and not np.any(np.nan_to_num(flight["motor"].values) > 0.0):
         return "none"
+    named = flight.metadata.get("controller")
+    if isinstance(named, str) and named.strip() and named not in RESERVED:
+        return named
     if "pid" not in flight or not {"roll", "pitch", "yaw", "cmd_thrust"} <= set(flight["pid"].quantities):
         return "unknown"
     pid = flight["pid"]

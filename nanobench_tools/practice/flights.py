@@ -13,7 +13,7 @@ from ..methods import Controller
 from ..sources.nanobench import write_nanobench
 from .flying import Flown, flight_rngs, fly
 from .logging_chain import LoggingChain, record
-from .onboard import OnboardFleet
+from .onboard import CONTROLLERS, OnboardFleet
 from .references import FAMILIES, PathSpec, path_spec
 
 EPOCH_S = 1_700_000_000.0
@@ -91,6 +91,7 @@ def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: s
         "practice": {"seed": seed, "index": index, "controller": controller, "clock_offset_s": chain.offset_s,
                      "clock_drift": chain.drift, "clock_wander_sd_s": chain.wander_sd_s,
                      "tail_s": float(recorded.tail_s), "tilt_rad": [float(x) for x in recorded.tilt_rad]},
+        **({} if controller in CONTROLLERS else {"controller": str(controller)}),
         "family": spec.family, "speed": None if spec.family == "linear_ramp" else spec.speed,
         "reference_speed_m_s": float(spec.params["speed_mps"]) if "speed_mps" in spec.params else None,
         "duration_s": spec.duration_s,

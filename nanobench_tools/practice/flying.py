@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
-from ..errors import NanobenchError, UsageError
+from ..errors import InputError, NanobenchError, UsageError
 from ..methods import Controller, Reference, VehicleState
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
+from .onboard import ControllerLog
 from .plant import POSITION, QUATERNION, RATE, VELOCITY, Plant
 from .references import PathSpec
 from .timeline import TICK_S, Events, Timeline, draw_events
@@ -33,6 +34,8 @@ TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "
 NOISE_TICKS = 50
 """Sensor noise is drawn for so many ticks at once."""
 BATTERY_NOISE_V = 0.004
+COMMAND_SLACK = 1e-6
+"""A command may leave 0..1 by so much: rounding of the controller's own sums."""
 GUST_S, FLICKER_S = 0.5, 0.05
 """Correlation times of the air's force and of the flicker of each motor's thrust."""
 GROUND_HEIGHT_M = (0.055, 0.075)
@@ -44,7 +47,8 @@ class Flown:
     """n flights on the 100 Hz ticks 0 .. m-1; flight i ends at ``timeline.events[i].end_s``.
 
     time_s (m,); truth[name] (m, n, k) SI, world and body FLU, at the tick; messages[name] (m, n, k) as the vehicle
-    would log them, sampled ``LOGGED[name][1]`` substeps after the tick.
+    would log them, sampled ``LOGGED[name][1]`` substeps after the tick; without ``pid`` when the controller does not
+    say what it asks of the attitude (has no ``log``).
     """
 
     time_s: np.ndarray
@@ -74,7 +78,8 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     vehicles: n of them, drawn from the table when None. ``spread`` scales the differences between flights and the
     errors of the estimator; 0 is a perfect vehicle (sensor noise stays). The controller sees the estimate, the gyro
     and the measured battery, and, unless its ``information`` is ``preview``, references as flown.
-    Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape.
+    Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape,
+    InputError when a command is not a number or lies outside 0..1.
     """
     n = len(specs)
     every = round(controller.period_s / STEP_S)
@@ -97,7 +102,8 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     flicker = np.stack([correlated_noise(r, ticks, 4, FLICKER_S) for r in air], axis=-1) * vehicles.thrust_noise
     battery_noise = BATTERY_NOISE_V * np.stack([r.standard_normal(ticks) for r in volt], axis=-1)
     controller.reset(n)
-    recorder = _Recorder(ticks, n)
+    logs = isinstance(getattr(controller, "log", None), ControllerLog)
+    recorder = _Recorder(ticks, n, [name for name in LOGGED if name != "pid" or logs])
     command = np.zeros((n, 4))
     for tick in range(ticks):
         if tick % NOISE_TICKS == 0:
@@ -115,9 +121,10 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
                 command = _command(controller, TICK_S * tick + STEP_S * sub, state, given)
             plant.apply(np.where(armed[:, None], command, 0.0))
             if sub == 0:
+                log = controller.log if logs else None
                 recorder.truth(tick, plant)
                 recorder.believed(tick, position, velocity, quaternion, _accelerometer(plant, noise[SUBSTEPS]))
-                recorder.commanded(tick, armed, reference, yaw_rate, yaw, getattr(controller, "log", None))
+                recorder.commanded(tick, armed, reference, yaw_rate, yaw, log)
                 recorder.messages["battery"][tick, :, 0] = plant.battery_V + battery_noise[tick]
             if sub == LOGGED["imu"][1]:
                 acceleration = _accelerometer(plant, noise[SUBSTEPS + 1])
@@ -130,7 +137,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
 
 
 def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-    """The command as (n, 4) floats; a vehicle whose command is not a number gets none."""
+    """The command as (n, 4) floats in 0..1; InputError for a vehicle whose command is no number or out of range."""
     n = len(state.position_m)
     try:
         command = np.asarray(controller.command(time_s, state, reference), float)
@@ -142,7 +149,14 @@ def _command(controller: Controller, time_s: float, state: VehicleState, referen
     if command.shape != (n, 4):
         raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
                          f"it must be ({n}, 4)")
-    return np.nan_to_num(command, nan=0.0, posinf=1.0, neginf=0.0)
+    # written so that a value that is no number is bad too
+    bad = ~((command >= -COMMAND_SLACK) & (command <= 1.0 + COMMAND_SLACK)).all(axis=1)
+    if bad.any():
+        vehicle = int(np.argmax(bad))
+        raise InputError(f"controller {controller.name!r}",
+                         f"commanded {', '.join(f'{c:.4g}' for c in command[vehicle])} at {time_s:.3f} s for vehicle "
+                         f"{vehicle}", "motor commands are finite PWM ratios from 0 to 1")
+    return np.clip(command, 0.0, 1.0)
 
 
 def _gyro(plant: Plant, noise: np.ndarray) -> np.ndarray:
@@ -162,9 +176,9 @@ def _accelerometer(plant: Plant, noise: np.ndarray) -> np.ndarray:
 class _Recorder:
     """The arrays of a run."""
 
-    def __init__(self, ticks: int, n: int) -> None:
+    def __init__(self, ticks: int, n: int, logged: Sequence[str]) -> None:
         self.kept = {name: np.zeros((ticks, n, k)) for name, k in TRUTH.items()}
-        self.messages = {name: np.zeros((ticks, n, k)) for name, (k, _) in LOGGED.items()}
+        self.messages = {name: np.zeros((ticks, n, LOGGED[name][0])) for name in logged}
 
     def truth(self, tick: int, plant: Plant) -> None:
         for name, rows in (("position_m", POSITION), ("velocity_m_s", VELOCITY), ("quaternion", QUATERNION),
@@ -183,14 +197,16 @@ class _Recorder:
 
     def commanded(self, tick: int, armed, reference, yaw_rate, yaw, log) -> None:
         """Setpoint and ``pid``. The setpoint's yaw is the planner's yaw rate, as in the published files; the pid's yaw
-        is the estimate until take-off; a controller that does not write the group leaves what stood there at start."""
+        is the estimate until take-off; an onboard controller that does not write the group leaves what stood there at
+        start, and one of the user's own has no such group."""
         m, on = self.messages, armed[:, None]
         m["setpoint"][tick] = np.concatenate([reference.position_m, yaw_rate[:, None]], axis=1) * on
+        if log is None:
+            return
         pid = m["pid"][tick]
-        if log is not None:
-            pid[:, :3], pid[:, 3] = log.attitude_rad * on, log.cmd_thrust * armed
-            pid[~armed, 2] = yaw[~armed]
-        silent = np.ones(len(yaw), dtype=bool) if log is None else ~log.written
+        pid[:, :3], pid[:, 3] = log.attitude_rad * on, log.cmd_thrust * armed
+        pid[~armed, 2] = yaw[~armed]
+        silent = ~log.written
         pid[silent] = m["pid"][0, silent]
         if tick == 0:
             pid[silent, 2] = yaw[silent]

@@ -113,6 +113,8 @@ def record(flown: Flown, flight: int, chain: LoggingChain, rngs: list[np.random.
     shares = radio.uniform(*chain.loss, size=len(LOGGED))
     span = rows[-1] - rows[0] - tail
     for (name, (_, sub)), share in zip(LOGGED.items(), shares, strict=True):
+        if name not in flown.messages:
+            continue
         sent = time + STEP_S * sub
         arrives = received(radio, ticks, share, chain.burst, chain.longest_gap_s)
         if name == "battery":

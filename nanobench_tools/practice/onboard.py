@@ -189,6 +189,12 @@ class MellingerLike:
         """PWM ratios (n, 4)."""
         return self._output(*self.actuation(state, reference), state.battery_V)
 
+    @property
+    def log(self) -> ControllerLog:
+        """Nothing: this controller does not write the group."""
+        n = len(self._yaw)
+        return ControllerLog(np.zeros((n, 3)), np.zeros(n), np.zeros(n, dtype=bool))
+
     def actuation(self, state: VehicleState, reference: Reference) -> Actuation:
         """thrust, roll, pitch, yaw (n,) in counts as the mixer takes them; one step of 2 ms."""
         error = (reference.position_m - state.position_m).T
@@ -244,14 +250,13 @@ class OnboardFleet:
 
     @property
     def log(self) -> ControllerLog:
-        """The log groups of those that write one."""
+        """The log groups of all."""
         n = sum(map(len, self._rows.values()))
         log = ControllerLog(np.zeros((n, 3)), np.zeros(n), np.zeros(n, dtype=bool))
         for name, rows in self._rows.items():
-            part = getattr(self._parts[name], "log", None)
-            if part is not None:
-                for field in fields(log):
-                    getattr(log, field.name)[rows] = getattr(part, field.name)
+            part = self._parts[name].log
+            for field in fields(log):
+                getattr(log, field.name)[rows] = getattr(part, field.name)
         return log
 
 

@@ -30,6 +30,9 @@ from .usable import MOCAP, MOTORS, usable
 
 PROTOCOLS = ("as-published", "clean")
 CONTROLLERS = ("pid", "mellinger")
+"""Those of the firmware; the published rows know no other."""
+UNNAMED = ("none", "unknown")
+"""What the audit says when it cannot name a controller."""
 PUBLISHED = ("trefoil", "medium")
 """Family and speed of the published rows."""
 
@@ -70,7 +73,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     fit = usable(distinct(flights)[0], audits, NEEDED)
     if protocol == "as-published":
         fit = [f for f in fit if not is_cut(f) and (family_of(f), speed_of(f)) == PUBLISHED]
-    fit = [f for f in fit if audits[f.name].controller in CONTROLLERS]
+        fit = [f for f in fit if audits[f.name].controller in CONTROLLERS]
+    fit = [f for f in fit if audits[f.name].controller not in UNNAMED]
     cases = [case for flight in fit for case in _cases(flight, audits[flight.name], protocol)]
     if not cases:
         raise InputError(flights[0].provenance.path if flights else "data",
@@ -176,7 +180,9 @@ def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0) ->
 
 def _order(group: tuple) -> tuple:
     (protocol, reference, speed, controller), _ = group
-    return protocol, reference, ("slow", "medium", "fast", None).index(speed), CONTROLLERS.index(controller)
+    own = len(CONTROLLERS)  # after those of the firmware, by name
+    order = CONTROLLERS.index(controller) if controller in CONTROLLERS else own
+    return protocol, reference, ("slow", "medium", "fast", None).index(speed), order, controller
 
 
 def _speed(members: Sequence[tuple[Case, Mapping[str, Any]]]) -> float | None:

@@ -1,10 +1,14 @@
 """``nanobench simulate`` in process."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from nanobench_tools import InputError
 from nanobench_tools.cli.main import main
+from nanobench_tools.practice import fly, path_spec
 from nanobench_tools.sources.discover import load_recordings
 
 
@@ -23,6 +27,52 @@ def test_it_writes_recordings_marked_synthetic(tmp_path, capsys):
     assert (flight.metadata["family"], flight.metadata["speed"]) == ("oval", "fast")
     assert flight.metadata["practice"]["clock_wander_sd_s"] == 0.02
     assert flight.metadata["practice"]["controller"] == "mellinger"
+
+
+def test_flights_of_an_own_controller_are_scored_under_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "references")
+    out = tmp_path / "flown"
+    assert main(["simulate", "--controller", "own_controller:TiltAndTurn", "--flights", "1", "--family", "trefoil",
+                 "--speed", "medium", "--duration", "8", "--out", str(out)]) == 0
+    flight = load_recordings([out], cache=False).flights[0]
+    assert flight.metadata["controller"] == "tilt_and_turn"
+    assert "pid" not in flight
+    assert main(["control", "--data", str(out), "--json", str(tmp_path / "c.json"), "--jobs", "1"]) == 0
+    rows = json.loads((tmp_path / "c.json").read_text())["rows"]
+    assert [(row["protocol"], row["controller"]) for row in rows] == [("clean", "tilt_and_turn")]
+    assert "tilt_and_turn" in capsys.readouterr().out
+
+
+class Odd:
+    """Asks for ``value`` from 0.1 s on."""
+
+    name, information, period_s = "odd", "as flown", 0.01
+
+    def __init__(self, value):
+        self.value = value
+
+    def reset(self, n):
+        self.n = n
+
+    def command(self, time_s, state, reference):
+        command = np.full((self.n, 4), 0.25)
+        command[-1, 2] = self.value if time_s > 0.099 else 0.25
+        return command
+
+
+@pytest.mark.parametrize(("value", "shown"), [(np.nan, "nan"), (-np.inf, "-inf"), (1e9, "1e+09"), (-1e-3, "-0.001")])
+def test_a_command_that_motors_cannot_obey_is_refused(value, shown):
+    specs = [path_spec("circle", "slow", duration_s=1.0)] * 2
+    with pytest.raises(InputError) as error:
+        fly(Odd(value), specs)
+    assert str(error.value).startswith(f"controller 'odd': commanded 0.25, 0.25, {shown}, 0.25 at 0.100 s for vehicle "
+                                       "1; ")
+
+
+def test_rounding_beyond_the_range_is_cut_off():
+    flown = fly(Odd(1.0 + 1e-9), [path_spec("circle", "slow", duration_s=1.0)])
+    assert flown.truth["motor"].max() <= 1.0
 
 
 @pytest.mark.parametrize(("arguments", "says"), [
