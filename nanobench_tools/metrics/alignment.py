@@ -42,11 +42,12 @@ class Alignment:
         return float(np.arctan2(sine, np.trace(self.rotation) - 1.0))
 
 
-def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3") -> Alignment:
+def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique: bool = True) -> Alignment:
     """The rigid motion (R, t) that minimises sum |R estimate_i + t - truth_i|^2 over rows.
 
     estimate_m, truth_m (n, 3) m, row by row at the same times; mode one of MODES. Raises AlignmentError when the
-    rotation is not determined (a single point, or for ``se3`` a straight line), ValueError on shapes or NaN.
+    rotation is not determined (a single point, or for ``se3`` a straight line), ValueError on shapes or NaN. Without
+    ``unique`` one of the best is given instead: turning a line about itself leaves every error as it is.
 
     >>> square = np.array([[0., 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     >>> align(square, square + [0, 0, 2]).translation_m.round(9).tolist()
@@ -61,7 +62,8 @@ def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3") -> Ali
     e, t = estimate - mean_e, truth - mean_t
     covariance = t.T @ e / len(e)
     spread = max(np.mean(np.sum(e * e, axis=1)), np.mean(np.sum(t * t, axis=1)))
-    rotation = _best_rotation(covariance, spread) if mode == "se3" else _best_yaw(covariance, spread)
+    least = _RANK_TOLERANCE * spread if unique else -1.0
+    rotation = _best_rotation(covariance, least) if mode == "se3" else _best_yaw(covariance, least)
     return Alignment(rotation, mean_t - rotation @ mean_e)
 
 
@@ -77,19 +79,19 @@ def checked_pair(estimate: np.ndarray, truth: np.ndarray, width: int = 3) -> tup
     return a, b
 
 
-def _best_rotation(covariance: np.ndarray, spread: float) -> np.ndarray:
+def _best_rotation(covariance: np.ndarray, least: float) -> np.ndarray:
     """Umeyama eqs. 38-40; the sign keeps it a rotation where the best orthogonal matrix would mirror."""
     u, singular, vt = np.linalg.svd(covariance)
-    if not singular[1] > _RANK_TOLERANCE * spread:
+    if not singular[1] > least:
         raise AlignmentError("the paths do not determine a rotation: one of them is a point or a straight line")
     sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     return u @ np.diag([1.0, 1.0, sign]) @ vt
 
 
-def _best_yaw(covariance: np.ndarray, spread: float) -> np.ndarray:
+def _best_yaw(covariance: np.ndarray, least: float) -> np.ndarray:
     """Maximises trace(Rz(yaw)^T C): tan yaw = (C10 - C01) / (C00 + C11)."""
     sine, cosine = covariance[1, 0] - covariance[0, 1], covariance[0, 0] + covariance[1, 1]
-    if not np.hypot(sine, cosine) > _RANK_TOLERANCE * spread:
+    if not np.hypot(sine, cosine) > least:
         raise AlignmentError("the paths do not determine a yaw: one of them has no horizontal extent")
     yaw = np.arctan2(sine, cosine)
     return np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])

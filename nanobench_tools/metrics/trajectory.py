@@ -36,13 +36,14 @@ def rms(errors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def ate(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3") -> AbsoluteError:
-    """Absolute trajectory error e_i = |R p_est_i + t - p_i| with (R, t) = ``align(..., mode)``.
+def ate(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique: bool = True) -> AbsoluteError:
+    """Absolute trajectory error e_i = |R p_est_i + t - p_i| with (R, t) = ``align(..., mode, unique)``.
 
-    estimate_m, truth_m (n, 3) m. Raises AlignmentError where the alignment is not determined.
+    estimate_m, truth_m (n, 3) m. Raises AlignmentError where the alignment is not determined, but for
+    ``unique`` False: the least errors of a point or a straight line are known all the same.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
-    alignment = align(estimate, truth, mode)
+    alignment = align(estimate, truth, mode, unique)
     return AbsoluteError(np.linalg.norm(alignment.apply(estimate) - truth, axis=1), alignment)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,14 +18,11 @@ def published_metrics(estimate_m: np.ndarray, truth_m: np.ndarray, estimate_m_s:
                       truth_m_s: np.ndarray) -> dict[str, float]:
     """The published position and velocity metrics of one file, all (n, 3) m and m/s: SE(3) ATE, RTE over 1 m, velocity.
 
-    nan where one is not defined: no rotation to align, a path shorter than 1 m, no velocity given.
+    nan where one is not defined: a path shorter than 1 m, no velocity given.
     """
-    try:
-        absolute = trajectory.ate(estimate_m, truth_m)
-        rmse_m, mean_m = absolute.rmse_m, absolute.mean_m
-    except alignment.AlignmentError:
-        rmse_m = mean_m = NAN
-    return {"ate_rmse_m": rmse_m, "ate_mean_m": mean_m, "rte_1m_m": trajectory.rte_published(estimate_m, truth_m),
+    absolute = trajectory.ate(estimate_m, truth_m, unique=False)
+    return {"ate_rmse_m": absolute.rmse_m, "ate_mean_m": absolute.mean_m,
+            "rte_1m_m": trajectory.rte_published(estimate_m, truth_m),
             "velocity_rmse_m_s": NAN if estimate_m_s is None else trajectory.velocity_rmse(estimate_m_s, truth_m_s)}
 
 
@@ -47,12 +45,10 @@ def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.n
     what it leaves. spans: stretches without a break; relative errors and drift keep to one, the others take all rows.
     """
     raw = trajectory.ate(estimate_m, truth_m, "none").rmse_m
-    found = {"ate_unaligned_rmse_m": raw, "ate_yaw_rmse_m": NAN, "alignment_deg": NAN}
-    try:
-        found["ate_yaw_rmse_m"] = trajectory.ate(estimate_m, truth_m, "yaw").rmse_m
+    turned = trajectory.ate(estimate_m, truth_m, "yaw", unique=False).rmse_m
+    found = {"ate_unaligned_rmse_m": raw, "ate_yaw_rmse_m": turned, "alignment_deg": NAN}
+    with suppress(alignment.AlignmentError):
         found["alignment_deg"] = float(np.degrees(alignment.align(estimate_m, truth_m).angle_rad))
-    except alignment.AlignmentError:
-        pass
     longest = max(spans, key=lambda s: s.duration_s).mask(time_s)
     e, q, p, pq = estimate_m[longest], estimate_q[longest], truth_m[longest], truth_q[longest]
     found["rte_1m_start_frame_m"] = trajectory.rte(e, q, p, pq)

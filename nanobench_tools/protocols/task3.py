@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from estimators.trajectory_file import TrajectoryFile
+
 from .. import so3
 from ..audit import CUTTING_KINDS, Audit
 from ..errors import InputError, UsageError
-from ..flight import Flight, Span, intersect_spans, make_stream
+from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import associate, snap
@@ -41,9 +43,14 @@ LOG_KINDS = frozenset({"dead_stream", "frozen_stream", "backward_time", "checksu
 and are scored; of the motion capture, which is the truth, every cutting fault is cut."""
 
 GIVEN_S = 0.5
-GIVEN = f"motion capture poses until {GIVEN_S} s after the first scored row, all other streams"
+GIVEN = f"motion capture poses until {GIVEN_S} s after the start of the flight (not scored), all other streams"
 GIVEN_LOGGED = "as flown: motion capture poses over radio, own sensors"
 MINIMUM_ROWS = 50
+
+COVERED = 0.95
+NEAR_S = 0.1
+"""At least this part of the scored truth stamps has a stamp of the estimate within NEAR_S: few poses are no trajectory,
+and errors grow with time."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +134,8 @@ def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:
 
 
 def given_to(case: Case) -> Flight:
-    """The flight as an estimator gets it: poses until GIVEN_S after the first scored row, nothing after the last."""
+    """The flight as an estimator gets it: poses until GIVEN_S after the start of the first span,
+    nothing after the last."""
     start, end = case.spans[0].start_s, case.spans[-1].end_s
     mocap = case.flight["mocap"]
     early = (mocap.time_s <= start + GIVEN_S) & np.isfinite(mocap[POSE]).all(axis=1)
@@ -161,6 +169,38 @@ def checked(estimate: Estimate, method: str, place: str) -> Estimate:
     return Estimate(time_s, position, quaternion / norm[:, None], velocity)
 
 
+def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
+    """Part of the stamps (m,) of the truth that have one of ``time_s`` (n,), rising, within NEAR_S; 1 without truth."""
+    if not len(time_s) or not len(truth_time_s):
+        return float(not len(truth_time_s))
+    after = np.clip(np.searchsorted(time_s, truth_time_s), 0, len(time_s) - 1)
+    away = np.minimum(np.abs(time_s[after] - truth_time_s), np.abs(time_s[np.maximum(after - 1, 0)] - truth_time_s))
+    return float(np.mean(away <= NEAR_S + 1e-9))
+
+
+def _scored_rows(case: Case, estimate: Estimate, method: Estimator) -> tuple[tuple[Span, ...], np.ndarray]:
+    """(spans, (n,) bool over the estimate's rows) that are scored; InputError when the estimate covers too little.
+
+    What the vehicle logged in flight is scored where it is. Of all others coverage is asked for after the given poses,
+    and a method that was given them is not scored there. Who made a trajectory file knows what it was given.
+    """
+    if hasattr(method, "logged_euler"):
+        return case.spans, inside(case.spans, estimate.time_s)
+    given_s = case.spans[0].start_s + GIVEN_S
+    later = subtract_spans(case.spans, [Span(-np.inf, given_s)])
+    mocap_s = case.flight["mocap"].time_s
+    rows = inside(later, estimate.time_s) & (estimate.time_s > given_s)
+    found = covered(estimate.time_s[rows], mocap_s[inside(later, mocap_s) & (mocap_s > given_s)])
+    if found < COVERED:
+        raise InputError(case.flight.provenance.path,
+                         f"estimator {method.name} has {np.sum(rows)} stamps in the scored part of the flight and "
+                         f"covers {100.0 * found:.1f} % of it, {100.0 * COVERED:.0f} % are needed",
+                         f"a stamp every {2.0 * NEAR_S} s or more often, in seconds from the recording's first row")
+    if isinstance(method, TrajectoryFile):
+        return case.spans, inside(case.spans, estimate.time_s)
+    return later, rows
+
+
 def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     """Raw scores of one estimator on one recording: {metrics: {name: value}, rows, dropped, trajectory: (k, 8)}.
 
@@ -173,7 +213,7 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     estimate = checked(method.estimate(flight), method.name, place)
     mocap = case.flight["mocap"]
     estimate = replace(estimate, time_s=snap(estimate.time_s, mocap.time_s))
-    rows = inside(case.spans, estimate.time_s)
+    spans, rows = _scored_rows(case, estimate, method)
     truth = associate(estimate.time_s[rows], mocap.time_s, mocap["px", "py", "pz"],
                       mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
     rows = np.flatnonzero(rows)[truth.kept]
@@ -190,7 +230,7 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
         metrics["attitude_rmse_deg"] = published_euler_rmse_deg(firmware_deg, _mocap_euler(case.flight, t))
     else:
         metrics |= attitude_metrics(q, truth.quaternion)
-        metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, case.spans)
+        metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
     return {"metrics": metrics, "rows": len(rows), "dropped": truth.dropped,
             "trajectory": np.column_stack([t, p, q])}
 

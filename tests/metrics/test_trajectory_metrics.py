@@ -252,3 +252,18 @@ def test_no_rows_inside_the_truth_for_a_delay():
 def test_q_and_minus_q_score_zero():
     q = so3.exp(np.random.default_rng(0).normal(size=(20, 3)))
     assert attitude.geodesic_rmse(-q, q) == 0.0
+
+
+@pytest.mark.parametrize("mode", ["se3", "yaw"])
+def test_errors_of_a_point_and_of_a_line_are_known_without_a_rotation(mode):
+    truth = np.random.default_rng(3).normal(size=(200, 3))
+    point = trajectory.ate(np.ones((200, 3)), truth, mode, unique=False)
+    assert point.rmse_m == pytest.approx(np.sqrt(truth.var(axis=0).sum()))  # all that is left is the spread
+    line = np.arange(200.0)[:, None] * [0.01, 0.0, 0.0]
+    aligned = trajectory.ate(line, line[::, [1, 0, 2]] + 3.0, mode, unique=False)
+    assert aligned.rmse_m == pytest.approx(0.0, abs=1e-9)
+    for turn in np.linspace(0.0, 3.0, 7):
+        r = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+        moved = line @ r.T - (line @ r.T).mean(axis=0) + truth.mean(axis=0)
+        assert trajectory.ate(line, truth, mode, unique=False).rmse_m <= trajectory.rms(
+            np.linalg.norm(moved - truth, axis=1)) + 1e-12

@@ -10,11 +10,13 @@ from made_flights import circle, cut, dead, made_flight, verdict
 from estimators.constant_velocity import ConstantVelocity
 from estimators.hold_position import HoldPosition
 from estimators.onboard_ekf import OnboardEkf
+from estimators.trajectory_file import TrajectoryFile
 from nanobench_tools import Estimate, InputError, UsageError, so3
 from nanobench_tools.flight import Span, make_stream
 from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
 from nanobench_tools.protocols.published import published
+from nanobench_tools.protocols.trajectories import write_tum
 from nanobench_tools.sources.discover import load_recordings
 
 EKF = OnboardEkf()
@@ -73,7 +75,7 @@ def test_own_stamps_are_scored_and_outside_ones_counted():
     value = task3.score(one_case(flight), Slow(), "clean")
     assert value["metrics"]["ate_unaligned_rmse_m"] < 3e-3
     assert np.isnan(value["metrics"]["velocity_rmse_m_s"])
-    assert value["rows"] == pytest.approx(20.6 / 0.0137, abs=3)
+    assert value["rows"] == pytest.approx(20.1 / 0.0137, abs=3)  # without the 0.5 s given
     assert value["dropped"] == 0  # those outside the flight are not asked for
     assert value["trajectory"].shape == (value["rows"], 8)
 
@@ -130,6 +132,81 @@ def test_the_floors_do_what_they_say():
     assert np.ptp(held.position_m[later], axis=0) == pytest.approx([0, 0, 0])
     climbing = straight.position_m[later][:, 2]
     assert np.diff(climbing) == pytest.approx(0.005, abs=2e-4)  # it was climbing at 0.5 m/s
+
+
+class From:
+    """What ``make`` of the flight given."""
+
+    name, causal = "mine", False
+
+    def __init__(self, make):
+        self.make = make
+
+    def estimate(self, flight):
+        return self.make(flight)
+
+
+def poses(mocap, rows=slice(None), off_m=0.0):
+    return Estimate(mocap.time_s[rows], mocap["px", "py", "pz"][rows] + off_m, mocap["qx", "qy", "qz", "qw"][rows])
+
+
+def test_the_given_poses_alone_are_no_estimate():
+    with pytest.raises(InputError, match=r"made\.csv: estimator mine has 0 stamps .* covers 0\.0 % of it, 95 %"):
+        task3.score(one_case(made_flight()), From(lambda given: poses(given["mocap"])), "clean")
+
+
+@pytest.mark.parametrize("protocol", ["clean", "as-published", "as-published-corrected"])
+@pytest.mark.parametrize(("until_s", "every", "enough"), [(21.0, 1, False), (22.8, 1, True), (22.8, 20, True),
+                                                          (22.8, 40, False)])
+def test_an_estimate_covers_the_flight(protocol, until_s, every, enough):
+    flight = made_flight()
+    mocap = flight["mocap"]
+    case = one_case(flight, protocol=protocol)
+    method = From(lambda given: poses(mocap, np.flatnonzero(mocap.time_s < until_s)[::every]))
+    if enough:
+        assert task3.score(case, method, protocol)["rows"] > 90
+    else:
+        with pytest.raises(InputError, match=r"covers \d\d\.\d % of it"):
+            task3.score(case, method, protocol)
+
+
+def test_a_hole_in_the_truth_is_not_asked_for():
+    flight = made_flight()
+    case = one_case(flight, replace(dead("mocap", 8.0, 14.0), kind="mocap_occlusion"))
+    mocap = flight["mocap"]
+    rows = np.flatnonzero((mocap.time_s < 8.0) | (mocap.time_s > 14.0))
+    assert task3.score(case, From(lambda given: poses(mocap, rows)), "clean")["rows"] > 1000
+
+
+def test_peeking_at_the_given_poses_brings_nothing():
+    flight = made_flight()
+    case = one_case(flight)
+    mocap = flight["mocap"]
+    start = case.spans[0].start_s + task3.GIVEN_S
+
+    def peeking(given, off_m=0.5):
+        found = poses(mocap, off_m=0.1)
+        early = mocap.time_s <= given["mocap"].span.end_s
+        found.position_m[early] -= 0.1 * off_m
+        return found
+
+    values = [task3.score(case, From(lambda given, off_m=off_m: peeking(given, off_m)), "clean")
+              for off_m in (0.0, 1.0)]
+    assert values[0]["trajectory"][0, 0] > start
+    assert values[0]["metrics"] == pytest.approx(values[1]["metrics"], nan_ok=True)
+
+
+def test_a_short_trajectory_file_fails_and_the_logged_one_is_scored_from_its_first_row(tmp_path):
+    flight = made_flight()
+    case = one_case(flight)
+    value = task3.score(case, EKF, "clean")
+    assert value["trajectory"][0, 0] == pytest.approx(case.spans[0].start_s, abs=0.01)
+    path = tmp_path / "made.tum"
+    write_tum(path, flight, value["trajectory"])
+    assert task3.score(case, TrajectoryFile(path), "clean")["rows"] == value["rows"]
+    write_tum(path, flight, value["trajectory"][:40])
+    with pytest.raises(InputError, match=r"covers 0\.0 % of it"):
+        task3.score(case, TrajectoryFile(path), "clean")
 
 
 @pytest.mark.parametrize(("found", "says"), [
