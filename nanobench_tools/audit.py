@@ -45,6 +45,8 @@ CUTTING_KINDS = frozenset(
 """Kinds whose span must not be used. The clock kinds are corrected rather than cut; a missing column takes no time
 away (whoever needs it gets an InputError that names it); a copy is dropped as a whole by the protocols; the rest is
 information."""
+NEVER_CUT = frozenset({"extra"})
+"""Streams of columns nobody knows: what they look like proves nothing about the rows."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,9 @@ class Audit:
     """Verdict on one recording; all times in seconds from its first row.
 
     controller ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``; airborne: first to last crossing of
-    5 cm above the resting height; clean: the recording without the cutting faults of any stream; clock and rates per
-    stream.
+    5 cm above the resting height; clean: the recording without the cutting faults of any stream, except that a battery
+    reading that stands still leaves the other streams as good as they are (``clean_for`` with the battery cuts it);
+    clock and rates per stream.
     """
 
     flight: str
@@ -70,9 +73,9 @@ class Audit:
     def clean_for(self, streams: Iterable[str], kinds: Iterable[str] = CUTTING_KINDS) -> tuple[Span, ...]:
         """Spans of the recording without a fault of ``kinds`` in ``streams``; not intersected with airborne.
 
-        A fault without a stream of its own (``stream`` empty) counts for every stream.
+        A fault without a stream of its own (``stream`` empty) counts for every stream; those of ``extra`` never count.
         """
-        streams, kinds = {*streams, ""}, set(kinds)
+        streams, kinds = {*streams, ""} - NEVER_CUT, set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
 
     def to_json(self) -> dict[str, Any]:
@@ -141,6 +144,11 @@ def _nan(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
+def _cuts_every_use(fault: Fault) -> bool:
+    stuck_voltage = fault.kind == "frozen_stream" and fault.stream == "battery"
+    return fault.kind in CUTTING_KINDS and fault.stream not in NEVER_CUT and not stuck_voltage
+
+
 def audit(flight: Flight) -> Audit:
     """Everything that can be said about one recording from its own content. Pure; about 0.2 s for 42 s of flight."""
     context = Context(flight)
@@ -149,7 +157,7 @@ def audit(flight: Flight) -> Audit:
     for module in load_all("faults").values():
         faults.extend(module.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
-    cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
+    cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
     return Audit(
         flight=flight.name,
         path=flight.provenance.path,

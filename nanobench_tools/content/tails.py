@@ -55,6 +55,19 @@ def holds_still_rightly(name: str, stream: Stream, rows: slice) -> bool:
     return False
 
 
+def voltage_stands(context: Context) -> bool:
+    """Whether the battery shows one value in the whole recording: stuck, or resting, but no log that ended."""
+    stream = context.once(usable_streams).get("battery")
+    if stream is None or len(stream) < 2:
+        return False
+    return bool((stream.values == stream.values[0]).all())
+
+
+def flies(context: Context) -> bool:
+    """Whether the recording has any stream of a vehicle that could fly; a thrust stand has none."""
+    return any(name in context.flight for name in ("mocap", "imu", "estimator"))
+
+
 def tails_of(context: Context) -> dict[str, Tail]:
     """The dead end of every stream that has one. The motion capture's own clock stands apart from the radio's."""
     streams, packets = context.once(usable_streams), context.once(packets_of)
@@ -69,6 +82,8 @@ def tails_of(context: Context) -> dict[str, Tail]:
         if end - stream.time_s[i] < max(SHORTEST_S, 5.0 * p.interval_s) or not np.isfinite(stream.values[i:]).any():
             continue
         moving = not p.still[i + 2 :].all()
+        if name == "battery" and not moving and (voltage_stands(context) or not flies(context)):
+            continue
         # the line runs through the last two packets: the last one comes one interval after the last bend
         tail = Tail(min(float(stream.time_s[i]) + (p.interval_s if moving else 0.0), end), end, moving)
         if moving or not holds_still_rightly(name, stream, slice(i + 1, None)):

@@ -6,7 +6,7 @@ cannot rightly stand (``content.tails.holds_still_rightly``: motors in between 0
 controller); a held setpoint is no fault and its freezing cannot be seen, and on a thrust stand everything may. Single
 columns are looked at where a sensor's or estimate's step is far below its noise (IMU, estimated position, velocity,
 acceleration). The motion capture's repeated poses are ``mocap_occlusion``; standing still to the end is
-``dead_stream``.
+``dead_stream``, except for a battery that shows one value from the first row to the last while the motors run.
 
 Size: seconds. Smallest found: 0.15 s; battery 3 s.
 """
@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..content.packets import packets_of
 from ..content.rows import runs, usable_streams
-from ..content.tails import BATTERY_HOLDS_S, alive_until, holds_still_rightly
+from ..content.tails import BATTERY_HOLDS_S, alive_until, flies, holds_still_rightly, voltage_stands
 from ..flight import Fault, Flight
 
 KIND = "frozen_stream"
@@ -32,8 +33,9 @@ OTHERS = ("attitude", "attitude_qw", "motor", "motor_request", "rpm", "pid", "co
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per frozen stretch of a stream."""
     faults: list[Fault] = []
-    if not any(name in flight for name in ("mocap", "imu", "estimator")):
-        return faults  # nothing flies
+    if not context.once(flies):
+        return faults
+    faults.extend(_stuck_voltage(context))
     for name, packets in context.once(packets_of).items():
         if name not in NEVER_STILL + OTHERS:
             continue
@@ -72,3 +74,25 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+def _stuck_voltage(context: Context) -> list[Fault]:
+    """A fault over the whole recording if the battery never changes while the motors run."""
+    streams = context.once(usable_streams)
+    if not context.once(voltage_stands) or not _motors_run(context):
+        return []
+    stream = streams["battery"]
+    start, end = float(stream.time_s[0]), float(stream.time_s[-1])
+    if end - start < BATTERY_HOLDS_S:
+        return []
+    evidence = f"{', '.join(stream.columns)} shows one value in all {len(stream)} rows while the motors run"
+    return [
+        Fault(KIND, "battery", stream.columns, start, end, end - start, "s", evidence, BATTERY_HOLDS_S),
+    ]
+
+
+def _motors_run(context: Context) -> bool:
+    """By their commands or speeds; without these by being in the air."""
+    streams = context.once(usable_streams)
+    known = [streams[name].values for name in ("motor", "motor_request", "rpm") if name in streams]
+    return any(np.nanmax(v, initial=0.0) > 0.0 for v in known) if known else bool(context.once(airborne_spans))
