@@ -1,6 +1,7 @@
 """truncated: the file ends early.
 
-Found by the reader: a last row or record that is cut off, or fewer rows than the recording's sheet counts.
+Found by the reader: a last row or record that is cut off, or fewer rows than the recording's sheet counts and
+an end more than 0.1 s before the one it names (rows alone may be missing inside, or be rarer).
 Size: rows or bytes that are missing, as far as known. Smallest found: one.
 """
 

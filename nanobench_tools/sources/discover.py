@@ -21,10 +21,11 @@ from . import cache as store
 from .base import SheetSource, Source, text_fault
 from .companions import companion
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
-from .sheets import Sheet, choose_sheet, looks_like_sheet, may_hold, parse_sheet
+from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
 from .table import TableSource
 
 BLANK = b"\x00 \r\n\t"
+STRANGE = "not a recording of any known format"
 PACKED_SUFFIXES = (".xz", ".gz")
 Progress = Callable[[int, int, str], None]
 
@@ -133,6 +134,7 @@ def find_recordings(
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
             failed.append({"path": str(path), "error": str(error)})
+    _name_bad_sheets(failed, [path for path, _, _ in found])
     sheets += _sheets_beside(places, {path for path, _, _ in found}, sheets)
     if not found and not failed:
         raise InputError(
@@ -143,6 +145,15 @@ def find_recordings(
         Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
         for (path, source, start), label in zip(found, names, strict=True)
     ], failed
+
+
+def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -> None:
+    """A YAML file that nobody recognised, but lies where the sheet of a recording should, is told to be a bad sheet."""
+    for entry in failed:
+        path = Path(entry["path"])
+        strange = entry["error"].endswith(STRANGE)
+        if strange and path.suffix.lower() in (".yaml", ".yml") and any(lies_beside(path, r) for r in recordings):
+            entry["error"] = why_bad(path)
 
 
 def _sheets_beside(places: Sequence[Path], files: set[Path], known: Sequence[Sheet]) -> list[Sheet]:
@@ -175,7 +186,7 @@ def _stranger(path: Path) -> str | None:
         return "the file is empty"
     if companion(unpack(stored, str(path)).data) is not None:
         return None
-    return "not a recording of any known format"
+    return STRANGE
 
 
 def _labels(paths: Sequence[Path]) -> list[str]:
@@ -231,12 +242,14 @@ def read(recording: Recording, cache: bool = True) -> Flight:
 
 
 def _with_break(flight: Flight, broken: str) -> Flight:
-    """Notes an archive that ended early."""
+    """Notes an archive that ended early; a last line that was cut by the same break is part of the same fault."""
     if not broken:
         return flight
     end = flight.span.end_s
-    fault = text_fault("truncated", "", (), broken, (end, end))
-    return replace(flight, provenance=replace(flight.provenance, findings=(*flight.provenance.findings, fault)))
+    others = tuple(f for f in flight.provenance.findings if f.kind != "truncated")
+    cut = [f.evidence for f in flight.provenance.findings if f.kind == "truncated"]
+    fault = text_fault("truncated", "", (), "; ".join([broken, *cut]), (end, end))
+    return replace(flight, provenance=replace(flight.provenance, findings=(*others, fault)))
 
 
 def _attempt(recording: Recording, cache: bool) -> Flight | dict[str, str]:

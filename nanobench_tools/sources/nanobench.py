@@ -26,6 +26,8 @@ __all__ = ["NanoBench", "with_sheet", "write_nanobench"]
 
 KNOWN = frozenset(COLUMN_NAMES)
 FRAMES = {"imu": "body", "motor": "motor", "battery": "-"}  # all others: world
+ENDS_EARLY_S = 0.1
+"""A recording that stops by more before the end its sheet names was cut; whole ones stop at most 0.02 s before."""
 FEWEST_NAMES = 4
 """So many of the format's column names in the first line make a file a NanoBench CSV."""
 
@@ -169,6 +171,8 @@ def with_sheet(flight: Flight, sheet: Sheet, own: bool) -> Flight:
     """The flight with what its sheet says; ``own`` is False for a slice of the recording the sheet is about.
 
     The counts hold only when the file has as many rows as the sheet says: a file that was cut keeps its own estimate.
+    It was cut at its end only if it stops before the end the sheet names; rows may also be missing inside, or be
+    rarer.
     """
     metadata = {**flight.metadata, **normalised(sheet)}
     for key in ("family", "speed", "reference_speed_m_s"):
@@ -182,13 +186,15 @@ def with_sheet(flight: Flight, sheet: Sheet, own: bool) -> Flight:
             count = counts.get(ROW_COUNT_KEYS.get(name, name))
             if count and name in STREAMS and stream.samples:
                 streams[name] = replace(stream, samples=count, rate_hz=stream.rate_hz * count / stream.samples)
-    elif own and stated is not None and rows < stated:
-        end = flight.span.end_s
+    end = flight.span.end_s
+    early_s = -np.inf if sheet.end_s is None else sheet.end_s - (flight.epoch_s + end)
+    if own and stated is not None and rows < stated and early_s > ENDS_EARLY_S:
         fault = text_fault(
             "truncated",
             "",
             (),
-            f"{rows} rows where the sheet counts {stated}",
+            f"the last row stands {early_s:.2f} s or more before the end the sheet names, and {rows} rows where it "
+            f"counts {stated}",
             (end, end),
             float(stated - rows),
             "rows",

@@ -18,10 +18,13 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from .payload import read_file, unpack
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 MARKS = ("row_counts", "trajectory_type", "trajectory_id", "recording_start_utc", "recording_end_utc", "crazyflie_id")
 """Keys that make a YAML mapping a sheet; two of them are enough."""
+
+ADVICE = "mend the sheet; the recording is read without it"
 
 SLACK_S = 1.5
 """The sheet's times are whole seconds; a recording may reach this far beyond them."""
@@ -58,18 +61,18 @@ def parse_sheet(path: str, data: bytes) -> Sheet:
     try:
         content = yaml.load(data.decode("utf-8"), Loader=_LOADER)
     except UnicodeDecodeError as error:
-        raise InputError(path, f"not UTF-8 text at byte {error.start}", "mend the sheet") from None
+        raise InputError(path, f"bad sheet: not UTF-8 text at byte {error.start}", ADVICE) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         place = f"{path}: line {mark.line + 1}" if mark else path
         raise InputError(
             place,
-            f"bad YAML ({getattr(error, 'problem', None) or str(error)[:80]})",
-            "mend the sheet; the recording is read without it",
+            f"bad sheet: no YAML ({getattr(error, 'problem', None) or str(error).partition(chr(10))[0][:80]})",
+            ADVICE,
         ) from None
     if not isinstance(content, Mapping):
         raise InputError(
-            path, f"a sheet holds keys and values, this holds a {type(content).__name__}", "mend the sheet"
+            path, f"bad sheet: it should hold keys and values, this holds a {type(content).__name__}", ADVICE
         )
     content = {str(k): v for k, v in content.items()}
     return Sheet(
@@ -124,7 +127,7 @@ def may_hold(sheet: Sheet, path: Path, first_s: float | None) -> bool:
     A sheet without times can only be the one beside its CSV.
     """
     if sheet.start_s is None:
-        return _beside(sheet, path)
+        return lies_beside(Path(sheet.path), path)
     return first_s is None or (
         sheet.start_s - SLACK_S <= first_s and (sheet.end_s is None or first_s <= sheet.end_s + SLACK_S)
     )
@@ -150,7 +153,7 @@ def choose_sheet(
             own = -0.5 <= first - sheet.start_s < 1.5
         else:
             continue
-        beside, near = _beside(sheet, path), Path(sheet.path).parent == path.parent
+        beside, near = lies_beside(Path(sheet.path), path), Path(sheet.path).parent == path.parent
         order = (not own, sheet.counts.get("vicon") != rows, -(sheet.start_s or 0.0), not beside, not near, sheet.path)
         fits.append((order, sheet, own))
     if not fits:
@@ -159,8 +162,16 @@ def choose_sheet(
     return sheet, own
 
 
-def _beside(sheet: Sheet, path: Path) -> bool:
+def lies_beside(sheet: Path, path: Path) -> bool:
     """``x_metadata.yaml`` in the folder of ``x.csv``."""
-    other = Path(sheet.path)
-    stem = other.name.rpartition(".")[0].removesuffix("_metadata")
-    return other.parent == path.parent and path.name.startswith(f"{stem}.")
+    stem = sheet.name.rpartition(".")[0].removesuffix("_metadata")
+    return sheet.parent == path.parent and path.name.startswith(f"{stem}.")
+
+
+def why_bad(path: Path) -> str:
+    """What is wrong with a file that lies where a sheet should: one line, as of an InputError."""
+    try:
+        parse_sheet(str(path), unpack(read_file(path), str(path)).data)
+    except InputError as error:
+        return str(error)
+    return f"{path}: bad sheet: it has none of the keys of one; {ADVICE}"

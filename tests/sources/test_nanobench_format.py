@@ -62,13 +62,29 @@ def test_sheet_is_found_by_time_and_gives_true_counts(tmp_path):
 
 
 def test_counts_of_the_sheet_are_not_used_for_a_file_that_was_cut(tmp_path):
-    (tmp_path / "a.csv").write_text(csv_text(VALUES[:40]))
+    (tmp_path / "a.csv").write_text(csv_text(VALUES[:25]))
     (tmp_path / "a_metadata.yaml").write_text(SHEET)
     flight = load(tmp_path).flights[0]
-    assert flight["imu"].samples <= 40
+    assert flight["imu"].samples <= 25
     assert [f.evidence for f in flight.provenance.findings if f.kind == "truncated"] == [
-        "40 rows where the sheet counts 60"
+        "the last row stands 0.16 s or more before the end the sheet names, and 25 rows where it counts 60"
     ]
+
+
+@pytest.mark.parametrize("rows", [[*range(20), *range(40, 60)], range(0, 60, 2), range(59)])
+def test_rows_that_are_missing_elsewhere_do_not_end_a_file_early(tmp_path, rows):
+    (tmp_path / "a.csv").write_text(csv_text(VALUES[list(rows)]))
+    (tmp_path / "a_metadata.yaml").write_text(SHEET)
+    flight = load(tmp_path).flights[0]
+    assert flight.metadata["trajectory_id"] == "B9_trefoil_fast"
+    assert kinds(flight) == set()
+
+
+@pytest.mark.parametrize("end", ["", "recording_end_utc: unknown\n"])
+def test_a_sheet_without_an_end_proves_no_cut(tmp_path, end):
+    (tmp_path / "a.csv").write_text(csv_text(VALUES[:25]))
+    (tmp_path / "a_metadata.yaml").write_text(SHEET.replace("recording_end_utc: 20260305T054712Z\n", end))
+    assert kinds(load(tmp_path).flights[0]) == set()
 
 
 def test_slice_takes_family_but_no_counts(tmp_path):
