@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..faults.copy import fingerprint
 from ..flight import Flight
 
 SAME_STAMP_S = 2e-6
@@ -68,6 +69,41 @@ def is_piece(part: Flight, whole: Flight) -> bool:
     rows = slice(first, first + len(time_p))
     return (np.array_equal(position_p, position_w[rows], equal_nan=True)
             and bool(np.all(np.abs(time_w[rows] - time_p) <= SAME_STAMP_S)))
+
+
+def overlap(a: Flight, b: Flight) -> bool:
+    """Whether the motion capture rows of both are the same ones (two or more) all through the time both cover."""
+    rows = []
+    (time_a, position_a), (time_b, position_b) = _rows(a), _rows(b)
+    if not len(time_a) or not len(time_b):
+        return False
+    start, end = max(time_a[0], time_b[0]) - SAME_STAMP_S, min(time_a[-1], time_b[-1]) + SAME_STAMP_S
+    for time_s, position in ((time_a, position_a), (time_b, position_b)):
+        common = (time_s >= start) & (time_s <= end)
+        rows.append((time_s[common], position[common]))
+    (time_a, position_a), (time_b, position_b) = rows
+    return (len(time_a) == len(time_b) > 1 and bool(np.all(np.abs(time_a - time_b) <= SAME_STAMP_S))
+            and np.array_equal(position_a, position_b, equal_nan=True))
+
+
+def apart(train: Sequence[Flight], test: Sequence[Flight]) -> tuple[list[Flight], dict[str, str]]:
+    """(test recordings that share nothing with a training one; reason by name of the others).
+
+    Shared are rows at the same time of day, or all numbers whatever the time of day. Order, names and file hashes do
+    not matter.
+    """
+    known = {fingerprint(flight): flight for flight in train}
+    kept, reasons = [], {}
+    for flight in test:
+        same = known.get(fingerprint(flight))
+        shared = next((f for f in train if overlap(flight, f)), None)
+        if same is not None:
+            reasons[flight.name] = f"copy of {same.name}, which trains"
+        elif shared is not None:
+            reasons[flight.name] = f"shares rows with {shared.name}, which trains"
+        else:
+            kept.append(flight)
+    return kept, reasons
 
 
 def _rows(flight: Flight) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ h = 1..50. Windows are pooled; intervals come from drawing flights.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..metrics.statistics import bootstrap_ratio
 from .labels import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import beside
-from .selection import distinct
+from .selection import apart, distinct
 from .usable import MOCAP, MOTORS, usable
 from .windows import HORIZON, TRUTHS, cut_windows
 
@@ -46,11 +46,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Split:
-    """train and test cases; ``note`` says how they were chosen."""
+    """train and test cases; ``note`` says how they were chosen; left_out: reason by name of test recordings that are
+    no test because they share rows with training."""
 
     train: list[Case]
     test: list[Case]
     note: str
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
@@ -70,30 +72,40 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
     chosen = {flight.name for flight in first.values()}
     train = _cases([f for f in kept if f.name in chosen], audits, None)
     seen = {family_of(case.flight) for case in train}
-    test = _cases([f for f in kept if f.name not in chosen], audits, seen)
+    others, shared = apart([f for f in kept if f.name in chosen], [f for f in kept if f.name not in chosen])
+    test = _cases(others, audits, seen)
     if not test:
-        raise _nothing(flights)
+        raise _nothing(flights, train, len(shared))
     note = (f"train: earliest recording of each trajectory of {', '.join(TRAINED)}; test: the others; "
-            f"{len(repeats)} copies and slices left out")
-    return Split(train, test, note)
+            f"{len(repeats) + len(shared)} copies and slices left out")
+    return Split(train, test, note, shared)
 
 
 def given_split(train: Sequence[Flight], test: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
-    """The split the user gave. A test recording that is also (a copy or slice of) a training one is left out."""
+    """The split the user gave. A test recording that shares rows with a training one (copy, slice, or the whole of a
+    slice) is left out, and so are copies and slices within each."""
     kept_train = distinct(train)[0]
-    together = distinct([*kept_train, *test])[0]
-    kept_test = [f for f in test if any(f is k for k in together)]
+    others, shared = apart(train, test)
+    kept_test = distinct(others)[0]
     cases = _cases(kept_train, audits, None)
     chosen = _cases(kept_test, audits, {family_of(case.flight) for case in cases})
+    if not chosen and test and len(shared) == len(test):
+        raise InputError(test[0].provenance.path, f"all {len(test)} test recordings share rows with training ones",
+                         "give others with --test")
     if not chosen:
-        raise _nothing(test)
-    return Split(cases, chosen, f"train and test as given; {len(test) - len(kept_test)} copies and slices left out")
+        raise _nothing(test, [])
+    return Split(cases, chosen, f"train and test as given; {len(test) - len(kept_test)} copies and slices left out",
+                 shared)
 
 
-def _nothing(flights: Sequence[Flight]) -> InputError:
-    return InputError(flights[0].provenance.path if flights else "data",
-                      f"no test flight with {', '.join(STREAMS)} streams and 0.5 s of clean flight among "
-                      f"{len(flights)} recordings")
+def _nothing(flights: Sequence[Flight], train: Sequence[Case], shared: int = 0) -> InputError:
+    place = flights[0].provenance.path if flights else "data"
+    if train:
+        return InputError(place, f"no flight is left to test on: all {len(train)} usable flights train"
+                                 + (f", {shared} others share rows with them" if shared else ""),
+                          "give --train and --test, or more recordings")
+    return InputError(place, f"no test flight with {', '.join(STREAMS)} streams and 0.5 s of clean flight among "
+                             f"{len(flights)} recordings")
 
 
 def _trajectory(flight: Flight) -> str:

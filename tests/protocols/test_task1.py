@@ -150,8 +150,33 @@ def test_a_split_given_by_the_user_does_not_test_on_training_flights():
     again = replace(first, name="again")
     found = task1.given_split([first], [again, second], {**audits, "again": audits["a"]})
     assert [c.flight.name for c in found.test] == ["b"]
-    with pytest.raises(InputError, match="no test flight"):
+    with pytest.raises(InputError, match="all 1 test recordings share rows with training ones"):
         task1.given_split([first], [again], {**audits, "again": audits["a"]})
+
+
+def test_what_shares_rows_with_training_is_no_test_whatever_its_place_or_hash():
+    first, second = made_flight("z"), made_flight("b", epoch_s=2e9, seed=1)
+    copy = replace(first, name="a", provenance=replace(first.provenance, path="a.csv", sha256="0" * 64))
+    later = replace(copy, name="a_later", epoch_s=first.epoch_s + 86400.0)
+    audits = {f.name: verdict(f) for f in (first, second, copy, later)}
+    found = task1.given_split([first], [copy, later, second], audits)
+    assert [c.flight.name for c in found.train] == ["z"]
+    assert [c.flight.name for c in found.test] == ["b"]
+    assert found.left_out == {"a": "copy of z, which trains", "a_later": "copy of z, which trains"}
+    early, late = cut(first, 2.0, 14.0, "early"), cut(first, 9.0, 20.0, "late")
+    audits |= {f.name: verdict(f, airborne=(f.span,)) for f in (early, late)}
+    for train, test in ((early, first), (first, early), (early, late)):
+        found = task1.given_split([train], [test, second], audits)
+        assert [c.flight.name for c in found.train] == [train.name]
+        assert found.left_out == {test.name: f"shares rows with {train.name}, which trains"}
+        assert "1 copies and slices left out" in found.note
+
+
+def test_one_flight_trains_and_that_is_said():
+    with pytest.raises(InputError, match="all 1 usable flights train; give --train and --test"):
+        split_of([made_flight("alone")])
+    with pytest.raises(InputError, match="all 1 usable flights train, 1 others share rows with them; give --train"):
+        split_of([made_flight("alone"), made_flight("again", epoch_s=2e9)])
 
 
 def test_nothing_to_test_on_names_the_streams():
