@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -53,4 +54,14 @@ def write_tum(path: Path, flight: Flight, trajectory: np.ndarray) -> None:
 
 
 def _path(folder: Path, method: str, case: Case) -> Path:
-    return folder / method / f"{case.flight.name}.tum"
+    return folder / folder_name(method) / f"{folder_name(case.flight.name)}.tum"
+
+
+def folder_name(name: str) -> str:
+    """``name`` with everything but letters, digits, ``.``, ``_`` and ``-`` as ``_``; never empty, ``.`` or ``..``.
+
+    >>> folder_name("../../evil <b>"), folder_name(".."), folder_name("onboard_ekf")
+    ('.._.._evil__b_', '__', 'onboard_ekf')
+    """
+    safe = re.sub(r"[^A-Za-z0-9._-]", "_", name)
+    return safe if safe.strip(".") else "_" * max(len(safe), 1)
