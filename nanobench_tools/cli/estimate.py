@@ -11,7 +11,7 @@ import click
 from ..errors import InputError, UsageError
 from .methods import load_methods
 from .options import PATH, Options, shared_options
-from .show import data_word, score_table, show_left_out
+from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -89,6 +89,7 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
     wanted = dict.fromkeys(protocols or task3.PROTOCOLS)
     written = "clean" if "clean" in wanted else next(reversed(wanted))
     reasons = []
+    failed: dict[str, str] = {}
     for protocol in wanted:
         try:
             cases = task3.select(flights, audits, protocol)
@@ -104,10 +105,11 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         scored, single = _score(options, protocol, work, options.out if protocol == written else None)
         rows += scored
         per_flight += single
+        failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     if reasons and len(reasons) == len(wanted):
         raise reasons[0]
     return {"rows": rows, "per_flight": per_flight,
-            "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED)}
+            "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED, failed)}
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..audit import Audit
     from ..flight import Flight
     from .options import Options
 
@@ -59,13 +60,21 @@ def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, s
     return table
 
 
+ALL_FAILED = "every method failed on it"
+"""Reason for a recording that was tried but that no row counts."""
+
+
 def show_left_out(options: Options, flights: Sequence[Flight], rows: Sequence[Mapping[str, Any]],
-                  audits: Iterable[str], needed: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
-    """[{flight, reason}] of the recordings that no row counts (``flights`` and ``dropped`` of rows), said in a line."""
+                  audits: Mapping[str, Audit] | Iterable[str], needed: Mapping[str, Sequence[str]],
+                  reasons: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+    """[{flight, reason}] of the recordings that no row counts (``flights`` and ``dropped`` of rows), said in a line.
+
+    reasons: by name of the flight, where the verb knows why.
+    """
     from ..protocols.usable import left_out
 
     used = {name for row in rows for key in ("flights", "dropped") for name in row.get(key, ())}
-    found = left_out(flights, used, audits, needed)
+    found = left_out(flights, used, audits, needed, reasons)
     if found:
         kinds = Counter("copy or slice" if entry["reason"].startswith(("copy of", "slice of")) else entry["reason"]
                         for entry in found)

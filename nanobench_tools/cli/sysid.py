@@ -77,7 +77,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
                                                          for cases in (chosen.train, chosen.test)], audits,
-                                      task1.NEEDED)}
+                                      task1.NEEDED, chosen.left_out)}
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:

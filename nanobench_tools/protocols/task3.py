@@ -7,6 +7,7 @@ recording, airborne and free of logging faults. All functions are pure: flights 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,7 +30,7 @@ from .published import beside
 from .scoring3 import attitude_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .tables import group_order, groups_of, summaries
-from .usable import MOCAP, POSE, usable
+from .usable import MOCAP, POSE, cut_by, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
@@ -80,9 +81,14 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     cases = _clean(fit, audits) if protocol == "clean" else _published(fit, audits, protocol)
     if not cases:
         what = "trefoil recording" if protocol != "clean" else "flight"
-        raise InputError(", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data",
-                         f"no {what} with motion capture, estimator, attitude and motor streams for protocol "
-                         f"{protocol!r} among {len(flights)} recordings")
+        place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
+        cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], NEEDED))}
+        if cuts and len(cuts) == len(fit):
+            raise InputError(place, f"no {what} is left for protocol {protocol!r} among {len(flights)} recordings: "
+                                    + "; ".join(f"{n} {cut}" for cut, n in Counter(cuts.values()).most_common(3)),
+                             "nanobench audit shows the faults")
+        raise InputError(place, f"no {what} with motion capture, estimator, attitude and motor streams for protocol "
+                                f"{protocol!r} among {len(flights)} recordings")
     return cases
 
 

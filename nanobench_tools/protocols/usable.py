@@ -7,12 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..flight import Flight, Stream
+from ..audit import CUTTING_KINDS, Audit
+from ..flight import Flight, Stream, intersect_spans
 from .selection import distinct
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 MOCAP = (*POSE, "vx", "vy", "vz")
 MOTORS = ("m1", "m2", "m3", "m4")
+
+SHORTEST_S = 0.5
+"""A flight with less left than 50 rows at 100 Hz, or one window of prediction, is not scored."""
 
 Needed = Mapping[str, Sequence[str]]
 """Stream -> quantities a task cannot do without. ``a|b`` as the name of a stream means one of both."""
@@ -60,17 +64,37 @@ def _good_rows(stream: Stream) -> np.ndarray:
     return np.isfinite(stream.values).all(axis=1) & (time_s > before)
 
 
-def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Iterable[str],
-             needed: Needed) -> list[dict[str, str]]:
-    """[{flight, reason}] of every recording that no row counts; ``used`` are the names that rows count."""
-    used, known = set(used), set(audits)
+def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str, Audit] | Iterable[str],
+             needed: Needed, reasons: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+    """[{flight, reason}] of every recording that no row counts; ``used`` are the names that rows count.
+
+    reasons: by name, where the caller knows why; the faults that cut a flight come from ``audits`` that hold verdicts.
+    """
+    used, known, reasons = set(used), set(audits), reasons or {}
     repeats = {r.flight.name: f"{r.kind} of {r.of.name}" for r in distinct(flights)[1]}
     found = []
     for flight in flights:
         if flight.name in used:
             continue
-        reason = ("the audit failed" if flight.name not in known else missing(flight, needed)
-                  or missing(tidy(flight, needed), needed) or repeats.get(flight.name)
-                  or "no rows to score: never in the air, cut by faults, or not asked for")
+        verdict = audits.get(flight.name) if isinstance(audits, Mapping) else None
+        reason = ("the audit failed" if flight.name not in known else reasons.get(flight.name)
+                  or missing(flight, needed) or missing(tidy(flight, needed), needed) or repeats.get(flight.name)
+                  or (cut_by(verdict, needed) if verdict is not None else None)
+                  or "no rows to score: never in the air, too short, or not asked for")
         found.append({"flight": flight.name, "reason": reason})
     return found
+
+
+def cut_by(audit: Audit, needed: Needed) -> str | None:
+    """The faults that leave less than SHORTEST_S of a flight in the needed streams, in words; None if more is left, or
+    it was not in the air that long. All of a recording counts whose truth cannot tell when it flew."""
+    streams = {part for names in needed for part in names.split("|")}
+    flight = audit.airborne or (audit.span,)
+    flown = sum(span.duration_s for span in flight)
+    left = sum(span.duration_s for span in intersect_spans(flight, audit.clean_for(streams)))
+    if flown < SHORTEST_S or left >= SHORTEST_S:
+        return None
+    kinds = dict.fromkeys(f"{fault.kind} of {fault.stream or 'all streams'}" for fault in audit.faults
+                          if fault.kind in CUTTING_KINDS and fault.stream in {*streams, ""}
+                          and intersect_spans([fault.span], flight))
+    return f"cut by {', '.join(kinds)}"

@@ -95,6 +95,7 @@ def test_broken_trajectories_fail_alone_and_are_named(call, folder, tmp_path):
     assert len(result["failed"]) == 1
     assert broken.name in result["failed"][0]["error"]
     assert next(r for r in result["rows"] if r["group"] == "all")["n"] == 2
+    assert result["left_out"] == [{"flight": broken.stem, "reason": "every method failed on it"}]
 
 
 def test_control(call, folder):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_flights import cut, made_flight, verdict
+from made_flights import cut, dead, made_flight, verdict
 
 from estimators.onboard_ekf import OnboardEkf
 from identification.naive import Naive
@@ -74,3 +74,21 @@ def test_left_out_recordings_have_a_reason():
     assert "no rows to score" in found["other"]
     with pytest.raises(InputError, match="no flight"):
         task3.select([empty], audits, "clean")
+
+
+@pytest.mark.parametrize("kind", ["unit", "quaternion_order", "sign"])
+def test_the_fault_that_cut_a_flight_is_said(kind):
+    flight = made_flight()
+    audits = {flight.name: verdict(flight, replace(dead("mocap", 0.0), kind=kind))}
+    for protocol in task3.PROTOCOLS[1:]:
+        with pytest.raises(InputError, match=rf"made\.csv: no .* is left .*: 1 cut by {kind} of mocap; nano"):
+            task3.select([flight], audits, protocol)
+    unseen = {"made": replace(audits["made"], airborne=())}  # nor can a bad truth tell that it flew
+    for known in (audits, unseen):
+        assert left_out([flight], [], known, task3.NEEDED) == [{"flight": "made", "reason": f"cut by {kind} of mocap"}]
+
+
+def test_reasons_that_the_verb_knows_go_first():
+    flight = made_flight()
+    found = left_out([flight], [], {flight.name: verdict(flight)}, task3.NEEDED, {"made": "every method failed on it"})
+    assert found == [{"flight": "made", "reason": "every method failed on it"}]
