@@ -56,7 +56,7 @@ def execute(item: Item, store: Store | None) -> Outcome:
         return Outcome(value=value)
     except NanobenchError as error:
         return Outcome(error=str(error))
-    except Exception as error:  # a method is anybody's code: whatever it raises concerns this item alone
+    except (Exception, SystemExit) as error:  # a method is anybody's code: how it ends concerns this item alone
         if os.environ.get("NANOBENCH_DEBUG"):
             traceback.print_exc()
         return Outcome(error=describe(error))

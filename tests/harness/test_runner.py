@@ -186,3 +186,12 @@ def test_progress_on_a_terminal_shows_count_and_time_left():
     assert "flights" in terminal.getvalue()
     assert "3/4" in terminal.getvalue()
     assert "1 failed" in terminal.getvalue()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_method_that_ends_the_program_fails_alone(jobs):
+    items = [make_item(fail, {"path": Path("x.csv"), "how": "exit"}, "leaver"), *scores(3)]
+    result = run_items(items, jobs=jobs)
+    assert len(result.values) == 3
+    assert [f["item"] for f in result.failed] == ["leaver"]
+    assert result.failed[0]["error"].startswith("SystemExit: 3 (in fail, ")
