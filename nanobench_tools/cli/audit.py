@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import Options, shared_options
+from .options import Options, one_line, shared_options
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -46,15 +46,14 @@ def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[
     options.show(overview(audits, f"{label}Audit of {len(audits)} recording{'s' * (len(audits) != 1)}"))
     if details:
         for verdict in audits.values():
-            options.show(fault_table(verdict, f"{label}{verdict.flight}"))
+            options.show(fault_table(verdict, f"{label}{one_line(verdict.flight)}"))
     if copies:
-        options.show("Copies (same numbers): " + "; ".join(" = ".join(group) for group in copies))
+        options.show("Copies (same numbers): " + "; ".join(" = ".join(map(one_line, group)) for group in copies))
 
 
 def overview(audits: Mapping[str, Audit], title: str) -> Table:
     """One line per recording; the kinds that cut time away stand in bold."""
     from rich import box
-    from rich.markup import escape
     from rich.table import Table
 
     from ..audit import CUTTING_KINDS
@@ -71,7 +70,7 @@ def overview(audits: Mapping[str, Audit], title: str) -> Table:
         kinds = Counter(f.kind for f in a.faults if f.kind != "interpolated")
         words = ", ".join(f"[bold]{text}[/]" if kind in CUTTING_KINDS else text for kind, n in kinds.items()
                           for text in [kind + (f" x{n}" if n > 1 else "")])
-        table.add_row(escape(a.flight), a.controller, f"{airborne:.1f}", f"{clean:.1f}", _late(clock),
+        table.add_row(one_line(a.flight), one_line(a.controller), f"{airborne:.1f}", f"{clean:.1f}", _late(clock),
                       f"{rate.rate_hz:.1f}" if rate else "-", words or "none")
     return table
 
@@ -88,7 +87,6 @@ def _late(clock: Any) -> str:
 def fault_table(verdict: Audit, title: str) -> Table:
     """Every fault of one recording, in the order of time."""
     from rich import box
-    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -96,7 +94,7 @@ def fault_table(verdict: Audit, title: str) -> Table:
         table.add_column(name, justify="right" if name in ("from s", "to s", "size") else "left")
     for fault in verdict.faults:
         span = (f"{fault.start_s:.2f}", f"{fault.end_s:.2f}")
-        table.add_row(fault.kind, fault.stream, *span, _size(fault), escape(fault.evidence))
+        table.add_row(fault.kind, one_line(fault.stream), *span, _size(fault), one_line(fault.evidence))
     return table
 
 

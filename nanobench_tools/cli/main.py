@@ -79,6 +79,9 @@ def cli(ctx: click.Context) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line ``argv`` (default: of this process) and returns the exit code."""
     warnings.showwarning = _warn
+    for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that cannot be printed
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
     words = sys.argv[1:] if argv is None else list(argv)
     try:
         with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes

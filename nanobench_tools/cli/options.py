@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 PATH = click.Path(path_type=Path)
 
 
@@ -83,19 +85,22 @@ class Options:
         with self.progress.task("read", 1) as step:
             loaded = load_recordings(places, columns=self.columns, jobs=self.jobs,
                                      progress=lambda done, total, path: step(done, total=total))
-        failed = [{"item": "read", "file": str(f["path"]), "error": f["error"]} for f in loaded.failed]
+        failed = [{"item": "read", "file": readable(str(f["path"])), "error": readable(f["error"])}
+                  for f in loaded.failed]
         where = ", ".join(map(str, places))
         if not loaded.flights:
             if failed:
                 more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
                 raise UsageError(f"no recording could be read: {failed[0]['error']}{more}")
             raise InputError(where, "no recording found")
-        self.flights += loaded.flights
+        flights = [flight if (name := readable(flight.name)) == flight.name else replace(flight, name=name)
+                   for flight in loaded.flights]
+        self.flights += flights
         self.failed += failed
         elapsed = time.perf_counter() - before
-        self.say(f"{_kinds(loaded.flights)} from {where} in {elapsed:.1f} s"
+        self.say(f"{_kinds(flights)} from {where} in {elapsed:.1f} s"
                  + (f", {len(failed)} files failed" if failed else ""))
-        return loaded.flights
+        return flights
 
     def run(self, items: Sequence[Item], title: str) -> RunResult:
         """Runs items as the options say; failures are kept for the result file and the exit code."""
@@ -146,16 +151,22 @@ class Options:
         ``--json -`` prints the result on stdout; tables are then not shown.
         """
         from ..harness import write_json
-        from ..harness.results import to_text
 
         content = self.envelope(schema, body)
+        self.write_json(content)
+        if self.out is not None:
+            write_json(self.out / f"{schema}.json", content)
+        return self.exit_code()
+
+    def write_json(self, content: Mapping[str, Any]) -> None:
+        """Writes ``--json``, or prints it for ``--json -``."""
+        from ..harness import write_json
+        from ..harness.results import to_text
+
         if self.json is not None and str(self.json) == "-":
             click.echo(to_text(content), nl=False)
         elif self.json is not None:
             write_json(self.json, content)
-        if self.out is not None:
-            write_json(self.out / f"{schema}.json", content)
-        return self.exit_code()
 
     def exit_code(self) -> int:
         """0, or 1 after listing on stderr what failed."""
@@ -193,6 +204,19 @@ def _kinds(flights: Sequence[Flight]) -> str:
     synthetic = sum(flight.provenance.synthetic for flight in flights)
     counts = [(len(flights) - synthetic, "REAL"), (synthetic, "SYNTHETIC")]
     return " and ".join(f"{n} {kind} recording{'s' * (n > 1)}" for n, kind in counts if n)
+
+
+def readable(text: str) -> str:
+    """``text`` with bytes of a file name that are not UTF-8 as ``\\udcff``: Python keeps them as lone surrogates, which
+    no file takes."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def one_line(text: str) -> str:
+    """``text`` (a name from anywhere) for a table: control characters become spaces, rich's markup is escaped."""
+    from rich.markup import escape
+
+    return escape(CONTROL.sub(" ", text))
 
 
 def cores() -> int:

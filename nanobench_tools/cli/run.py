@@ -29,9 +29,12 @@ def run(options: Options, practice: bool) -> int:
     """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).
 
     Reads --data, else the recordings in the default places; when there are none it simulates practice flights, and
-    everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was.
+    everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was. --json holds
+    all result files in one: audit, estimate, control, sysid.
     """
-    main_job(options, practice)
+    results = main_job(options, practice)
+    if options.json is not None:
+        options.write_json(options.envelope("run", results))
     return options.exit_code()
 
 

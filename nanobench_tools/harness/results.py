@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..version import __version__
+
+SURROGATE = re.compile("[\ud800-\udfff]")
+"""What Python makes of such bytes; no file can hold it."""
 
 
 def envelope(schema: str, body: Mapping[str, Any], synthetic: bool, manifest: Mapping[str, Any],
@@ -73,8 +77,8 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def to_text(value: Mapping[str, Any]) -> str:
-    """``value`` as indented JSON; nan and inf become null."""
-    return json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    """``value`` as indented JSON; nan and inf become null, bytes of file names that are not UTF-8 become U+FFFD."""
+    return SURROGATE.sub("\ufffd", json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False)) + "\n"
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:

@@ -51,7 +51,7 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     recordings = [payload(flight, entries.get(flight.name) or by_content.get(flight.provenance.sha256))
                   for flight in flights]
     path = out_dir / "report.html"
-    write_bytes(path, render(results, tables, recordings, entries, label).encode())
+    write_bytes(path, render(results, tables, recordings, entries, label).encode(errors="replace"))
     return path
 
 

@@ -44,6 +44,25 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recording
     assert "3 SYNTHETIC recordings" in err
 
 
+def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(nanobench, recordings, tmp_path):
+    odd, data = [b"a\xff[red]x[", b"b[bold]\nof two lines", b"c"], tmp_path / "data"
+    data.mkdir()
+    for name, path in zip(odd, sorted(recordings.glob("*.csv")), strict=True):
+        for end, source in ((b".csv", path), (b"_metadata.yaml", path.with_name(f"{path.stem}_metadata.yaml"))):
+            Path(os.fsdecode(os.fsencode(data) + b"/" + name + end)).write_bytes(source.read_bytes())
+    (data / "copy[blue].csv").write_bytes(Path(os.fsdecode(os.fsencode(data) + b"/" + odd[0] + b".csv")).read_bytes())
+    code, out, err = nanobench("run", "--data", data, "--out", tmp_path / "out", "--jobs", 1, "--json",
+                               tmp_path / "all.json")
+    assert code == 0, err
+    assert any(line.split()[:4] == ["b[bold]", "of", "two", "lines"] for line in out.splitlines())
+    assert "Copies (same numbers): a\\udcff[red]x[ = copy[blue]" in out
+    whole = json.loads((tmp_path / "all.json").read_text())
+    assert (whole["schema"], whole["synthetic"], whole["failed"]) == ("nanobench-run/1", True, [])
+    for name in ("audit", "estimate", "control", "sysid"):
+        assert whole[name] == json.loads((tmp_path / "out" / f"{name}.json").read_text())
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, tmp_path):
     env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
 

@@ -91,3 +91,9 @@ def test_manifest_names_versions_inputs_and_no_folder_of_this_machine(tmp_path, 
     assert content["elapsed_s"] >= 0
     assert "/somewhere" not in json.dumps(content)
     assert portable("--jobs") == "--jobs"
+
+
+def test_bytes_that_are_not_utf_8_do_not_stop_a_result(tmp_path):
+    name = os.fsdecode(b"a\xff.csv")
+    write_json(tmp_path / "r.json", {name: [name, Path(name)]})
+    assert read_json(tmp_path / "r.json") == {"a\ufffd.csv": ["a\ufffd.csv", "a\ufffd.csv"]}
