@@ -30,13 +30,19 @@ class Filled:
 
 
 def filled_poses(context: Context) -> Filled | None:
-    """None without poses. Rotations may be filled along an arc, so straight lines are looked for in the position."""
+    """None without poses, or when one of their columns never holds a number (missing, not occluded).
+
+    Rotations may be filled along an arc, so straight lines are looked for in the position.
+    """
     stream = context.once(usable_streams).get("mocap")
     names = [q for q in POSITION + ROTATION if stream is not None and q in stream.quantities]
     if stream is None or len(stream) < 3 or not set(POSITION) <= set(names):
         return None
     pose, t = stream[names], stream.time_s
-    lost = ~np.isfinite(pose).all(axis=1)
+    finite = np.isfinite(pose)
+    if finite.any() and not finite.any(axis=0).all():
+        return None
+    lost = ~finite.all(axis=1)
     same = np.zeros(len(t), dtype=bool)
     same[1:] = (pose[1:] == pose[:-1]).all(axis=1)
     p = pose[:, :3]

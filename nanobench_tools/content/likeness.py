@@ -18,6 +18,8 @@ from .compare import (
     PAIRS,
     MakePair,
     Pair,
+    acceleration_pair,
+    force_pair,
     gyro_pair,
     mocap_rate_pair,
     mocap_velocity_pair,
@@ -153,6 +155,7 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
 
     Two streams that disagree with the motion capture in the same way are right and the motion capture is wrong: the
     estimator and the setpoint (else the estimated velocity) for positions, gyro and estimated attitude for rotations.
+    Accelerations and forces are then compared with derivatives of wrong positions and say nothing.
     """
     found = context.once(likenesses)
     wrong = {make: verdict for make, verdict in found.items() if verdict.wrong}
@@ -164,7 +167,8 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
             wrong = {
                 make: v
                 for make, v in wrong.items()
-                if v.stream not in ("estimator", "setpoint") and make is not mocap_velocity_pair
+                if v.stream not in ("estimator", "setpoint")
+                and make not in (mocap_velocity_pair, acceleration_pair, force_pair)
             }
             wrong[position_pair] = _inverse(verdict, "mocap", ("px", "py", "pz"))
     turned = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,5 +30,15 @@ def over_stream(
 
 
 def findings(flight: Flight, kind: str) -> list[Fault]:
-    """What the reader found of one kind and left in ``provenance.findings``."""
-    return [fault for fault in flight.provenance.findings if fault.kind == kind]
+    """What the reader found of one kind and left in ``provenance.findings``, within the recording."""
+    found = [fault for fault in flight.provenance.findings if fault.kind == kind]
+    if not found:
+        return []
+    # the reader puts borders halfway between rows, so that of the first and last row lie outside
+    stamps = [s.time_s[np.isfinite(s.time_s)] for s in flight.streams.values()]
+    low = min((float(t.min()) for t in stamps if len(t)), default=-math.inf)
+    high = max((float(t.max()) for t in stamps if len(t)), default=math.inf)
+    return [
+        replace(fault, start_s=min(max(fault.start_s, low), high), end_s=max(min(fault.end_s, high), low))
+        for fault in found
+    ]
