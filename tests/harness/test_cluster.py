@@ -16,7 +16,7 @@ distributed = pytest.importorskip("distributed")
 
 @pytest.fixture(scope="module")
 def cluster():
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=None,
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=":0",
                                   silence_logs=50) as running:
         yield running
 
@@ -70,6 +70,6 @@ def test_a_bad_address_is_one_line_within_seconds(address):
     before = time.monotonic()
     with pytest.raises(UsageError) as caught:
         run_items(scores(1), scheduler=address)
-    assert time.monotonic() - before < 8
+    assert time.monotonic() - before < 20  # five of our own, and what the name lookup takes
     assert address in str(caught.value)
     assert "\n" not in str(caught.value)
