@@ -5,7 +5,10 @@ Workers need the same packages and see the input files under the same paths.
 
 from __future__ import annotations
 
+import gc
 import logging
+import socket
+from urllib.parse import urlsplit
 
 from ..errors import MissingExtraError, UsageError
 from .items import Item, Outcome, Results, execute
@@ -50,6 +53,15 @@ def _connect(address: str):
     """A client of the scheduler at ``address``; UsageError on one line within ``CONNECT_S`` when nobody answers."""
     from distributed import Client
 
+    try:
+        found = urlsplit(address)
+        if found.scheme not in ("tcp", "tls") or not found.hostname or not found.port:
+            raise ValueError("an address looks like tcp://HOST:PORT")
+        # A client that fails to start can lock up the next one when it is collected: ask the port before
+        socket.create_connection((found.hostname, found.port), CONNECT_S).close()
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--scheduler {address}: no Dask scheduler answers there ({error})") from error
+    gc.collect()
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:

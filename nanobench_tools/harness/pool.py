@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
+from functools import cache
 from multiprocessing import resource_tracker
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -96,10 +97,24 @@ def _take(jobs: int) -> ProcessPoolExecutor:
     global _pool, _size
     if _pool is None or _size < jobs:
         _close()
+        _silence_manager()
         _pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
                                     initargs=(os.getpid(),))
         _size = jobs
     return _pool
+
+
+@cache
+def _silence_manager() -> None:
+    """The pool's own thread may stumble over workers that were just ended, and would print that. What it means for an
+    item comes with the item's future; the rest nobody needs to read."""
+    shown = threading.excepthook
+
+    def show(found: threading.ExceptHookArgs) -> None:
+        if found.thread is None or not found.thread.name.startswith("ExecutorManagerThread"):
+            shown(found)
+
+    threading.excepthook = show
 
 
 def _close() -> None:
