@@ -18,7 +18,8 @@ KNOWN = "pid, mellinger, a registered name or module:Class"
                    "Default: all in turn.")
 @click.option("--speed", "speeds", multiple=True, type=click.Choice(("slow", "medium", "fast")),
               help="May repeat. Default: all in turn.")
-@click.option("--controller", "--method", "controller", metavar="NAME", help=f"{KNOWN}. Default: two of three pid, the others mellinger.")
+@click.option("--controller", "--method", "controller", metavar="NAME",
+              help=f"{KNOWN}. Default: two of three pid, the others mellinger.")
 @click.option("--duration", "duration_s", type=click.FloatRange(min=1.0), metavar="S", help="Length of every path [s].")
 @click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
