@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
+from estimators.onboard_ekf import OnboardEkf
 from estimators.trajectory_file import TrajectoryFile
 
 from .. import so3
@@ -139,14 +140,21 @@ def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:
     return tuple(Span(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def given_to(case: Case) -> Flight:
-    """The flight as an estimator gets it: poses until GIVEN_S after the start of the first span,
-    nothing after the last."""
+def is_logged(method: Estimator) -> TypeGuard[OnboardEkf]:
+    """Whether ``method`` is what the vehicle said in flight. No method of anybody's own is, whatever it defines."""
+    return type(method) is OnboardEkf
+
+
+def given_to(case: Case, method: Estimator | None = None) -> Flight:
+    """The flight as ``method`` (None: any of one's own) gets it: poses until GIVEN_S after the start of the first span,
+    nothing after the last; no motion capture at all for what was logged in flight."""
     start, end = case.spans[0].start_s, case.spans[-1].end_s
+    cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
+    if method is not None and is_logged(method):
+        return cut
     mocap = case.flight["mocap"]
     early = (mocap.time_s <= start + GIVEN_S) & np.isfinite(mocap[POSE]).all(axis=1)
     poses = make_stream("mocap", mocap.time_s[early], mocap[POSE][early], POSE, rate_hz=mocap.rate_hz)
-    cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
     return replace(cut, streams={"mocap": poses, **cut.streams})
 
 
@@ -190,7 +198,7 @@ def _scored_rows(case: Case, estimate: Estimate, method: Estimator) -> tuple[tup
     What the vehicle logged in flight is scored where it is. Of all others coverage is asked for after the given poses,
     and a method that was given them is not scored there. Who made a trajectory file knows what it was given.
     """
-    if hasattr(method, "logged_euler"):
+    if is_logged(method):
         return case.spans, inside(case.spans, estimate.time_s)
     given_s = case.spans[0].start_s + GIVEN_S
     later = subtract_spans(case.spans, [Span(-np.inf, given_s)])
@@ -214,8 +222,7 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     [m], quaternion. nan where a metric is not defined. Raises InputError when nothing can be scored.
     """
     place = case.flight.provenance.path
-    logged = getattr(method, "logged_euler", None)
-    flight = case.flight if logged is not None else given_to(case)
+    flight = given_to(case, method)
     estimate = checked(method.estimate(flight), method.name, place)
     mocap = case.flight["mocap"]
     estimate = replace(estimate, time_s=snap(estimate.time_s, mocap.time_s))
@@ -231,7 +238,7 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     v = None if estimate.velocity_m_s is None else estimate.velocity_m_s[rows]
     metrics = published_metrics(p, truth.position_m, v, truth_m_s)
     if protocol == "as-published":
-        euler = so3.euler_zyx(q) if logged is None else logged(flight)[rows]
+        euler = method.logged_euler(flight)[rows] if is_logged(method) else so3.euler_zyx(q)
         firmware_deg = np.degrees(euler) * [1.0, -1.0, 1.0]  # the firmware's pitch is positive nose up
         metrics["attitude_rmse_deg"] = published_euler_rmse_deg(firmware_deg, _mocap_euler(case.flight, t))
     else:
@@ -255,7 +262,7 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapp
              seed: int = 0) -> list[dict[str, Any]]:
     """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric."""
     rows = []
-    known = hasattr(method, "logged_euler")
+    known = is_logged(method)
     for group in group_order([g for case, _ in scored for g in case.groups]):
         members = [(case, value) for case, value in scored if group in case.groups]
         notes = dict.fromkeys(case.note for case, _ in members if case.note)

@@ -209,6 +209,58 @@ def test_a_short_trajectory_file_fails_and_the_logged_one_is_scored_from_its_fir
         task3.score(case, TrajectoryFile(path), "clean")
 
 
+class PretendsToBeLogged(OnboardEkf):
+    """Gives back whatever motion capture it gets and calls itself logged in flight."""
+
+    def __init__(self):
+        self.seen = []
+
+    def estimate(self, flight):
+        self.seen.append(flight)
+        return poses(flight["mocap"])
+
+    def logged_euler(self, flight):
+        self.seen.append(flight)
+        return flight["mocap"]["roll", "pitch", "yaw"]
+
+
+class Watched(OnboardEkf):
+    def estimate(self, flight):
+        assert "mocap" not in flight
+        return super().estimate(flight)
+
+    def logged_euler(self, flight):
+        assert "mocap" not in flight
+        return super().logged_euler(flight)
+
+
+@pytest.mark.parametrize("protocol", task3.PROTOCOLS)
+def test_who_calls_itself_logged_sees_no_more_than_others(protocol):
+    flight = made_flight()
+    case = one_case(flight, protocol=protocol)
+    cheat = PretendsToBeLogged()
+    with pytest.raises(InputError, match=r"covers 0\.0 % of it"):
+        task3.score(case, cheat, protocol)
+    for seen in cheat.seen:
+        assert seen["mocap"].quantities == task3.POSE
+        assert seen["mocap"].span.end_s <= case.spans[0].start_s + task3.GIVEN_S
+    mocap = flight["mocap"]
+    cheat.estimate = lambda given: poses(mocap)
+    row = task3.tabulate(protocol, cheat, [(case, task3.score(case, cheat, protocol))])[0]
+    assert row["given"].startswith(task3.GIVEN)
+    assert "published" not in row
+
+
+@pytest.mark.parametrize("protocol", task3.PROTOCOLS)
+def test_what_was_logged_is_scored_without_any_motion_capture(protocol, monkeypatch):
+    case = one_case(made_flight(), protocol=protocol)
+    expected = task3.score(case, EKF, protocol)
+    monkeypatch.setattr(task3, "OnboardEkf", Watched)
+    found = task3.score(case, Watched(), protocol)
+    assert found["metrics"] == pytest.approx(expected["metrics"], nan_ok=True)
+    assert found["rows"] == expected["rows"]
+
+
 @pytest.mark.parametrize(("found", "says"), [
     (Estimate(np.arange(3.0), np.zeros((3, 2)), np.ones((3, 4))), "same number of rows"),
     (Estimate(np.array([5.0, 4.0, 6.0]), np.zeros((3, 3)), np.ones((3, 4))), "do not rise"),
