@@ -1,0 +1,66 @@
+"""A model evaluated with NumPy over a batch: the readable reference the faster ways are measured against."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .equations import Equations
+from .inputs import components, rows, substeps, warmed
+from .model import QUATERNION, ROTOR, STATE, Model
+from .ops import NUMPY
+
+
+def equations(model: Model, row_s: float, parameters: np.ndarray | None = None) -> Equations:
+    """The model's equations over arrays; parameters (P,) or (n, P), by default the model's own."""
+    return Equations(model, components(model.values if parameters is None else parameters), NUMPY, row_s)
+
+
+def _stacked(found: list, n: int) -> np.ndarray:
+    return np.stack([np.broadcast_to(np.asarray(x, float), (n,)) for x in found], axis=-1)
+
+
+def derivative(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray | None = None, *,
+               row_hz: float | None = None) -> np.ndarray:
+    """states (n, 17), inputs (n, I) -> time derivatives (n, 17)."""
+    made = equations(model, 1.0 / (row_hz or model.vehicle.rate_hz), parameters)
+    return _stacked(made.derivative(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T)), len(states))
+
+
+def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray | None = None, *,
+         row_hz: float | None = None) -> np.ndarray:
+    """states (n, 17), inputs (n, I) -> states one row later (n, 17)."""
+    row_hz = row_hz or model.vehicle.rate_hz
+    made = equations(model, 1.0 / row_hz, parameters)
+    found = made.step(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T), substeps(model, row_hz))
+    return _stacked(found, len(states))
+
+
+def start_states(model: Model, start: np.ndarray, window: np.ndarray, past: np.ndarray, *, row_hz: float,
+                 parameters: np.ndarray | None = None) -> np.ndarray:
+    """start (n, 13) or (n, 17) -> (17, n) with unit quaternions; rotor states that were not given are warmed up."""
+    start = np.asarray(start, float)
+    states = np.empty((len(STATE), len(start)))
+    states[:13] = start[:, :13].T
+    states[QUATERNION] /= np.sqrt(np.sum(states[QUATERNION] ** 2, axis=0))
+    if start.shape[1] == len(STATE):
+        states[ROTOR] = start[:, ROTOR].T
+    elif len(window) and len(start):
+        states[ROTOR] = warmed(model, window, past, row_hz=row_hz, parameters=parameters)
+    else:
+        states[ROTOR] = 0.0
+    return states
+
+
+def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,
+            past: tuple[np.ndarray, np.ndarray] | None = None, *, row_hz: float | None = None,
+            parameters: np.ndarray | None = None) -> np.ndarray:
+    """The same as ``rollout.rollout``, in plain NumPy: states (n, H + 1, 17)."""
+    row_hz = row_hz or model.vehicle.rate_hz
+    window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=parameters)
+    states = np.empty((len(window) + 1, len(STATE), len(start)))
+    states[0] = start_states(model, start, window, before, row_hz=row_hz, parameters=parameters)
+    made, count = equations(model, 1.0 / row_hz, parameters), substeps(model, row_hz)
+    for j, row in enumerate(window):
+        for i, component in enumerate(made.step(list(states[j]), list(row), count)):
+            states[j + 1, i] = component
+    return states.transpose(2, 0, 1)

@@ -1,0 +1,47 @@
+"""The few functions an equation may use beside + - * /, once for NumPy arrays and once for CasADi expressions.
+
+Equations are written over components (each a float, an array (n,) of a batch, or a CasADi scalar), so that the very
+same function gives numbers and symbols.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import MissingExtraError
+
+
+class Ops(NamedTuple):
+    """``where(condition, a, b)``: a where the condition holds, else b."""
+
+    sqrt: Callable
+    exp: Callable
+    sin: Callable
+    cos: Callable
+    fabs: Callable
+    fmin: Callable
+    fmax: Callable
+    where: Callable
+
+
+NUMPY = Ops(np.sqrt, np.exp, np.sin, np.cos, np.abs, np.minimum, np.maximum, np.where)
+
+
+def import_casadi():
+    """The module casadi; raises MissingExtraError when the extra is not installed."""
+    try:
+        import casadi
+    except ImportError:
+        raise MissingExtraError("casadi", "identification") from None
+    return casadi
+
+
+@functools.cache
+def casadi_ops() -> Ops:
+    """The same functions for CasADi SX."""
+    ca = import_casadi()
+    return Ops(ca.sqrt, ca.exp, ca.sin, ca.cos, ca.fabs, ca.fmin, ca.fmax, ca.if_else)

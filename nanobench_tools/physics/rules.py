@@ -1,0 +1,152 @@
+"""What makes a vehicle or a list of terms impossible. Each rule yields problems that name the key."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from numbers import Real
+from typing import Any, NamedTuple
+
+from .term import Parameter, Stage, Term
+from .vehicle import BOUNDS, INPUTS, UNITS
+
+Terms = Sequence[tuple[Term, Mapping[str, Any]]]
+
+
+class Problem(NamedTuple):
+    """``where``: ("vehicle", key) or (number of the term, key or None)."""
+
+    where: tuple
+    found: str
+    advice: str
+
+
+def is_number(value: Any) -> bool:
+    """A finite real number; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def nearest(name: str, known: Sequence[str]) -> str:
+    """Advice for a name that is not known."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
+
+
+def _shape(value: Any) -> tuple | None:
+    """() of a number, (n,) or (n, m) of nested lists, None of anything else or ragged."""
+    if isinstance(value, (list, tuple)):
+        inner = {_shape(v) for v in value}
+        only = inner.pop() if len(inner) == 1 else None
+        return None if only is None else (len(value), *only)
+    return () if isinstance(value, Real) and not isinstance(value, bool) else None
+
+
+def _flat(value: Any) -> list:
+    return [x for v in value for x in _flat(v)] if isinstance(value, (list, tuple)) else [value]
+
+
+def _numbers(where: tuple, name: str, value: Any, shape: tuple, bounds: tuple[float, float], unit: str,
+             hint: str = "") -> Iterator[Problem]:
+    if _shape(value) != shape:
+        wanted = {0: "one number", 1: f"a list of {shape[0]} numbers" if shape else ""}.get(len(shape)) or \
+            f"{shape[0]} lists of {shape[1]} numbers"
+        yield Problem(where, f"{name} is {_short(value)}", f"give {wanted} [{unit}]")
+        return
+    for x in _flat(value):
+        if not is_number(x):
+            yield Problem(where, f"{name} is not finite", f"give a number [{unit}]")
+            return
+        if not bounds[0] <= x <= bounds[1]:
+            yield Problem(where, f"{name} = {x:g} {unit} is outside {bounds[0]:g} to {bounds[1]:g}",
+                          hint or "check the value and its unit")
+            return
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, str):
+        return f"text {value[:30]!r}"
+    shape = _shape(value)
+    if shape is None:
+        return f"a {type(value).__name__} with something else than numbers" if isinstance(value, (list, tuple)) else \
+            f"a {type(value).__name__}"
+    return "one number" if shape == () else "a list of " + " by ".join(map(str, shape)) + " numbers"
+
+
+def vehicle_problems(values: Mapping[str, Any]) -> Iterator[Problem]:
+    """Of the keys of a vehicle; all must be there."""
+    for key in values:
+        if key not in UNITS:
+            yield Problem(("vehicle", key), f"unknown key {key}", nearest(key, list(UNITS)))
+    for key in UNITS:
+        if key not in values:
+            yield Problem(("vehicle", None), f"{key} is missing", f"give {key} [{UNITS[key]}]")
+    shapes = {"inertia_kg_m2": (3,), "motor_positions_m": (4, 2)}
+    for key, bounds in BOUNDS.items():
+        if key in values:
+            hint = "is it in grams? give kg" if key == "mass_kg" else ""
+            yield from _numbers(("vehicle", key), key, values[key], shapes.get(key, ()), bounds,
+                                UNITS[key].split(",")[0], hint)
+    if "spin" in values and (_shape(values["spin"]) != (4,) or any(abs(s) != 1.0 for s in values["spin"])):
+        yield Problem(("vehicle", "spin"), "spin is not four signs", "give 1.0 or -1.0 for motors 1..4")
+    if "input" in values and values["input"] not in INPUTS:
+        yield Problem(("vehicle", "input"), f"input is {_short(values['input'])}", f"give {' or '.join(INPUTS)}")
+
+
+def term_problems(number: int, term: Term, values: Mapping[str, Any]) -> Iterator[Problem]:
+    """Of the parameters of one term; all must be there but the optional ones."""
+    known = [p.name for p in term.parameters]
+    for key in values:
+        if key not in known:
+            yield Problem((number, key), f"{term.name} has no parameter {key}", nearest(key, known))
+    found = False
+    for parameter in term.parameters:
+        if parameter.name in values:
+            for problem in _parameter_problems(number, term.name, parameter, values[parameter.name]):
+                found = True
+                yield problem
+        elif not parameter.optional:
+            found = True
+            yield Problem((number, None), f"{term.name} lacks {parameter.name}",
+                          f"give {parameter.name} [{parameter.unit}]")
+    wrong = term.check(values) if term.check and not found else None
+    if wrong:
+        yield Problem((number, known[0] if known[0] in values else None), f"{term.name}: {wrong[0]}", wrong[1])
+
+
+def _parameter_problems(number: int, term: str, parameter: Parameter, value: Any) -> Iterator[Problem]:
+    shape = () if parameter.length == 0 else (parameter.length,)
+    if parameter.length is None:
+        shape = _shape(value) or ()
+        if len(shape) != 1 or shape[0] == 0:
+            yield Problem((number, parameter.name), f"{term}.{parameter.name} is {_short(value)}",
+                          f"give a list of numbers, [0] the coefficient of power 0 [{parameter.unit}]")
+            return
+    hint = "is it in grams? give kg" if parameter.unit == "kg" else "check the value and its unit"
+    yield from _numbers((number, parameter.name), f"{term}.{parameter.name}", value, shape,
+                        (parameter.lower, parameter.upper), parameter.unit, hint)
+
+
+def model_problems(kind: str, terms: Terms) -> Iterator[Problem]:
+    """Of the terms together: ``kind`` is the vehicle's input, pwm or rpm."""
+    names = [term.name for term, _ in terms]
+    for number, (term, values) in enumerate(terms):
+        if term.name in names[:number]:
+            yield Problem((number, "name"), f"{term.name} stands twice", "leave one of them out")
+        if term.needs and not set(term.needs) & set(names):
+            yield Problem((number, "name"), f"{term.name} does nothing without {' or '.join(term.needs)}",
+                          f"add {term.needs[0]} or leave {term.name} out")
+        if kind == "rpm" and values.get("u_max") is not None:
+            yield Problem((number, "u_max"), "u_max limits a PWM ratio, but input is rpm", "give T_max_N")
+    maps = [n for n, (term, _) in enumerate(terms) if Stage.THRUST_MAP in term.acts]
+    wanted = [n for n in maps if (terms[n][0].name == "thrust_rpm") == (kind == "rpm")]
+    for n in maps:
+        if kind == "rpm" and n not in wanted:
+            yield Problem((n, "name"), f"{names[n]} needs PWM, but input is rpm", "use thrust_rpm")
+    if not wanted:
+        has = f"only {names[maps[0]]} " if maps else "no term "
+        yield Problem(("vehicle", "input"), f"input is {kind}, but {has}turns it into thrust",
+                      "add thrust_rpm" if kind == "rpm" else "add thrust_voltage or thrust_pwm")
+    elif len(wanted) > 1:
+        yield Problem((wanted[1], "name"), f"{names[wanted[0]]} and {names[wanted[1]]} both give the thrust",
+                      "leave one of them out")

@@ -1,0 +1,57 @@
+"""A model as CasADi functions of state, inputs and parameters, with exact derivatives.
+
+    derivative(x[17], u[I], p[P]) -> dx[17]     step(x[17], u[I], p[P]) -> x[17] one row later
+    lagged(r[4], u[I], p[P]) -> r[4]            rollout(x[17], U[I, H], p[P]) -> X[17, H]
+
+x, u and p are in the order of ``model.STATE``, ``Model.inputs`` and ``Model.names``.
+"""
+
+from __future__ import annotations
+
+from .equations import Equations
+from .inputs import substeps
+from .model import STATE, Model
+from .ops import casadi_ops, import_casadi
+
+
+def _symbols(model: Model, state: int = len(STATE)):
+    ca = import_casadi()
+    return (ca.SX.sym("x", state), ca.SX.sym("u", len(model.inputs)), ca.SX.sym("p", len(model.names)))
+
+
+def _row_hz(model: Model, row_hz: float | None) -> float:
+    return row_hz or model.vehicle.rate_hz
+
+
+def _made(model: Model, name: str, row_hz: float | None, state: int = len(STATE)):
+    ca = import_casadi()
+    x, u, p = _symbols(model, state)
+    row = _row_hz(model, row_hz)
+    equations = Equations(model, ca.vertsplit(p), casadi_ops(), 1.0 / row)
+    given = (ca.vertsplit(x), ca.vertsplit(u))
+    found = equations.step(*given, substeps(model, row)) if name == "step" else getattr(equations, name)(*given)
+    return ca.Function(name, [x, u, p], [ca.cse(ca.vertcat(*found))], ["x", "u", "p"],
+                       ["dx" if name == "derivative" else "x_next"])
+
+
+def derivative(model: Model, row_hz: float | None = None):
+    """casadi.Function derivative(x, u, p)."""
+    return _made(model, "derivative", row_hz)
+
+
+def step(model: Model, row_hz: float | None = None):
+    """casadi.Function step(x, u, p): one row of 1 / row_hz (by default of the model's rate)."""
+    return _made(model, "step", row_hz)
+
+
+def lagged(model: Model, row_hz: float | None = None):
+    """casadi.Function lagged(r, u, p): rotor states one row later, for the warm-up before a window."""
+    return _made(model, "lagged", row_hz, 4)
+
+
+def rollout(model: Model, horizon: int, row_hz: float | None = None):
+    """casadi.Function rollout(x, U, p): all states after the start."""
+    ca = import_casadi()
+    whole = step(model, row_hz).mapaccum("mapped", horizon)
+    x, u, p = (ca.MX.sym("x", len(STATE)), ca.MX.sym("U", len(model.inputs), horizon), ca.MX.sym("p", len(model.names)))
+    return ca.Function("rollout", [x, u, p], [whole(x, u, ca.repmat(p, 1, horizon))], ["x", "U", "p"], ["X"])

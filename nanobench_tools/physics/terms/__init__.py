@@ -1,0 +1,1 @@
+"""One file per physical effect; each holds TERM, registered under ``nanobench.terms``."""

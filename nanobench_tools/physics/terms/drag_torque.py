@@ -1,0 +1,20 @@
+"""Air velocity across the rotors turns the vehicle."""
+
+from ..term import Parameter, Stage, Term
+
+
+def moment(torque, p, at, ops):
+    """e3 x v_b = (-v_y, v_x, 0)."""
+    return [torque[0] - p.c * at.air_b[1], torque[1] + p.c * at.air_b[0], torque[2]]
+
+
+TERM = Term(
+    name="drag_torque",
+    sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass); real "
+             "ones have c < 0: the nose goes up against the wind.",
+    equation="tau <- tau + c e3 x v_b, v_b air velocity",
+    parameters=(Parameter("c", "N s", -0.1, 0.1, -1.5e-4,
+                          source="NanoBench recordings: 6-11 rad/s^2 per m/s of lateral velocity"),),
+    acts={Stage.TORQUE: moment},
+    confused_with={"com_offset": "hover: an offset of the centre of mass still turns there"},
+)

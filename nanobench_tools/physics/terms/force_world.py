@@ -1,0 +1,19 @@
+"""A constant push."""
+
+from ..term import Parameter, Stage, Term
+from ..vector import add
+
+
+def force(value, p, at, ops):
+    return add(value, p.f_N)
+
+
+TERM = Term(
+    name="force_world",
+    sentence="A constant force in the world at the centre of mass (a draught, a wire, gravity not along world z).",
+    equation="F <- F + f",
+    parameters=(Parameter("f_N", "N", -5.0, 5.0, 0.0, length=3, source="1 % of the weight of 0.4 N"),),
+    acts={Stage.WORLD_FORCE: force},
+    confused_with={"wind": "two headings with unequal drag along x and y, or two speeds with quadratic drag",
+                   "frame_tilt": "two headings: a tilt turns with the vehicle, a force in the world does not"},
+)

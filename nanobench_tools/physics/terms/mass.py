@@ -1,0 +1,18 @@
+"""Another mass than the vehicle's table says."""
+
+from ..term import Parameter, Stage, Term
+
+
+def mass(value, p, at, ops):
+    return p.m
+
+
+TERM = Term(
+    name="mass",
+    sentence="The vehicle weighs m (payload, another battery); gravity and inertia of the motion use it.",
+    equation="m",
+    parameters=(Parameter("m", "kg", 0.001, 5.0, 0.04085, neutral="mass_kg",
+                          source="NanoBench paper: vehicle weighed with battery and markers"),),
+    acts={Stage.MASS: mass},
+    confused_with={"thrust_scale": "a weighing: free flight shows T/m only; torque tells a little"},
+)

@@ -1,0 +1,30 @@
+"""Motors that differ from each other."""
+
+from ..term import Parameter, Stage, Term
+
+MEAN_WITHIN = 0.005
+"""Gains written with two or three digits still have mean 1 within this."""
+
+
+def imbalanced(thrust, p, at, ops):
+    return [g * t for g, t in zip(p.g, thrust, strict=True)]
+
+
+def mean_is_one(values):
+    mean = sum(values["g"]) / 4.0
+    if abs(mean - 1.0) > MEAN_WITHIN:
+        return f"g has mean {mean:.6g}, must be 1", "divide g by its mean and put the mean into thrust_scale"
+    return None
+
+
+TERM = Term(
+    name="motor_imbalance",
+    sentence="Each motor has its own gain around a mean of 1 (a chipped propeller, a worn motor).",
+    equation="T_i <- g_i T_i, mean g = 1",
+    parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length=4,
+                          source="NanoBench recordings: PWM of the four motors differs by 10 % in hover"),),
+    acts={Stage.MOTOR_GAIN: imbalanced},
+    confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre of "
+                                 "mass also turns with drag; yaw tells too, as only gains upset it"},
+    check=mean_is_one,
+)

@@ -1,0 +1,23 @@
+"""The rotors are gyroscopes."""
+
+from ..term import Parameter, Stage, Term
+from ..vector import cross, subtract, total
+
+
+def moment(torque, p, at, ops):
+    spinning = total([s * omega for s, omega in zip(at.vehicle.spin, at.rotor_rad_s, strict=True)])
+    zero = 0.0 * spinning
+    return subtract(torque, cross(at.rate_rad_s, [zero, zero, p.J_r * spinning]))
+
+
+TERM = Term(
+    name="rotor_gyro",
+    sentence="The angular momentum of the rotors resists turning their axis. spin is the sign of the yaw torque and "
+             "rotors turn against it, so real rotors have J_r < 0 in this sign.",
+    equation="tau <- tau - w x J_r sum_i(spin_i Omega_i) e3",
+    parameters=(Parameter("J_r", "kg m^2", -1e-4, 1e-4, -2e-8,
+                          source="propeller and bell, 0.4 g at 7 mm radius of gyration; sign see sentence"),),
+    acts={Stage.TORQUE: moment},
+    confused_with={"motor_imbalance": "fast yaw: the moment needs a rate of the body"},
+    needs=("thrust_rpm",),
+)

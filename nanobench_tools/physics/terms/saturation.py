@@ -1,0 +1,28 @@
+"""Motors that can do no more."""
+
+from ..term import Parameter, Stage, Term
+
+
+def limited_input(inputs, p, at, ops):
+    return inputs if p.u_max is None else [ops.fmin(u, p.u_max) for u in inputs]
+
+
+def limited_thrust(thrust, p, at, ops):
+    return thrust if p.T_max_N is None else [ops.fmin(t, p.T_max_N) for t in thrust]
+
+
+def one_is_given(values):
+    return None if values else ("neither u_max nor T_max_N is given", "give one of them")
+
+
+TERM = Term(
+    name="saturation",
+    sentence="Above a PWM ratio, or above a thrust, a motor does no more than it does there.",
+    equation="u_i <- min(u_i, u_max) or T_i <- min(T_i, T_max)",
+    parameters=(Parameter("u_max", "1", 0.05, 1.0, 1.0, neutral=1.0, optional=True, source="full duty"),
+                Parameter("T_max_N", "N", 0.001, 50.0, 0.12, neutral=50.0, optional=True,
+                          source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST_MAX")),
+    acts={Stage.INPUT_LIMIT: limited_input, Stage.THRUST_LIMIT: limited_thrust},
+    confused_with={"thrust_pwm": "commands far above and far below the limit", "thrust_voltage": "the same"},
+    check=one_is_given,
+)

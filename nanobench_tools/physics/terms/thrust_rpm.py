@@ -1,0 +1,30 @@
+"""Thrust from rotor speed, and rotor speed from thrust where others ask for it."""
+
+from ..term import Parameter, Stage, Term
+
+STILL_N = 1e-15
+"""Thrust below which a rotor counts as standing; keeps the derivative of the square root finite (0.2 mrad/s)."""
+
+
+def thrust(inputs, p, at, ops):
+    if at.vehicle.input != "rpm":  # another map gives thrust; k_f only turns it into speed
+        return inputs
+    return [p.k_f * omega * omega for omega in inputs]
+
+
+def speed(lagged, p, at, ops):
+    """Omega = sqrt(T / k_f). With measured speeds, scale imbalance belong to k_f; the speed stays."""
+    gain = at.gain if at.vehicle.input == "rpm" else (1.0, 1.0, 1.0, 1.0)
+    return [ops.sqrt(ops.fmax(t, STILL_N) / (p.k_f * g)) for t, g in zip(lagged, gain, strict=True)]
+
+
+TERM = Term(
+    name="thrust_rpm",
+    sentence="Each rotor's thrust is k_f times its speed squared; with PWM inputs k_f only gives the speed of a rotor.",
+    equation="T_i = k_f Omega_i^2",
+    parameters=(Parameter("k_f", "N s^2/rad^2", 1e-11, 1e-4, 2.3e-8, neutral=None,
+                          source="RotorPy crazyflie parameters 2.3e-8; Busetto et al. 2025 3.72e-8"),),
+    acts={Stage.THRUST_MAP: thrust, Stage.ROTOR_SPEED: speed},
+    confused_with={"mass": "a weighing: flight shows k_f / m only",
+                   "thrust_scale": "a thrust stand: flight shows k_f s only"},
+)

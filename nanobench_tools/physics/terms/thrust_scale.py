@@ -1,0 +1,20 @@
+"""All motors weaker or stronger than the thrust curve by one factor."""
+
+from ..term import Parameter, Stage, Term
+from ..vector import scale
+
+
+def scaled(thrust, p, at, ops):
+    return scale(p.s, thrust)
+
+
+TERM = Term(
+    name="thrust_scale",
+    sentence="All four thrusts are s times what the thrust curve says (worn propellers, another air density).",
+    equation="T_i <- s T_i",
+    parameters=(Parameter("s", "1", 0.2, 3.0, 0.95, neutral=1.0,
+                          source="NanoBench recordings: real thrust over firmware cubic 0.943 +- 0.033"),),
+    acts={Stage.THRUST_SCALE: scaled},
+    confused_with={"mass": "a weighing, or fast rotations: torque grows with s and not with m",
+                   "ground_effect": "hover high above the ground"},
+)

@@ -1,0 +1,20 @@
+"""Rotor drag turns the vehicle about its z axis."""
+
+from ..term import Parameter, Stage, Term
+from ..vector import total
+
+
+def moment(torque, p, at, ops):
+    spin = total([s * t for s, t in zip(at.vehicle.spin, at.thrust_N, strict=True)])
+    return [torque[0], torque[1], torque[2] + p.k_m * spin]
+
+
+TERM = Term(
+    name="yaw_torque",
+    sentence="Each rotor's drag turns the vehicle about body z in proportion to its thrust.",
+    equation="tau_z <- tau_z + sum_i spin_i k_m T_i",
+    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993,
+                          source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST2TORQUE"),),
+    acts={Stage.TORQUE: moment},
+    confused_with={"inertia": "only k_m / J_z is seen: a pendulum measurement"},
+)
