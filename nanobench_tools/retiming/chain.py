@@ -23,51 +23,47 @@ def posterior(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int, c
     width = log_transition.shape[1]
     low = width - 1 - up
     alpha = np.empty((n, m))
-    step = np.empty(width)
-    top = log_likelihood[0].max()
-    total = 0.0
-    for j in range(m):
-        alpha[0, j] = math.exp(log_likelihood[0, j] - top)
-        total += alpha[0, j]
-    for j in range(m):
-        alpha[0, j] /= total
+    weight = np.empty(m)
+    _normalised(log_likelihood[0], alpha[0])
     for i in range(1, n):
-        top_step = log_transition[i].max()
-        for c in range(width):
-            step[c] = math.exp(log_transition[i, c] - top_step)
-        top = log_likelihood[i].max()
+        alpha[i] = 0.0
+        top = log_transition[i].max()
+        for c in range(width):  # the inner loop runs over states that lie side by side, so that it is vectorised
+            step = math.exp(log_transition[i, c] - top)
+            shift = c - low
+            if shift >= 0:
+                for j in range(shift, m):
+                    alpha[i, j] += alpha[i - 1, j - shift] * step
+            else:
+                for j in range(m + shift):
+                    alpha[i, j] += alpha[i - 1, j - shift] * step
+        _normalised(log_likelihood[i], weight)
         total = 0.0
         for j in range(m):
-            inflow = 0.0
-            for c in range(max(0, j + low - m + 1), min(width, j + low + 1)):
-                inflow += alpha[i - 1, j - c + low] * step[c]
-            inflow *= math.exp(log_likelihood[i, j] - top)
-            alpha[i, j] = inflow
-            total += inflow
-        if total > 0.0:
-            for j in range(m):
-                alpha[i, j] /= total
-        else:  # the evidence contradicts itself here: start afresh rather than carry zeros
-            for j in range(m):
-                alpha[i, j] = 1.0 / m
+            alpha[i, j] *= weight[j]
+            total += alpha[i, j]
+        for j in range(m):  # where the evidence contradicts itself: start afresh rather than carry zeros
+            alpha[i, j] = alpha[i, j] / total if total > 0.0 else 1.0 / m
     if causal:
         return alpha
     beta = np.ones(m)
     weighted = np.empty(m)
     for i in range(n - 2, -1, -1):
-        top_step = log_transition[i + 1].max()
-        for c in range(width):
-            step[c] = math.exp(log_transition[i + 1, c] - top_step)
-        top = log_likelihood[i + 1].max()
+        top = log_transition[i + 1].max()
+        _normalised(log_likelihood[i + 1], weight)
         for j in range(m):
-            weighted[j] = math.exp(log_likelihood[i + 1, j] - top) * beta[j]
-        total = 0.0
-        for k in range(m):
-            outflow = 0.0
-            for c in range(max(0, low - k), min(width, m - k + low)):
-                outflow += step[c] * weighted[k + c - low]
-            beta[k] = outflow
-            total += outflow
+            weighted[j] = weight[j] * beta[j]
+        beta[:] = 0.0
+        for c in range(width):
+            step = math.exp(log_transition[i + 1, c] - top)
+            shift = c - low
+            if shift >= 0:
+                for k in range(m - shift):
+                    beta[k] += weighted[k + shift] * step
+            else:
+                for k in range(-shift, m):
+                    beta[k] += weighted[k + shift] * step
+        total = beta.sum()
         scale = m / total if total > 0.0 else 0.0
         for k in range(m):
             beta[k] = beta[k] * scale if total > 0.0 else 1.0
@@ -78,6 +74,18 @@ def posterior(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int, c
         for k in range(m):
             alpha[i, k] = alpha[i, k] / total if total > 0.0 else 1.0 / m
     return alpha
+
+
+@nb.njit(cache=True, fastmath=True)
+def _normalised(log_weight: np.ndarray, result: np.ndarray) -> None:
+    """exp of (m,) ``log_weight`` into ``result``, scaled to sum to 1."""
+    top = log_weight.max()
+    total = 0.0
+    for j in range(len(log_weight)):
+        result[j] = math.exp(log_weight[j] - top)
+        total += result[j]
+    for j in range(len(log_weight)):
+        result[j] /= total
 
 
 @nb.njit(cache=True, fastmath=True)

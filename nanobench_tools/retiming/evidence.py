@@ -92,10 +92,10 @@ class Evidence:
                                 mode="nearest")
         return self.measured - slow
 
-    def learn_lag(self, delay_s: np.ndarray) -> None:
-        """Updates the constant lag under ``delay_s`` (s,): coarse over LAGS_S, then fine about the best."""
-        coarse = np.arange(-LAGS_S, LAGS_S + 1e-9, 4 * CELL_S)
-        best = self._lowest(delay_s, coarse)
+    def learn_lag(self, delay_s: np.ndarray, near: bool = False) -> None:
+        """Updates the constant lag under ``delay_s`` (s,): coarse over LAGS_S, then fine about the best; ``near``:
+        only fine about the present one."""
+        best = self.lag_s if near else self._lowest(delay_s, np.arange(-LAGS_S, LAGS_S + 1e-9, 4 * CELL_S))
         self.lag_s = self._lowest(delay_s, best + CELL_S * np.arange(-4, 5))
 
     def learn_noise(self, delay_s: np.ndarray) -> None:

@@ -40,12 +40,13 @@ BLOCK_S = 2.0
 PASSES = 4
 
 
-def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: bool = True,
-          causal: bool = False) -> ClockWarp | None:
+def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: bool = True, causal: bool = False,
+          begin: ClockWarp | None = None) -> ClockWarp | None:
     """The warp that the streams ``kinds`` show, believed as it is; None without motion capture, flight or evidence.
 
     ``odometry``: also use how far the estimator's position moves against its velocity (needs no motion capture).
     ``causal``: the value at t uses nothing later than t but the learnt noise and lags.
+    ``begin``: a warp found from fewer streams; half the passes are enough from there.
     """
     airborne = context.once(airborne_spans)
     if not airborne:
@@ -61,15 +62,16 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: boo
     steps_s, prior, up = log_step_prior(ROW_S)
     transition = np.tile(prior, (len(rows_s), 1))
     if odometry:
-        transition = transition + _odometry(context, rows_s, steps_s)
+        transition = transition + _odometry(context, rows_s, steps_s, causal)
     states_s = np.arange(FIRST_STATE, LAST_STATE + 1) * CELL_S
     # lags are learnt against a delay that the stream itself did not vote for, else they are drawn towards the old one
     leading = [e for e in evidence if KINDS[e.kind].group == "estimator"] or evidence
-    delay = np.zeros(len(rows_s))
+    delay = np.zeros(len(rows_s)) if begin is None else begin.at(rows_s)
     sd = np.zeros(len(rows_s))
-    for number in range(PASSES):
+    first = 0 if begin is None else PASSES // 2
+    for number in range(first, PASSES):
         for e in evidence:
-            e.learn_lag(np.interp(e.time_s, rows_s, delay))
+            e.learn_lag(np.interp(e.time_s, rows_s, delay), near=number > max(first, 1))
         _gauge(evidence, delay)
         likelihood = np.empty((len(rows_s), len(states_s)))
         likelihood[:] = -0.5 * PRIOR_WEIGHT * ((states_s - np.median(delay)) / PRIOR_SD_S) ** 2
@@ -109,13 +111,13 @@ def _vote(likelihood: np.ndarray, e: Evidence, rows_s: np.ndarray, delay_s: np.n
                          np.ascontiguousarray(e.detrended(delay_s)[inside]), e.sigma, e.weight * per_row, FIRST_STATE)
 
 
-def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray) -> np.ndarray:
+def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal: bool) -> np.ndarray:
     flight = context.flight
     if "estimator" not in flight or not {"x", "y", "z", "vx", "vy", "vz"} <= set(flight["estimator"].quantities):
         return np.zeros((len(rows_s), len(steps_s)))
     s = flight["estimator"]
     return log_steps_from_odometry(steps_s, rows_s, s.interpolate(("x", "y", "z"), rows_s),
-                                   s.interpolate(("vx", "vy", "vz"), rows_s))
+                                   s.interpolate(("vx", "vy", "vz"), rows_s), causal)
 
 
 def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:
@@ -190,7 +192,7 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWa
     if not gain > 2.0 * error:
         return _constant(reading, trial, f"no moving error confirmed: {change} changes the residual of the {judge}, "
                                          f"which it never saw, by {-100 * gain:.0f} % +- {196 * error:.0f}")
-    every = trial if set(have) == set(source) else infer(context, have)
+    every = trial if set(have) == set(source) else infer(context, have, begin=trial)
     if every is None:
         return None
     return replace(every, reason=f"moves by {1e3 * every.wander_sd_s:.1f} ms (SD); {change} lowers the residual of the "
