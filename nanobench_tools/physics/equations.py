@@ -32,8 +32,9 @@ class Equations:
                                 for term in sorted(model.terms, key=lambda t: t.name) if stage in term.acts]
                         for stage in Stage}
         self._still = Situation(model.vehicle, row_s)
-        self.mass_kg = self._run(Stage.MASS, model.vehicle.mass_kg, self._still)
-        self.inertia = self._run(Stage.INERTIA, list(model.vehicle.inertia_kg_m2), self._still)
+        self._per_mass = 1.0 / self._run(Stage.MASS, model.vehicle.mass_kg, self._still)
+        self._inertia = self._run(Stage.INERTIA, list(model.vehicle.inertia_kg_m2), self._still)
+        self._per_inertia = [1.0 / j for j in self._inertia]
         self.wind = self._run(Stage.WIND, [0.0, 0.0, 0.0], self._still)
         self.tau_s = self._run(Stage.LAG, None, self._still)
         """(tau_up, tau_down) s, or None without motor_lag."""
@@ -72,10 +73,10 @@ class Equations:
         moment = self._run(Stage.TORQUE, moment, at)
         push = self._run(Stage.WORLD_FORCE, [0.0, 0.0, 0.0], at)
         force = add(apply(turn, self._run(Stage.TILT, at.force_b, at)), push)
-        acceleration = [f / self.mass_kg for f in force]
+        acceleration = [f * self._per_mass for f in force]
         acceleration[2] = acceleration[2] - vehicle.gravity_m_s2
-        momentum = [j * w for j, w in zip(self.inertia, rate, strict=True)]
-        turning = [m / j for m, j in zip(subtract(moment, cross(rate, momentum)), self.inertia, strict=True)]
+        momentum = [j * w for j, w in zip(self._inertia, rate, strict=True)]
+        turning = [m * j for m, j in zip(subtract(moment, cross(rate, momentum)), self._per_inertia, strict=True)]
         return [*velocity, *acceleration, *_quaternion_rate(state[QUATERNION], rate), *turning]
 
     def derivative(self, state: Components, inputs: Components) -> list:

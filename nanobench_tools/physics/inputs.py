@@ -25,29 +25,43 @@ def rows(model: Model, motor: np.ndarray, battery_V: np.ndarray, past: tuple[np.
     motor (n, H, 4) PWM ratio or rad/s, battery_V (n, H); past: the same over the P rows before, P may be 0. A delay
     reaches into the past; before its first row that row is taken. Raises InputError for shapes that do not fit.
     """
-    motor, battery = np.asarray(motor, float), np.asarray(battery_V, float)
-    if motor.ndim != 3 or motor.shape[2] != 4 or battery.shape != motor.shape[:2]:
-        raise InputError("inputs", f"motor has shape {motor.shape}, battery {battery.shape}",
-                         "give (windows, rows, 4) and (windows, rows)")
-    count = 0
-    if past is not None:
-        before_motor, before_battery = (np.asarray(a, float) for a in past)
-        count = before_motor.shape[1]
-        motor = np.concatenate([before_motor, motor], axis=1)
-        battery = np.concatenate([before_battery, battery], axis=1)
-    whole = np.empty((len(model.inputs), motor.shape[1], len(motor)))
-    whole[:4], whole[4] = np.moveaxis(motor, (2, 1, 0), (0, 1, 2)), battery.T
+    parts = [(motor, battery_V)] if past is None else [past, (motor, battery_V)]
+    parts = [(np.asarray(m, float), np.asarray(b, float)) for m, b in parts]
+    for m, b in parts:
+        if m.ndim != 3 or m.shape[2] != 4 or b.shape != m.shape[:2] or len(m) != len(parts[0][0]):
+            raise InputError("inputs", f"motor has shape {m.shape}, battery {b.shape}",
+                             "give (windows, rows, 4) and (windows, rows)")
+    lengths = [m.shape[1] for m, _ in parts]
+    if not lengths[-1]:
+        raise InputError("inputs", "a window without rows", "give at least one")
+    found = np.empty((sum(lengths), len(model.inputs), len(parts[0][0])))
+    for (m, b), end, length in zip(parts, np.cumsum(lengths), lengths, strict=True):
+        found[end - length:end, :4] = m.transpose(1, 2, 0)
+        found[end - length:end, 4] = b.T
     if "command_delay" in model:
-        values = model.values if parameters is None else np.asarray(parameters, float)
-        delay = values[..., model.index("command_delay.delay_s")] * row_hz
-        whole_rows = np.maximum(np.floor(delay), 0.0)
-        row = np.arange(motor.shape[1])[:, None] - np.broadcast_to(whole_rows, (len(motor),)).astype(int)
-        undelayed = whole[:4].copy()
-        for shift, target in ((0, whole[:4]), (1, whole[5:9])):
-            target[:] = np.take_along_axis(undelayed, np.maximum(row - shift, 0)[None], axis=1)
-        whole[9] = whole_rows
-    by_row = np.ascontiguousarray(whole.transpose(1, 0, 2))
-    return by_row[count:], by_row[:count]
+        _delay(model, found, row_hz, model.values if parameters is None else np.asarray(parameters, float))
+    count = sum(lengths[:-1])
+    return found[count:], found[:count]
+
+
+def _delay(model: Model, found: np.ndarray, row_hz: float, values: np.ndarray) -> None:
+    """Shift the commands by the whole rows of the delay, and put those of one row earlier beside them."""
+    whole = np.maximum(np.floor(values[..., model.index("command_delay.delay_s")] * row_hz), 0.0)
+    undelayed, last = found[:, :4].copy(), np.arange(len(found))
+    for shift, target in ((0, found[:, :4]), (1, found[:, 5:9])):
+        if whole.ndim == 0:
+            target[:] = undelayed[np.maximum(last - int(whole) - shift, 0)]
+        else:
+            row = np.maximum(last[:, None] - whole.astype(int) - shift, 0)
+            target[:] = np.take_along_axis(undelayed, row[:, None], axis=0)
+    found[:, 9] = whole
+
+
+def settled(model: Model, row: np.ndarray, *, row_hz: float, parameters: np.ndarray | None = None) -> np.ndarray:
+    """Thrusts (4, n) [N] of rotors that have followed the commands of a row (I, n) for long."""
+    vector = components(model.values if parameters is None else parameters)
+    thrust = Equations(model, vector, NUMPY, 1.0 / row_hz).command(list(row))
+    return np.array([np.broadcast_to(t, row.shape[1:]) for t in thrust])
 
 
 def warmed(model: Model, window: np.ndarray, past: np.ndarray, *, row_hz: float,
@@ -58,11 +72,10 @@ def warmed(model: Model, window: np.ndarray, past: np.ndarray, *, row_hz: float,
     """
     vector = components(model.values if parameters is None else parameters)
     equations = Equations(model, vector, NUMPY, 1.0 / row_hz)
-    first = past[0] if len(past) else window[0]
-    thrust = equations.command(list(first))
+    thrust = list(settled(model, past[0] if len(past) else window[0], row_hz=row_hz, parameters=parameters))
     for row in past:
         thrust = equations.lagged(thrust, list(row))
-    return np.array([np.broadcast_to(t, first.shape[1:]) for t in thrust])
+    return np.array([np.broadcast_to(t, window.shape[2:]) for t in thrust])
 
 
 def substeps(model: Model, row_hz: float) -> int:

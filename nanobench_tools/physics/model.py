@@ -21,6 +21,8 @@ STATE = tuple(f"{name}_{axis}" for name in ("position", "velocity") for axis in 
 """Names of the 17 states: position m and velocity m/s in the world, quaternion body to world, body rate rad/s, lagged
 thrust of each rotor N."""
 POSITION, VELOCITY, QUATERNION, RATE, ROTOR = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 17)
+RIGID = 13
+"""States without the rotors."""
 
 
 class Slot(NamedTuple):

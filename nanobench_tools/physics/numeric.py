@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from ..errors import InputError
 from .equations import Equations
 from .inputs import components, rows, substeps, warmed
-from .model import QUATERNION, ROTOR, STATE, Model
+from .model import QUATERNION, RIGID, ROTOR, STATE, Model
 from .ops import NUMPY
 
 
@@ -35,19 +38,15 @@ def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.nd
     return _stacked(found, len(states))
 
 
-def start_states(model: Model, start: np.ndarray, window: np.ndarray, past: np.ndarray, *, row_hz: float,
-                 parameters: np.ndarray | None = None) -> np.ndarray:
-    """start (n, 13) or (n, 17) -> (17, n) with unit quaternions; rotor states that were not given are warmed up."""
+def start_states(model: Model, start: np.ndarray, warm: Callable[[], np.ndarray]) -> np.ndarray:
+    """start (n, 13) or (n, 17) -> (17, n) with unit quaternions; rotor states that are not given are ``warm()``."""
     start = np.asarray(start, float)
+    if start.ndim != 2 or start.shape[1] not in (RIGID, len(STATE)):
+        raise InputError("start", f"shape {start.shape}", f"give (windows, {RIGID}) or (windows, {len(STATE)})")
     states = np.empty((len(STATE), len(start)))
-    states[:13] = start[:, :13].T
+    states[:RIGID] = start[:, :RIGID].T
     states[QUATERNION] /= np.sqrt(np.sum(states[QUATERNION] ** 2, axis=0))
-    if start.shape[1] == len(STATE):
-        states[ROTOR] = start[:, ROTOR].T
-    elif len(window) and len(start):
-        states[ROTOR] = warmed(model, window, past, row_hz=row_hz, parameters=parameters)
-    else:
-        states[ROTOR] = 0.0
+    states[ROTOR] = start[:, ROTOR].T if start.shape[1] == len(STATE) else warm()
     return states
 
 
@@ -58,7 +57,7 @@ def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.nd
     row_hz = row_hz or model.vehicle.rate_hz
     window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=parameters)
     states = np.empty((len(window) + 1, len(STATE), len(start)))
-    states[0] = start_states(model, start, window, before, row_hz=row_hz, parameters=parameters)
+    states[0] = start_states(model, start, lambda: warmed(model, window, before, row_hz=row_hz, parameters=parameters))
     made, count = equations(model, 1.0 / row_hz, parameters), substeps(model, row_hz)
     for j, row in enumerate(window):
         for i, component in enumerate(made.step(list(states[j]), list(row), count)):

@@ -1,6 +1,7 @@
 """Thrust grows near the ground."""
 
 from ..term import Parameter, Stage, Term
+from ..vector import scale
 
 LOWEST = 0.5
 """Heights below this many radii count as this: Cheeseman and Bennett's law is not meant for less and has a pole."""
@@ -8,8 +9,7 @@ LOWEST = 0.5
 
 def changed(thrust, p, at, ops):
     ratio = p.R / (4.0 * ops.fmax(at.position_m[2], LOWEST * p.R))
-    share = 1.0 - p.rho * (ratio * ratio)
-    return [t / share for t in thrust]
+    return scale(1.0 / (1.0 - p.rho * (ratio * ratio)), thrust)
 
 
 TERM = Term(
