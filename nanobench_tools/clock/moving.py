@@ -97,7 +97,7 @@ def _by_track(track: TrackError) -> Moving:
         f"{track.span_s:.0f} s (chance {track.p_drift:.0e})",
         f"along its path the estimated position is early and late by {1e3 * track.wander_sd_s:.1f} ms RMS more "
         f"than its error "
-        f"across explains ({1e3 * track.across_s:.1f} ms; chance {track.p_wander:.0e})",
+        f"across explains ({1e3 * track.noise_sd_s:.1f} ms; chance {track.p_wander:.0e})",
     )
 
 

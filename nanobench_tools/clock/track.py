@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from .windows import CHANCE, SMALLEST_DRIFT_S, SMALLEST_WANDER_S
+from .steadiness import CHANCE, SMALLEST_WANDER_S, SURELY_SD, Steadiness
 
 SLOWEST_M_S = 0.2
 """Below this speed a millimetre is more than 5 ms."""
@@ -21,45 +21,22 @@ BLOCK_S = 1.0
 """Errors of an estimator keep for half a second; blocks of one are nearly independent."""
 
 
-@dataclass(frozen=True)
-class TrackError:
-    """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean; wander_sd_s: its scatter
-    beyond that across and beyond the slope (s/s); across_s: scatter across the path as a time; p_*: chance without a
-    clock error; span_s; mean_sd_s: how
-    well these rows tell the mean of the whole recording."""
+@dataclass(frozen=True, kw_only=True)
+class TrackError(Steadiness):
+    """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean and the slope; wander_sd_s:
+    its scatter beyond that across, which is noise_sd_s, as a time; mean_sd_s: how well these rows tell the mean of the
+    whole recording."""
 
     time_s: np.ndarray
     late_s: np.ndarray
-    slope: float
-    slope_sd: float
-    span_s: float
-    wander_sd_s: float
-    across_s: float
-    p_drift: float
-    p_wander: float
-    blocks: int
     mean_sd_s: float
-
-    @property
-    def drifts(self) -> bool:
-        return self.p_drift < CHANCE and abs(self.slope) * self.span_s > SMALLEST_DRIFT_S
-
-    @property
-    def wanders(self) -> bool:
-        return self.p_wander < CHANCE and self.wander_sd_s > SMALLEST_WANDER_S
-
-    @property
-    def detectable_drift_s(self) -> float:
-        """Change over the flight that is found with 99.9 % probability in an estimate that errs as this one across."""
-        noise = self.across_s * np.sqrt(12.0 / self.blocks)
-        return max(SMALLEST_DRIFT_S, float((student.isf(CHANCE / 2, max(self.blocks - 2, 1)) + 3.1) * noise))
 
     @property
     def detectable_wander_s(self) -> float:
         """Standard deviation found with 99.9 % probability: the mean logarithm of (along / across)^2 over the blocks
         scatters by about 1.3 / sqrt(blocks)."""
-        gain = np.exp((student.isf(CHANCE, max(self.blocks - 1, 1)) + 3.1) * 1.3 / np.sqrt(self.blocks))
-        return max(SMALLEST_WANDER_S, float(self.across_s * np.sqrt(max(gain - 1.0, 0.0))))
+        gain = np.exp((student.isf(CHANCE, max(self.blocks - 1, 1)) + SURELY_SD) * 1.3 / np.sqrt(self.blocks))
+        return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(max(gain - 1.0, 0.0))))
 
 
 def track_error(
@@ -111,15 +88,15 @@ def track_error(
     p_wander = float(student.sf(ratio.mean() / max(ratio.std(ddof=1) / np.sqrt(n), 1e-12), n - 1))
     wander = float(np.sqrt(max(np.mean(along2) - np.mean(across2), 0.0)))
     return TrackError(
-        t,
-        late,
-        slope,
-        slope_sd,
-        float(centre[-1] - centre[0]),
-        wander,
-        float(np.sqrt(np.median(across2))),
-        p_drift,
-        p_wander,
-        n,
-        float(mean.std(ddof=1) / np.sqrt(n) * np.sqrt(max(1.0 - len(t) / len(time_s), 0.0))),
+        slope=slope,
+        slope_sd=slope_sd,
+        span_s=float(centre[-1] - centre[0]),
+        wander_sd_s=wander,
+        noise_sd_s=float(np.sqrt(np.median(across2))),
+        blocks=n,
+        p_drift=p_drift,
+        p_wander=p_wander,
+        time_s=t,
+        late_s=late,
+        mean_sd_s=float(mean.std(ddof=1) / np.sqrt(n) * np.sqrt(max(1.0 - len(t) / len(time_s), 0.0))),
     )

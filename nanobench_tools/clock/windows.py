@@ -15,53 +15,31 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from .lags import Lag, LagSums, best
+from .steadiness import CHANCE, SMALLEST_WANDER_S, Steadiness
 
 REACH_S = 0.1
 """Lags of windows are looked for this far around that of the whole flight."""
-CHANCE = 1e-6
-"""Drift and wander are called real below this probability of arising from noise; 200 clean flights give none."""
-SMALLEST_DRIFT_S, SMALLEST_WANDER_S = 0.004, 0.004
-"""Smaller movements (over the flight; standard deviation) may be the model's and are not called the clock's."""
+KEPT = 0.7
+"""Standard deviation of the means of half seconds as a share of the whole, for an error as fast as that of the
+published recordings: tau = 0.19 s (correlation 0.2 after 0.3 s), 2 tau/T (1 - tau/T (1 - exp(-T/tau))) = 0.49."""
 
 
-@dataclass(frozen=True)
-class Movement:
-    """time_s, lag_s, weight (w,) of the windows; noise_sd_s: what the placebo scatters, per window of mean weight;
-    slope (s/s) with slope_sd; span_s; wander_sd_s: scatter beyond noise and slope; p_drift, p_wander: chance of as
-    much without a clock error."""
+@dataclass(frozen=True, kw_only=True)
+class Movement(Steadiness):
+    """time_s, lag_s, weight (w,) of the windows, which are the blocks; noise_sd_s: what the placebo scatters, per
+    window of mean weight."""
 
     time_s: np.ndarray
     lag_s: np.ndarray
     weight: np.ndarray
-    noise_sd_s: float
-    slope: float
-    slope_sd: float
-    span_s: float
-    wander_sd_s: float
-    p_drift: float
-    p_wander: float
-
-    @property
-    def drifts(self) -> bool:
-        return self.p_drift < CHANCE and abs(self.slope) * self.span_s > SMALLEST_DRIFT_S
-
-    @property
-    def wanders(self) -> bool:
-        return self.p_wander < CHANCE and self.wander_sd_s > SMALLEST_WANDER_S
-
-    @property
-    def detectable_drift_s(self) -> float:
-        """Change over the flight that is found with 99.9 % probability."""
-        dof = max(len(self.lag_s) - 2, 1)
-        noise = max(self.noise_sd_s, 1e-5) / np.sqrt(len(self.lag_s)) * np.sqrt(12.0)
-        return max(SMALLEST_DRIFT_S, float((student.isf(CHANCE / 2, dof) + 3.1) * noise))
 
     @property
     def detectable_wander_s(self) -> float:
-        """Standard deviation that is found with about 99.9 % probability, if the error keeps over a window."""
-        dof = max(len(self.lag_s) - 2, 1)
+        """Standard deviation of an error as fast as that of the published recordings that is found with about 99.9 %
+        probability. A fast error raises the placebo too, so this holds for the recording as it is."""
+        dof = max(self.blocks - 2, 1)
         ratio = fisher.isf(CHANCE, dof, dof) * fisher.isf(1e-3, dof, dof)
-        return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(ratio - 1.0)))
+        return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(ratio - 1.0))) / KEPT
 
 
 def movement(
@@ -122,14 +100,15 @@ def _judge(times: np.ndarray, lags: np.ndarray, weight: np.ndarray, placebo: np.
     p_drift = float(2.0 * student.sf(abs(slope) / max(slope_sd, 1e-12), dof))
     p_wander = float(fisher.sf(scatter2 / max(noise2, 1e-14), dof, dof))
     return Movement(
-        times,
-        lags,
-        weight,
-        float(np.sqrt(noise2)),
-        slope,
-        slope_sd,
-        float(times[-1] - times[0]),
-        float(np.sqrt(max(scatter2 - noise2, 0.0))),
-        p_drift,
-        p_wander,
+        slope=slope,
+        slope_sd=slope_sd,
+        span_s=float(times[-1] - times[0]),
+        wander_sd_s=float(np.sqrt(max(scatter2 - noise2, 0.0))),
+        noise_sd_s=float(np.sqrt(noise2)),
+        blocks=n,
+        p_drift=p_drift,
+        p_wander=p_wander,
+        time_s=times,
+        lag_s=lags,
+        weight=weight,
     )

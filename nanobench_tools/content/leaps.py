@@ -89,7 +89,7 @@ def mocap_leaps(context: Context) -> list[Leap]:
     turned = all(n in stream.quantities for n in names[3:])
     pose = stream[names if turned else names[:3]]
     keep = ~filled.any
-    for name, _, _, _, first, last in context.once(spikes):
+    for name, *_, first, last in context.once(spikes):
         if name == "mocap":
             keep[first : last + 1] = False
     t, pose = stream.time_s[keep], pose[keep]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -31,8 +33,21 @@ AROUND = 50
 """Rows on either side from which the local noise is taken."""
 
 
-def spikes(context: Context) -> list[tuple[str, Stream, list[int], np.ndarray, int, int]]:
-    """(stream name, stream, columns, distance per column, first row, last row) of every spike."""
+class Spike(NamedTuple):
+    """Rows first..last of ``stream`` stick out in ``columns`` (k,) by ``distance`` (k,); ``least`` (k,) is what is
+    surely found there."""
+
+    name: str
+    stream: Stream
+    columns: list[int]
+    distance: np.ndarray
+    least: np.ndarray
+    first: int
+    last: int
+
+
+def spikes(context: Context) -> list[Spike]:
+    """Every spike."""
     found = []
     for name, limits in LIMITS.items():
         stream = context.once(usable_streams).get(name)
@@ -42,7 +57,7 @@ def spikes(context: Context) -> list[tuple[str, Stream, list[int], np.ndarray, i
         if not use:
             continue
         values = _filled(_unwrapped(stream, use))
-        distance = np.abs(values - median_filter(values, size=(WIDTH, 1), mode="nearest"))
+        distance = _distance(values)
         # the limits are for rows 10 ms apart; bends grow with the square of the time between rows
         slower = max(usual_step_s(stream.time_s) / ROW_S, 1.0) ** 2 if name == "mocap" else 1.0
         limit = slower * np.array([limits[stream.quantities[k]] for k in use])
@@ -64,8 +79,33 @@ def spikes(context: Context) -> list[tuple[str, Stream, list[int], np.ndarray, i
             stays = np.abs(values[min(b, len(values) - 1)] - values[max(a - 1, 0)]) > 0.5 * top
             sticking = np.flatnonzero((top > limit) & (top > floor) & ~stays)
             if len(sticking):
-                found.append((name, stream, [use[k] for k in sticking], top[sticking], int(a), int(b) - 1))
+                least = least_height(values[:, sticking], int(a), int(b), limit[sticking])
+                columns = [use[k] for k in sticking]
+                found.append(Spike(name, stream, columns, top[sticking], least, int(a), int(b) - 1))
     return found
+
+
+def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> np.ndarray:
+    """(k,): a spike in rows first..end-1 of values (n, k) that adds at least so much is found, whatever its sign.
+
+    A moving vehicle goes on beneath it: the median of the neighbours may lie a row's step nearer for each row of the
+    spike, and the neighbours on either side differ, of which the spike has to be double to be one that comes back; those
+    a step beyond the limit away count as part of it. The reading it spoils may have been off to the other side by as
+    much as readings around it (97 % of them: all but what the spike itself reaches).
+    """
+    rows = slice(max(first - AROUND, 0), end + AROUND)
+    noise, off = np.quantile(_distance(values[rows]), (0.5, 0.97), axis=0)
+    before, after = values[max(first - WIDEST, 0) : first], values[end : end + WIDEST]
+    across = np.abs(values[min(end, len(values) - 1)] - values[max(first - 1, 0)])
+    step = np.abs(np.concatenate([np.diff(before, axis=0), np.diff(after, axis=0), across[None]])).max(axis=0)
+    across = across + np.where(step > limit, 2.0 * step, 0.0)
+    beyond = np.maximum(np.maximum(limit, TIMES_LOCAL * noise), 2.0 * across)
+    return beyond + (end - first) * step + off
+
+
+def _distance(values: np.ndarray) -> np.ndarray:
+    """(n, k): of every row from the median of the WIDTH rows around it."""
+    return np.abs(values - median_filter(values, size=(WIDTH, 1), mode="nearest"))
 
 
 def _unwrapped(stream: Stream, use: list[int]) -> np.ndarray:

@@ -56,7 +56,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         return []
     if len(t) < 4 * ROWS:
         return []
-    for name, _, _, _, first, last in context.once(spikes):
+    for name, *_, first, last in context.once(spikes):
         if name == "estimator":
             use = use & ~((t > stream.time_s[first] - 0.1) & (t < stream.time_s[last] + 0.1))
     windows = np.median(

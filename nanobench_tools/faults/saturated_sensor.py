@@ -3,10 +3,12 @@
 Found by rows that equal the largest (or smallest) value of their column exactly: a sensor with noise meets its own
 extreme once (1224 of 1224 column ends of 102 real recordings), one that clips meets it again and again. At least three
 rows, and three times as many as at any of the five values next to it, so that coarse steps of a quiet sensor do not
-count. One entry per column and side; the span runs from the first to the last such row. A frozen stream repeats all
-columns and is reported as that.
+count. One entry per column and end of the range; the span runs from the first to the last such row. A frozen stream
+repeats all columns and is reported as that. Rows drawn between two packets count: a line between two clipped ones is
+clipped.
 
-Size: the limit, in the unit of the column. Smallest found: three clipped rows.
+Size: rows at that end of the range. Smallest found: 3, or three times the rows at the fullest of the five values beside
+(1 for a sensor with noise). A shorter clip looks like any extreme and is not found.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             (levels[-1], counts[-1], counts[-1 - NEIGHBOURS : -1]),
             (levels[0], counts[0], counts[1 : 1 + NEIGHBOURS]),
         ):
-            if here < FEWEST_ROWS or here < TIMES_NEIGHBOURS * beside.max():
+            fewest = max(FEWEST_ROWS, TIMES_NEIGHBOURS * int(beside.max()))
+            if here < fewest:
                 continue
             at = stream.time_s[rows[stream.values[rows, k] == limit]]
             faults.append(
@@ -52,11 +55,11 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                     (column,),
                     float(at[0]),
                     float(at[-1]),
-                    abs(float(limit)),
-                    stream.unit[k],
+                    float(here),
+                    "rows",
                     f"{column} stands at its extreme {limit:.4g} {stream.unit[k]} in {here} rows, its neighbouring "
                     f"values in at most {beside.max()}",
-                    float(FEWEST_ROWS),
+                    float(fewest),
                 )
             )
     return faults

@@ -5,7 +5,11 @@ import pytest
 
 from nanobench_tools.audit import audit
 from nanobench_tools.clock.lags import best_lag, lag_sums
+from nanobench_tools.clock.moving import moving_clocks
+from nanobench_tools.clock.windows import KEPT
+from nanobench_tools.content.context import Context
 from nanobench_tools.practice import LoggingChain
+from nanobench_tools.practice.clock import draw_clock
 from nanobench_tools.practice.inject import INJECTIONS
 
 STEP = 0.01
@@ -144,3 +148,21 @@ def test_wander_made_by_the_chain_is_the_links(recorded):
 def test_an_offset_made_by_the_chain_comes_back(recorded):
     reading = audit(recorded(LoggingChain(offset_s=-0.042))).clock["imu"]
     assert reading.offset_s == pytest.approx(-0.042, abs=0.001)
+
+
+def test_half_seconds_keep_of_a_fast_wander_what_its_smallest_size_allows_for():
+    """Against the sawtooth itself: standard deviation of its means over half seconds."""
+    kept = []
+    for seed in range(20):
+        late = draw_clock(np.random.default_rng(seed), 40.0, wander_sd_s=0.03).late_s(np.arange(0.0, 40.0, STEP))
+        kept.append(late.reshape(-1, 50).mean(axis=1).std() / late.std())
+    assert np.mean(kept) == pytest.approx(KEPT, abs=0.06)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.03, 0.06, 0.1])
+def test_a_wander_is_found_or_below_what_is_stated(flights, size):
+    """Flights too slow for the track are told by half seconds alone, to which a fast wander is noise, too."""
+    for i, flight in enumerate(flights[3::8]):  # linear ramps, most of which hover
+        bad, _ = INJECTIONS["clock_wander"].function(flight, np.random.default_rng(i), size)
+        clocks = Context(bad).once(moving_clocks).values()
+        assert any(c.wanders for c in clocks) or all(c.detectable_wander_s > size for c in clocks)

@@ -1,9 +1,14 @@
 """Every injected fault is found, on the stream and at the time where it was put, and described by what it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from nanobench_tools.audit import audit, find_copies
+from nanobench_tools.content.context import Context
+from nanobench_tools.content.spikes import LIMITS, least_height
+from nanobench_tools.faults import saturated_sensor, spike
 from nanobench_tools.practice.inject import INJECTIONS
 
 PLAIN = {  # size that is above the stated minimum for every flight
@@ -63,15 +68,66 @@ def test_found(flights, kind, case):
         assert best.size == pytest.approx(truth.size, rel=0.25)
     if kind in ("clock_wander", "estimator_reset"):
         assert best.size == pytest.approx(truth.size, rel=0.5)
-    if np.isfinite(best.minimum_detectable) and kind not in (
-        "sign",
-        "axis_swap",
-        "unit",
-        "quaternion_order",
-        "crash",
-        "never_flew",
-    ):
-        assert best.minimum_detectable <= max(abs(truth.size), 3.0)
+    if kind in ("saturated_sensor", "crash"):
+        assert best.size == pytest.approx(truth.size, rel=0.05)
+    if np.isfinite(best.minimum_detectable) and np.isfinite(truth.size):  # stated in what the fault is measured in
+        size = abs(np.log(truth.size)) if kind == "unit" else abs(truth.size)
+        assert (np.log(best.minimum_detectable) if kind == "unit" else best.minimum_detectable) <= size
+    if kind not in ("unit", "sign", "axis_swap", "quaternion_order", "never_flew", "missing_column"):
+        assert best.unit == truth.unit
+
+
+def clipped(flight, column, rows):
+    """The ``rows`` largest readings of a gyro's column before the continued end stand at the least of them."""
+    imu = flight["imu"]
+    values = imu.values.copy()
+    read = np.flatnonzero(imu.time_s < imu.span.end_s - 0.5)
+    x = values[read, imu.index(column)]
+    values[read, imu.index(column)] = np.minimum(x, np.sort(x)[-rows])
+    return flight.with_streams(imu=replace(imu, values=values))
+
+
+@pytest.mark.parametrize("column", ["gyro_x", "gyro_y", "acc_x", "acc_z"])
+def test_three_clipped_rows_are_found_and_two_are_not(flights, column):
+    for flight in flights[::5]:
+        for rows in (1, 2, 3, 4, 30):
+            bad = clipped(flight, column, rows)
+            found = [f for f in saturated_sensor.find(bad, Context(bad)) if "_".join(f.columns).endswith(column)]
+            assert [f.size for f in found] == ([rows] if rows >= 3 else [])
+            assert all((f.minimum_detectable, f.unit) == (3.0, "rows") for f in found)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.4, 0.8])
+def test_a_clip_is_found_by_its_rows_at_one_end_of_the_range(flights, share):
+    """Rows of both ends, or of the straight line after the last packet, are no measure of it."""
+    for i, flight in enumerate(flights):
+        bad, truth = INJECTIONS["saturated_sensor"].function(flight, np.random.default_rng(i), share)
+        found = [f.size for f in saturated_sensor.find(bad, Context(bad)) if f.columns == truth.columns]
+        assert max(found, default=0.0) == (truth.size if truth.size >= 3 else 0.0)
+
+
+@pytest.mark.parametrize(("stream", "column"), [("mocap", "px"), ("mocap", "pz"), ("imu", "gyro_x"), ("imu", "acc_y"),
+                                                ("estimator", "y"), ("attitude", "roll"), ("battery", "vbat")])
+def test_a_spike_of_the_stated_height_is_found_wherever_the_vehicle_moves(flights, stream, column):
+    rng = np.random.default_rng(3)
+    for flight in flights[::3]:
+        s, k = flight[stream], flight[stream].index(column)
+        for row in np.searchsorted(s.time_s, rng.uniform(6.0, 16.0, 4)):
+            least = least_height(s.values[:, [k]], row, row + 1, np.array([LIMITS[stream][column]]))[0]
+            for sign in (-1.0, 1.0):
+                values = s.values.copy()
+                values[row, k] += sign * 1.05 * least
+                bad = flight.with_streams(**{stream: replace(s, values=values)})
+                found = [f for f in spike.find(bad, Context(bad)) if f.columns == (s.columns[k],)]
+                assert [f.start_s <= s.time_s[row] <= f.end_s for f in found] == [True]
+                assert found[0].minimum_detectable >= LIMITS[stream][column]
+
+
+def test_a_step_back_of_any_length_is_found(flights):
+    for i, size in enumerate((0.0005, 0.005, 0.05, 1.0)):
+        bad, truth = INJECTIONS["backward_time"].function(flights[i], np.random.default_rng(i), size)
+        found = [f for f in audit(bad).faults if f.kind == "backward_time"]
+        assert [f.size for f in found] == pytest.approx([truth.size])
 
 
 @pytest.mark.parametrize("how", ["extrapolate", "hold"])
@@ -108,8 +164,6 @@ def test_one_wrong_stream_does_not_accuse_the_others(flights):
 
 
 def test_the_motion_capture_is_blamed_when_the_vehicle_agrees_with_itself(flights):
-    from dataclasses import replace
-
     flight = lively(flights)
     mocap = flight["mocap"]
     values = mocap.values.copy()

@@ -69,9 +69,9 @@ def duplicate_time(flight: Flight, rng: np.random.Generator, size: float = 3, *,
 
 def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *, at_s: float | None = None
                   ) -> tuple[Flight, Fault]:
-    """From a row on, the stamps step back by ``size`` s and go on from there."""
+    """From a row on, the stamps go on from ``size`` s before the row ahead of it."""
     t = flight["mocap"].time_s.copy()
     i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
-    span = float(t[i] - size), float(t[i])
-    t[i:] -= size
-    return _with_stamps(flight, t), truth("backward_time", "", (), span, size, "s", "stamps step back")
+    t[i:] -= t[i] - (t[i - 1] - size)
+    return (_with_stamps(flight, t),
+            truth("backward_time", "", (), (float(t[i]), float(t[i - 1])), size, "s", "stamps step back"))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...flight import Fault, Flight
-from .place import FIRMWARE, NOISY, choose, choose_time, several, truth, with_values
+from .place import FIRMWARE, NOISY, TAIL_S, choose, choose_time, several, truth, with_values
 
 
 def dead_stream(flight: Flight, rng: np.random.Generator, size: float = 10.0, *, stream: str = "",
@@ -91,19 +91,25 @@ def spike(flight: Flight, rng: np.random.Generator, size: float = 1.0, *, stream
 
 def saturated_sensor(flight: Flight, rng: np.random.Generator, size: float = 0.5, *, stream: str = "imu",
                      column: str | None = None) -> tuple[Flight, Fault]:
-    """One column is clipped at ``size`` times its largest deviation from its median; the truth's size is that limit."""
+    """One column is clipped at ``size`` times its largest deviation from its median (rates: from zero), both ways.
+
+    The continued line at the end is left alone: a range limits readings. The truth is the end of the range that more
+    rows meet; its size is their number.
+    """
     s = flight[stream]
     column = column or ("gyro_x", "gyro_y", "acc_x", "acc_y", "acc_z")[int(rng.integers(5))]
     i = s.index(column)
     x = s.values[:, i]
-    centre = float(np.median(x)) if column.startswith("acc") else 0.0
-    limit = size * float(np.max(np.abs(x - centre)))
+    read = s.time_s < s.time_s[-1] - TAIL_S
+    centre = float(np.median(x[read])) if column.startswith("acc") else 0.0
+    limit = size * float(np.max(np.abs(x[read] - centre)))
     values = s.values.copy()
-    values[:, i] = np.clip(x, centre - limit, centre + limit)
-    rows = np.flatnonzero(np.abs(x - centre) > limit)
+    values[read, i] = np.clip(x[read], centre - limit, centre + limit)
+    rows = max((np.flatnonzero(read & (values[:, i] == centre + side * limit)) for side in (-1.0, 1.0)), key=len)
     span = float(s.time_s[rows[0]]), float(s.time_s[rows[-1]])
     return (flight.with_streams(**{stream: with_values(s, values)}),
-            truth("saturated_sensor", stream, (s.columns[i],), span, limit, s.unit[i], f"clipped in {len(rows)} rows"))
+            truth("saturated_sensor", stream, (s.columns[i],), span, len(rows), "rows",
+                  f"clipped at {limit:.4g} {s.unit[i]} from {centre:.4g}"))
 
 
 WRONG_UNITS: tuple[tuple[str, tuple[str, ...], float, str], ...] = (

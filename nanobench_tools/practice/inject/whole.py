@@ -54,8 +54,9 @@ def crash(flight: Flight, rng: np.random.Generator, size: float = 1.0, *,
           at_s: float | None = None) -> tuple[Flight, Fault]:
     """Motors stop in the air: free fall, a blow, and the vehicle lies on its side to the end.
 
-    size: speed of the blow seen by the accelerometer, as a share of the true speed over IMPACT_S. Kinematics only;
-    positions, attitude, estimate, IMU and motors follow, setpoints go to zero; battery and pid are left as they were.
+    size: speed of the blow seen by the accelerometer, as a share of the true speed over IMPACT_S; the truth's size is
+    the largest tilt. Kinematics only; positions, attitude, estimate, IMU and motors follow, setpoints go to zero;
+    battery and pid are left as they were.
     """
     mocap = flight["mocap"]
     start = int(np.searchsorted(mocap.time_s, choose_time(flight, rng, at_s, 5.0)))
@@ -83,7 +84,8 @@ def crash(flight: Flight, rng: np.random.Generator, size: float = 1.0, *,
     flight = _with_poses(flight, poses)
     flight = _onboard(flight, t0, t0 + fall_s, pose, turn, blow)
     landed = t0 + float(fall_s)
-    return flight, truth("crash", "", (), (t0, landed), abs(float(blow)), "m/s", "motors stopped in the air")
+    tilt = np.arccos(np.clip(so3.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2], -1.0, 1.0))
+    return flight, truth("crash", "", (), (t0, landed), float(tilt.max()), "rad", "motors stopped in the air")
 
 
 def _onboard(flight: Flight, t0: float, hit: float, pose, turn: np.ndarray, blow: float) -> Flight:
