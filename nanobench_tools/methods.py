@@ -40,7 +40,8 @@ class Windows:
     """A batch of n prediction windows of H rows, all at ``rate_hz``; row 0 is the start, row j is j steps later.
 
     position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
-    motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1.
+    motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1. motor_past (n, P, 4) and
+    battery_past (n, P): the same over the P rows before the start (the first repeated where there were fewer), or None.
     """
 
     position_m: np.ndarray
@@ -50,6 +51,8 @@ class Windows:
     motor: np.ndarray
     battery_V: np.ndarray
     rate_hz: float = 100.0
+    motor_past: np.ndarray | None = None
+    battery_past: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position_m)

@@ -128,7 +128,7 @@ def kernel(function, roles: Sequence[str]) -> Kernel:
     stateful = roles[0] == "state"
     for (output, element), value in results.items():
         row = rows_out[output][element]
-        base = "%next" if stateful and output == 0 else f"%out{output}"
+        base = "%next" if stateful and output == 0 else f"%out{output}.row"
         _store(writer, base, row, writer.spread(writer.number(value)))
     return Kernel(_assemble(writer, roles, shapes_in, shapes_out), tuple(roles), shapes_in, shapes_out)
 
@@ -139,36 +139,22 @@ def _dense_rows(sparsity) -> list[int]:
     return [r + c * height for c in range(sparsity.size2()) for r in rows[starts[c]:starts[c + 1]]]
 
 
-def _pointer() -> str:
-    from llvmlite import binding
-
-    return "ptr" if binding.llvm_version_info[0] >= 17 else "double*"
-
-
 def _element(writer: _Writer, base: str, element: int) -> str:
-    """Address of lane %lane of a component; %N lanes lie between components."""
+    """Address of lane %l of a component; %N lanes lie between components."""
     offset = writer.emit(False, f"mul i64 %N, {element}")
-    return writer.emit(False, f"getelementptr double, {_pointer()} {base}, i64 {offset}")
+    return writer.emit(False, f"getelementptr double, ptr {base}, i64 {offset}")
 
 
 def _store(writer: _Writer, base: str, element: int, vector: str) -> None:
-    address = _element(writer, base, element)
-    pointer = _pointer()
-    if pointer != "ptr":
-        address, pointer = writer.emit(False, f"bitcast double* {address} to {_VECTOR}*"), f"{_VECTOR}*"
-    writer.body.append(f"  store {_VECTOR} {vector}, {pointer} {address}, align 8")
+    writer.body.append(f"  store {_VECTOR} {vector}, ptr {_element(writer, base, element)}, align 8")
 
 
-def _load(writer: _Writer, roles: Sequence[str], which: int, element: int) -> Value:
-    pointer = _pointer()
-    if roles[which] == "uniform":
-        address = writer.emit(True, f"getelementptr double, {pointer} %in{which}, i64 {element}")
-        return Value(writer.emit(True, f"load double, {pointer} {address}, align 8"), True)
-    base = {"state": "%now", "row": f"%row{which}", "lane": f"%lane{which}"}[roles[which]]
-    address = _element(writer, base, element)
-    if pointer != "ptr":
-        address, pointer = writer.emit(False, f"bitcast double* {address} to {_VECTOR}*"), f"{_VECTOR}*"
-    return Value(writer.emit(False, f"load {_VECTOR}, {pointer} {address}, align 8"), False)
+def _load(writer: _Writer, role: str, which: int, element: int) -> Value:
+    if role == "uniform":
+        address = writer.emit(True, f"getelementptr double, ptr %in{which}, i64 {element}")
+        return Value(writer.emit(True, f"load double, ptr {address}, align 8"), True)
+    base = "%now" if role == "state" else f"%{role}{which}"
+    return Value(writer.emit(False, f"load {_VECTOR}, ptr {_element(writer, base, element)}, align 8"), False)
 
 
 def _translate(function, roles: Sequence[str], writer: _Writer) -> dict[tuple[int, int], Value]:
@@ -186,7 +172,7 @@ def _translate(function, roles: Sequence[str], writer: _Writer) -> dict[tuple[in
         elif operation == "OP_INPUT":
             place = (given[0], given[1])
             if place not in loaded:
-                loaded[place] = _load(writer, roles, *place)
+                loaded[place] = _load(writer, roles[given[0]], *place)
             work[out[0]] = loaded[place]
         elif operation == "OP_CONST":
             work[out[0]] = Value(constant(function.instruction_constant(k)), True)
@@ -266,43 +252,34 @@ def _library_call(writer: _Writer, name: str, given: list[str], uniform: bool) -
 def _assemble(writer: _Writer, roles: Sequence[str], shapes_in: Sequence[tuple[int, int]],
               shapes_out: Sequence[tuple[int, int]]) -> str:
     """The whole module: heads, the loop over blocks of lanes, and in it the loop over rows."""
-    pointer = _pointer()
     stateful = roles[0] == "state"
-    arguments = [f"{pointer} %in{i}" for i in range(len(roles))] + [
-        f"{pointer} %out{i}" for i in range(len(shapes_out))] + [
+    arguments = [f"ptr %in{i}" for i in range(len(roles))] + [
+        f"ptr %out{i}" for i in range(len(shapes_out))] + [
         "i64 %N", "i64 %first", "i64 %end", "i64 %rows", "i64 %stride"]
     lane, row = [], []
     for i, (role, shape) in enumerate(zip(roles, shapes_in, strict=True)):
         if role == "lane":
-            lane.append(f"  %lane{i} = getelementptr double, {pointer} %in{i}, i64 %l")
+            lane.append(f"  %lane{i} = getelementptr double, ptr %in{i}, i64 %l")
         elif role == "row":
             row += [f"  %skip{i} = mul i64 %width{i}, %j", f"  %from{i} = add i64 %skip{i}, %l",
-                    f"  %row{i} = getelementptr double, {pointer} %in{i}, i64 %from{i}"]
+                    f"  %row{i} = getelementptr double, ptr %in{i}, i64 %from{i}"]
             writer.head.append(f"  %width{i} = mul i64 %N, {shape[0] * shape[1]}")
     for i, shape in enumerate(shapes_out):
         if stateful and i == 0:
             row += ["  %before = mul i64 %stride, %j", "  %at = add i64 %before, %l", "  %after = add i64 %at, %stride",
-                    f"  %now = getelementptr double, {pointer} %out0, i64 %at",
-                    f"  %next = getelementptr double, {pointer} %out0, i64 %after"]
+                    "  %now = getelementptr double, ptr %out0, i64 %at",
+                    "  %next = getelementptr double, ptr %out0, i64 %after"]
         else:
             writer.head.append(f"  %size{i} = mul i64 %N, {shape[0] * shape[1]}")
             row += [f"  %gone{i} = mul i64 %size{i}, %j", f"  %to{i} = add i64 %gone{i}, %l",
-                    f"  %out{i}.row = getelementptr double, {pointer} %out{i}, i64 %to{i}"]
-    body = [line.replace(f"{pointer} %out{i},", f"{pointer} %out{i}.row,") if (
-        i := _output_of(line)) is not None else line for line in writer.body]
+                    f"  %out{i}.row = getelementptr double, ptr %out{i}, i64 %to{i}"]
     return "\n".join([
         *writer.declared.values(), f"define void @kernel({', '.join(arguments)}) {{", "start:", *writer.head,
         "  %any = icmp slt i64 %first, %end", "  %some = icmp sgt i64 %rows, 0", "  %work = and i1 %any, %some",
         "  br i1 %work, label %block, label %done",
         "block:", "  %l = phi i64 [ %first, %start ], [ %l.next, %block.end ]", *lane, "  br label %loop",
-        "loop:", "  %j = phi i64 [ 0, %block ], [ %j.next, %loop ]", *row, *body,
+        "loop:", "  %j = phi i64 [ 0, %block ], [ %j.next, %loop ]", *row, *writer.body,
         "  %j.next = add i64 %j, 1", "  %more = icmp slt i64 %j.next, %rows",
         "  br i1 %more, label %loop, label %block.end",
         "block.end:", f"  %l.next = add i64 %l, {LANES}", "  %left = icmp slt i64 %l.next, %end",
         "  br i1 %left, label %block, label %done", "done:", "  ret void", "}", ""])
-
-
-def _output_of(line: str) -> int | None:
-    """Number of the output whose address a line of the body computes, if it does."""
-    _, found, rest = line.partition(" %out")
-    return int(rest.split(",")[0]) if found and rest.split(",")[0].isdigit() else None

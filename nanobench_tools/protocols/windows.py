@@ -15,6 +15,8 @@ from ..metrics.prediction import window_starts
 RATE_HZ = 100.0
 HORIZON = 50
 EVERY = 10
+PAST = 50
+"""Rows of inputs before the start that come with a window: half a second."""
 LOST_FRAME = 1.5
 """Rows further apart than this many steps have a frame missing between them: windows end there."""
 
@@ -59,7 +61,8 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Wind
     """(what a predictor gets, what came) for all windows of a flight; None when no window fits.
 
     Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS); inputs:
-    logged PWM and battery. The truth of the rate is the gyro, of the attitude the same stream as the start.
+    logged PWM and battery of the window and of the PAST rows before it, the first row of its stretch repeated where
+    there are fewer. The truth of the rate is the gyro, of the attitude the same stream as the start.
     """
     time_s, lengths = rows_at_100_hz(flight, spans)
     starts = window_starts(lengths, HORIZON, EVERY)
@@ -75,6 +78,8 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Wind
     battery = flight["battery"].interpolate("vbat", time_s)
     ahead = starts[:, None] + np.arange(HORIZON + 1)
     inputs, after = ahead[:, :-1], ahead[:, 1:]
+    first = np.repeat(np.cumsum([0, *lengths[:-1]]), lengths)[starts]
+    before = np.maximum(starts[:, None] + np.arange(-PAST, 0), first[:, None])
     windows = Windows(found.position_m[starts], velocity[starts], quaternion[starts], rate[starts],
-                      motor[inputs], battery[inputs], RATE_HZ)
+                      motor[inputs], battery[inputs], RATE_HZ, motor[before], battery[before])
     return windows, Prediction(found.position_m[after], velocity[after], quaternion[after], rate[after])
