@@ -1,0 +1,47 @@
+"""The choice among candidate maps, by files of the training set that were held out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .maps import Map
+
+NO_WORSE = 1.05
+"""A map of lower rank or with fewer numbers is preferred to one that is better by less than this factor: held-out
+errors of a few files are no more certain than that."""
+
+NO_WORSE_ONE_FILE = 1.25
+"""The same for a single file: its own bands of PWM cannot show what another battery or motor does."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors [N] of a candidate on held-out rows: one array per fold, prediction minus measurement, and the root of the
+    mean over folds of their mean squares. trouble: the first of a fold whose fit was none."""
+
+    errors: tuple[np.ndarray, ...]
+    rms: float
+    trouble: str = ""
+
+
+def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: float = NO_WORSE) -> str | None:
+    """Name of the map with the smallest held-out error, or of lower rank and no worse; None if none is a result.
+
+    Maps whose fit is in trouble, and the firmware's own, are never chosen.
+    """
+    able = [n for n, fit in fits.items() if not fit.trouble and map_of(fit).fixed is None
+            and not scores[n].trouble.startswith("not ") and np.isfinite(scores[n].rms)]
+    if not able:
+        return None
+    limit = no_worse * min(scores[n].rms for n in able)
+    return min((n for n in able if scores[n].rms <= limit),
+               key=lambda n: (map_of(fits[n]).rank, map_of(fits[n]).size, scores[n].rms))
+
+
+def map_of(fit: Any) -> Map:
+    """The map of a fit to stands or to flights."""
+    return fit.map if hasattr(fit, "map") else fit.model.map

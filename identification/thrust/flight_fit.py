@@ -1,0 +1,187 @@
+"""Fits of thrust maps to the specific force that flights show, alone or with what else acts in the air.
+
+    a_z = sum_i T(u_i, V) / m - g (k_z v_z - k_h v_xy^2 + heat h - trim . q)
+
+Every model sees the inputs delayed by one number, found on the training flights. The shape of a map (how voltage and
+PWM trade) is found with a free level per flight, of 0.15 m/s^2 SD: vehicles, batteries and so masses differ between
+flights, and a difference of mean between two flights says nothing about the voltage law. The coefficients then follow
+from all rows of all training flights; a test flight gets nothing of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nanobench_tools.errors import UsageError
+from nanobench_tools.flight import Flight, Span
+from nanobench_tools.physics.vehicle import BOUNDS
+from nanobench_tools.units import GRAVITY_M_S2
+
+from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
+from .flown import EVERY, RATE_HZ, Flown, fly, join
+from .maps import MAPS, Map
+
+STAND_PRIOR = {"s": (1.65, 0.4)}
+"""Mean and SD of a shape over the public stand series with a load cell, each fitted alone (1.76, 1.98, 1.20 V): flights
+vary the voltage little and the map's other numbers a lot."""
+
+LEVEL_SD = 0.15
+NOISE_SD = 0.10
+CORRELATION_S = 1.0
+"""Spread [m/s^2] of the mean error between flights, and within them, and over how long errors within one hold."""
+
+SHAPE_ROWS = 6000
+"""Rows a shape is searched on; a flight has some 700 at 20 Hz, of which one a second is independent."""
+
+DELAYS_S = tuple(np.round(np.arange(0.0, 0.1201, 0.01), 3))
+
+EFFECTS = (("k_z", "s/m"), ("k_h", "s^2/m^2"), ("heat", "1/V^2"), ("trim_roll", "1"), ("trim_pitch", "1"),
+           ("trim_yaw", "1"))
+"""Inflow (climbing, flying sideways), warm motors, unequal motors: what acts in the air beside the map."""
+
+IN_FLIGHT = ("thrust_pwm", "thrust_voltage", "switched_motor")
+"""Maps that are also fitted together with the effects."""
+
+SUFFIX = "_in_flight"
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """A map, with or without the effects, for a vehicle of ``mass_kg``."""
+
+    map: Map
+    effects: bool
+    mass_kg: float
+
+    @property
+    def name(self) -> str:
+        return self.map.name + (SUFFIX if self.effects else "")
+
+    @property
+    def size(self) -> int:
+        return self.map.size + len(EFFECTS) * self.effects
+
+    @property
+    def uses(self) -> str:
+        """What the model uses, for its row."""
+        acts = "; inflow, warm motors (inputs of the last 20 s), unequal motors (of the last 10 s)"
+        return self.map.equation + (acts if self.effects else "")
+
+    def design(self, shape: Sequence[float], flown: Flown) -> np.ndarray:
+        """(k, n) columns of specific force m/s^2."""
+        columns = self.map.design(shape, flown.u, flown.battery_V[:, None]).sum(axis=2) / self.mass_kg
+        return np.concatenate([columns, effect_columns(flown)]) if self.effects else columns
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name, _ in (*self.map.linear, *(EFFECTS if self.effects else ()))]
+
+    @property
+    def units(self) -> dict[str, str]:
+        return self.map.units | (dict(EFFECTS) if self.effects else {})
+
+
+@dataclass(frozen=True)
+class FlightFit:
+    """values by name; ``fit``: the map alone, per motor; trouble as in ``Fit``."""
+
+    model: FlightModel
+    values: Mapping[str, float]
+    shape: tuple[float, ...]
+    trouble: str = ""
+
+    @property
+    def fit(self) -> Fit:
+        return Fit(self.model.map, self.values, self.trouble, self.shape)
+
+    def predict(self, flown: Flown) -> np.ndarray:
+        """Specific force along body z (n,) m/s^2."""
+        return np.array([self.values[n] for n in self.model.names]) @ self.model.design(self.shape, flown)
+
+
+def effect_columns(flown: Flown) -> np.ndarray:
+    """(6, n) of EFFECTS, m/s^2 per unit of each."""
+    return GRAVITY_M_S2 * np.stack([-flown.climb, flown.across2, -flown.heat, *flown.trim.T])
+
+
+def _flight_map(stand_map: Map) -> Map:
+    shape = tuple(replace(s, prior=STAND_PRIOR.get(s.name, s.prior)) for s in stand_map.shape)
+    return replace(stand_map, shape=shape)
+
+
+def models(mass_kg: float) -> dict[str, FlightModel]:
+    """All candidates by name. UsageError for a mass that cannot be."""
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    found = [FlightModel(_flight_map(m), False, mass_kg) for m in MAPS.values()]
+    found += [FlightModel(_flight_map(MAPS[name]), True, mass_kg) for name in IN_FLIGHT]
+    return {m.name: m for m in found}
+
+
+def fit_flights(model: FlightModel, flights: Sequence[Flown], weights: Sequence[float] | None = None,
+                start: Sequence[float] | None = None) -> FlightFit:
+    """The model fitted to all rows of ``flights``; ``weights``: how often each counts (a bootstrap)."""
+    candidate = model.map
+    if candidate.fixed is not None:
+        values = {name: c for (name, _), c in zip(candidate.linear, candidate.fixed, strict=True)}
+        return FlightFit(model, values, ())
+    counts = np.ones(len(flights)) if weights is None else np.asarray(weights, float)
+    flights, counts = [f for f, c in zip(flights, counts, strict=True) if c > 0.0], counts[counts > 0.0]
+    if model.effects and not all(f.moving for f in flights):
+        return FlightFit(model, {}, (), "no velocity in " + ", ".join(f.name for f in flights if not f.moving))
+    shape, trouble = _shape(model, flights, counts, start) if candidate.shape else (np.empty(0), "")
+    columns = np.concatenate([model.design(shape, f) for f in flights], axis=1)
+    target = np.concatenate([f.force for f in flights])
+    row_weights = np.concatenate([np.full(len(f), c) for f, c in zip(flights, counts, strict=True)])
+    found, _, condition = solve(columns, target, row_weights)
+    values = dict(zip(model.names, map(float, found), strict=True))
+    values |= {s.name: float(x) for s, x in zip(candidate.shape, shape, strict=True)}
+    if not trouble and condition > WORST_CONDITION:
+        trouble = f"not identified by these flights (condition {condition:.1e})"
+    u = np.concatenate([f.u.ravel() for f in flights])
+    volts = np.concatenate([f.battery_V for f in flights])
+    trouble = trouble or no_motor(Fit(candidate, values), u, (volts.min(), volts.max()))
+    return FlightFit(model, values, tuple(map(float, shape)), trouble)
+
+
+def _shape(model: FlightModel, flights: Sequence[Flown], counts: np.ndarray,
+           start: Sequence[float] | None) -> tuple[np.ndarray, str]:
+    """Shape values by generalised least squares with a free level per flight, and what is wrong with them."""
+    thin = -(-sum(map(len, flights)) // SHAPE_ROWS)
+    few = [f.rows(slice(None, None, thin)) for f in flights]
+    joined, starts = join(few), np.cumsum([0, *map(len, few[:-1])])
+    sizes = np.array([len(f) for f in few])
+    effective = np.maximum(np.array([len(f) for f in flights]) * EVERY / RATE_HZ / CORRELATION_S, 1.0)
+    weights = np.repeat(counts * effective / sizes, sizes)
+
+    def cost(shape: np.ndarray) -> float:
+        both = np.concatenate([model.design(shape, joined), joined.force[None]])
+        both = both - level_free(both, starts, sizes, effective)
+        return solve(both[:-1], both[-1], weights)[1] / NOISE_SD**2 + prior_cost(model.map, shape)
+
+    return search(model.map, cost, start)
+
+
+def level_free(columns: np.ndarray, starts: np.ndarray, sizes: np.ndarray, effective: np.ndarray) -> np.ndarray:
+    """What to take from columns (k, n) of flights laid end to end: most of each flight's mean. Least squares on the
+    rest is the generalised least squares of a random level per flight (Balestra and Nerlove 1966)."""
+    share = 1.0 - NOISE_SD / np.sqrt(NOISE_SD**2 + effective * LEVEL_SD**2)
+    return np.repeat(np.add.reduceat(columns, starts, axis=1) / sizes * share, sizes, axis=1)
+
+
+def find_delay(cases: Sequence[tuple[Flight, Sequence[Span]]], mass_kg: float) -> float:
+    """By how much [s] the specific force follows the motor inputs: smallest error within flights of ``thrust_voltage``
+    with the effects over DELAYS_S. Motor, filters of the sensor and of the log together."""
+    best = (np.inf, 0.0)
+    for delay in DELAYS_S:
+        flights = [fly(flight, spans, delay) for flight, spans in cases]
+        model = FlightModel(MAPS["thrust_voltage"], all(f.moving for f in flights), mass_kg)
+        sizes = np.array([len(f) for f in flights])
+        both = np.concatenate([np.concatenate([model.design((), f), f.force[None]]) for f in flights], axis=1)
+        both = both - level_free(both, np.cumsum([0, *sizes[:-1]]), sizes, sizes * EVERY / RATE_HZ / CORRELATION_S)
+        best = min(best, (solve(both[:-1], both[-1], np.ones(both.shape[1]))[1] / sizes.sum(), float(delay)))
+    return best[1]

@@ -1,0 +1,168 @@
+"""All candidates on one training set: fitted, held out file by file, one chosen, intervals by drawing files.
+
+The same for stand series (thrust per motor, N) and flights (specific force along body z, m/s^2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
+from .fit import Fit, fit_stands
+from .flight_fit import FlightFit, FlightModel, fit_flights, models
+from .flown import Flown
+from .maps import MAPS, Map
+from .stand import Stand
+
+File = Stand | Flown
+AnyFit = Fit | FlightFit
+
+BANDS = 5
+"""Into how many bands of PWM (of a stand series) or stretches of time (of a flight) the only file of a training set is
+cut: each is predicted from the others, the outer ones by extrapolation, which a map for other recordings has to stand.
+"""
+
+MOST_FOLDS = 5
+"""Folds of whole flights; stand series are few and are held out one by one."""
+
+BLOCKS = 20
+"""Pieces of the only file of a training set that a bootstrap draws from."""
+
+DRAWS = 100
+PROBABILITY = 0.95
+DRAWN_ROWS = 3000
+
+
+def is_flown(files: Sequence[File]) -> bool:
+    return isinstance(files[0], Flown)
+
+
+def target(file: File) -> np.ndarray:
+    """(n,) what is predicted: N per motor of a stand series, m/s^2 of a flight."""
+    return file.force if isinstance(file, Flown) else file.thrust_N
+
+
+def predicted(fit: AnyFit, file: File) -> np.ndarray:
+    """(n,) the same from a fit."""
+    return fit.predict(file) if isinstance(fit, FlightFit) else fit.predict(file.u, file.voltage)
+
+
+def errors(fit: AnyFit, file: File) -> np.ndarray:
+    """(n,) prediction minus measurement."""
+    return predicted(fit, file) - target(file)
+
+
+def fit_any(candidate: Map | FlightModel, files: Sequence[File], weights: Sequence[float] | None = None,
+            start: Sequence[float] | None = None) -> AnyFit:
+    fitter = fit_flights if isinstance(candidate, FlightModel) else fit_stands
+    return fitter(candidate, files, weights, start)
+
+
+def folds_of(files: Sequence[File]) -> list[tuple[list[File], list[File]]]:
+    """(train, held out) pairs: whole files in turn, at most MOST_FOLDS groups of flights; pieces of an only file."""
+    if len(files) > 1:
+        groups = min(len(files), MOST_FOLDS) if is_flown(files) else len(files)
+        return [([f for i, f in enumerate(files) if i % groups != g], list(files[g::groups])) for g in range(groups)]
+    only = files[0]
+    order = only.time_s if isinstance(only, Flown) else only.u
+    piece = np.searchsorted(np.quantile(order, np.linspace(0.0, 1.0, BANDS + 1)[1:-1]), order, side="right")
+    inside = [piece == b for b in range(BANDS)]
+    return [([only.rows(~rows)], [only.rows(rows)]) for rows in inside if 0 < rows.sum() < len(only)]
+
+
+def held_out(candidate: Map | FlightModel, folds: Sequence[tuple[list[File], list[File]]],
+             start: Sequence[float] | None) -> HeldOut:
+    """The candidate fitted without each fold and scored on it."""
+    found, trouble = [], ""
+    for train, rest in folds:
+        fit = fit_any(candidate, train, None, start)
+        if not fit.values or fit.trouble.startswith("no battery"):
+            return HeldOut((), float("nan"), fit.trouble)
+        trouble = trouble or fit.trouble
+        found += [errors(fit, f) for f in rest]
+    weights = [1.0 if not is_flown(folds[0][1]) else len(e) for e in found]
+    mean_square = np.average([np.mean(e**2) for e in found], weights=weights)
+    return HeldOut(tuple(found), float(np.sqrt(mean_square)), trouble)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything found on one training set. fits and scores by name of model; best: the chosen one, None if no fit is a
+    result; half_width: of the prediction interval, N or m/s^2; draws: values of refits to drawn files."""
+
+    train: tuple[File, ...]
+    candidates: Mapping[str, Map | FlightModel]
+    fits: Mapping[str, AnyFit]
+    scores: Mapping[str, HeldOut]
+    best: str | None
+    half_width: Mapping[str, float]
+    draws: Mapping[str, tuple[Mapping[str, float], ...]]
+
+    @property
+    def flown(self) -> bool:
+        return is_flown(self.train)
+
+    def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """{model: {name: {value, ci95, unit}}}, intervals by drawing files (pieces of an only file)."""
+        return {name: {key: {"value": value, "ci95": self._interval(name, key), "unit": candidate.units[key]}
+                       for key, value in self.fits[name].values.items()}
+                for name, candidate in self.candidates.items() if self.fits[name].values}
+
+    def _interval(self, name: str, key: str) -> list[float] | None:
+        drawn = [d[key] for d in self.draws.get(name, ()) if np.isfinite(d.get(key, np.nan))]
+        if len(drawn) < DRAWS // 2:
+            return None
+        return [float(x) for x in np.percentile(drawn, [2.5, 97.5])]
+
+
+def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRAWS) -> Study:
+    """Every candidate on ``train`` (all stand series or all flights)."""
+    candidates: dict[str, Map | FlightModel] = dict(models(mass_kg)) if is_flown(train) else dict(MAPS)
+    fits = {name: fit_any(c, train) for name, c in candidates.items()}
+    folds = folds_of(train)
+    scores = {name: held_out(c, folds, getattr(fits[name], "shape", None) or None) for name, c in candidates.items()}
+    best = choose(fits, scores, NO_WORSE if len(train) > 1 else NO_WORSE_ONE_FILE)
+    widths = {name: half_width(score.errors, len(train)) for name, score in scores.items()}
+    drawn = {name: bootstrap(c, fits[name], train, seed, draws) for name, c in candidates.items()}
+    return Study(tuple(train), candidates, fits, scores, best, widths, drawn)
+
+
+def half_width(found: Sequence[np.ndarray], files: int, probability: float = PROBABILITY) -> float:
+    """Half width of the interval for a row of a new file from held-out errors (one array per file): the spread within
+    files, and that of the files' means with as few degrees of freedom as there are files. nan without errors."""
+    if not found:
+        return float("nan")
+    within = float(np.sqrt(np.mean(np.concatenate([e - e.mean() for e in found]) ** 2)))
+    high = 0.5 + 0.5 * probability
+    if files < 2:
+        pooled = float(np.sqrt(np.mean(np.concatenate(list(found)) ** 2)))
+        return float(student.ppf(high, max(sum(map(len, found)) - 1, 1)) * pooled)
+    means = np.array([e.mean() for e in found])
+    between = float(np.sqrt(np.mean(means**2) * (1.0 + 1.0 / files)))
+    return float(np.hypot(student.ppf(high, files - 1) * between, student.ppf(high, 10**6) * within))
+
+
+def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], seed: int,
+              draws: int) -> tuple[Mapping[str, float], ...]:
+    """Values of refits to files drawn with replacement; to blocks of rows where there is one file. Empty for maps that
+    nothing was fitted in, and for fits that are none."""
+    if not fit.values or not candidate.size or not draws or fit.trouble.startswith(("no ", "not ")):
+        return ()
+    pieces: list[File] = list(train)
+    if len(pieces) == 1:
+        bounds = np.linspace(0, len(pieces[0]), BLOCKS + 1).astype(int)
+        pieces = [pieces[0].rows(slice(a, b)) for a, b in pairwise(bounds) if b > a]
+    thin = -(-sum(map(len, pieces)) // DRAWN_ROWS)
+    pieces = [p.rows(slice(None, None, thin)) for p in pieces]
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(draws):
+        counts = rng.multinomial(len(pieces), np.full(len(pieces), 1.0 / len(pieces)))
+        found.append(fit_any(candidate, pieces, counts, fit.shape or None).values)
+    return tuple(found)

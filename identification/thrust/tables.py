@@ -1,0 +1,154 @@
+"""Rows of the result: errors of every model on training and held-out files, and of single files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.metrics.statistics import bootstrap_ratio
+
+from .flight_fit import FlightModel
+from .flown import Flown
+from .stand import Stand
+from .study import AnyFit, File, Study, errors, is_flown, predicted, study
+
+SAME_PROPELLER = 1.15
+"""Thrust per squared rotor speed of one type of propeller is the same within this factor; types differ by 1.4."""
+
+POINTS = 300
+"""Rows of a file kept for pictures."""
+
+
+class Scored:
+    """Errors of one model on files: [(file, errors (n,))], the fits they came from may differ (held out in turn)."""
+
+    def __init__(self, name: str, split: str, uses: str, status: str) -> None:
+        self.name, self.split, self.uses, self.status = name, split, uses, status
+        self.files: list[File] = []
+        self.errors: list[np.ndarray] = []
+        self.widths: list[float] = []
+
+    def add(self, file: File, found: np.ndarray, width: float) -> None:
+        self.files.append(file)
+        self.errors.append(found)
+        self.widths.append(width)
+
+    def row(self, seed: int) -> dict[str, Any]:
+        """The row of the table; ci95 of the RMS by drawing files, null for one file."""
+        flown = is_flown(self.files)
+        squares = np.array([np.sum(e**2) for e in self.errors])
+        counts = np.array([len(e) for e in self.errors])
+        ends = bootstrap_ratio(squares, counts, seed)
+        rms = float(np.sqrt(squares.sum() / counts.sum()))
+        inside = sum(int(np.sum(np.abs(e) <= w)) for e, w in zip(self.errors, self.widths, strict=True))
+        known = all(np.isfinite(w) for w in self.widths)
+        return {"model": self.name, "split": self.split, "kind": "flight" if flown else "stand",
+                "rms_N": None if flown else rms, "rms_m_s2": rms if flown else None, "n": int(counts.sum()),
+                "files": len(self.files), "ci95": None if ends is None else [float(np.sqrt(x)) for x in ends],
+                "bias": float(np.concatenate(self.errors).mean()),
+                "coverage95": inside / float(counts.sum()) if known else None, "status": self.status,
+                "uses": self.uses}
+
+    def per_file(self) -> list[dict[str, Any]]:
+        """One entry per file."""
+        key = "rms_m_s2" if is_flown(self.files) else "rms_N"
+        return [{"file": f.name, "model": self.name, "split": self.split, key: float(np.sqrt(np.mean(e**2))),
+                 "bias": float(e.mean()), "n": len(e)} for f, e in zip(self.files, self.errors, strict=True)]
+
+
+def scored(found: Study, files: Sequence[File], split: str) -> list[Scored]:
+    """Every model of a study on ``files``; models without values are left out (their fits say why)."""
+    return [result for name in found.candidates if (result := score(found, name, files, split)).files]
+
+
+def score(found: Study, name: str, files: Sequence[File], split: str) -> Scored:
+    """One model on the files that have what it needs."""
+    candidate, fit = found.candidates[name], found.fits[name]
+    result = Scored(name, split, uses(candidate), fit.trouble or "ok")
+    for file in files:
+        if fit.values and can_predict(candidate, fit, file):
+            result.add(file, errors(fit, file), found.half_width[name])
+    return result
+
+
+def can_predict(candidate: Any, fit: AnyFit, file: File) -> bool:
+    """Whether ``file`` has the voltage and the velocity a model needs."""
+    if isinstance(file, Stand):
+        return file.battery_V is not None or not candidate.uses_voltage
+    return file.moving or not candidate.effects
+
+
+def uses(candidate: Any) -> str:
+    """What a model is and takes, in words."""
+    return candidate.uses if isinstance(candidate, FlightModel) else candidate.equation
+
+
+def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, dict[str, Any]]]:
+    """(every model on every series, fitted without it; what each was fitted to and which map was chosen).
+
+    A series is predicted from the others of the same propeller (told by thrust per squared rotor speed, where that was
+    measured), from all others if there are none of the same, and from its own other PWM bands if it is alone.
+    """
+    results: dict[str, Scored] = {}
+    chosen: dict[str, dict[str, Any]] = {}
+    for out in stands:
+        others = [s for s in stands if s is not out]
+        same = [s for s in others if same_propeller(s, out)]
+        basis = same or others
+        found = study(basis or [out], mass_kg, seed, draws=0)
+        chosen[out.name] = {"best": found.best, "fitted_to": [s.name for s in basis],
+                            "same_propeller": bool(same) if np.isfinite(out.thrust_per_speed2) else None}
+        for name, candidate in found.candidates.items():
+            fit = found.fits[name]
+            result = results.setdefault(name, Scored(name, "test", uses(candidate), "ok"))
+            if not fit.values or not can_predict(candidate, fit, out):
+                continue
+            if fit.trouble:
+                result.status = f"without {out.name}: {fit.trouble}"
+            missed = errors(fit, out) if basis else np.concatenate(found.scores[name].errors)
+            result.add(out, missed, found.half_width[name])
+        picked = results.setdefault("chosen", Scored("chosen", "test", "the map chosen without the file", "ok"))
+        if found.best:
+            missed = errors(found.fits[found.best], out) if basis else np.concatenate(found.scores[found.best].errors)
+            picked.add(out, missed, found.half_width[found.best])
+    return [r for r in results.values() if r.files], chosen
+
+
+def same_propeller(a: Stand, b: Stand) -> bool:
+    ratio = a.thrust_per_speed2 / b.thrust_per_speed2
+    return bool(1.0 / SAME_PROPELLER < ratio < SAME_PROPELLER)
+
+
+def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
+    """Rows of a file for pictures: PWM (mean of the motors), voltage, what was measured and what the fit says."""
+    thin = -(-len(file) // POINTS)
+    few = file.rows(slice(None, None, thin))
+    says = predicted(fit, few)
+    measured = few.force if isinstance(few, Flown) else few.thrust_N
+    pwm = few.u.mean(axis=1) if isinstance(few, Flown) else few.u
+    volts = few.battery_V if isinstance(few, Flown) else few.voltage
+    return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(volts, 4),
+            "measured": measured, "predicted": says}
+
+
+def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float]) -> dict[str, Any]:
+    """PWM ratios (voltage x thrust) of a fitted model, null where the motor cannot: {voltage_V, thrust_N, limit_N, pwm}."""
+    found = model.inverse(np.asarray(thrusts)[None, :], np.asarray(voltages)[:, None])
+    pwm = np.where(found.saturated | found.below, np.nan, found.pwm)
+    return {"voltage_V": list(map(float, voltages)), "thrust_N": list(map(float, thrusts)),
+            "limit_N": found.limit_N[:, 0], "pwm": pwm}
+
+
+def pair_with_firmware(per_file: Sequence[Mapping[str, Any]], best: str) -> list[dict[str, Any]]:
+    """[{file, best, firmware, beaten}] of test files: RMS of the chosen map and of the better of the firmware's two."""
+    found = []
+    key = "rms_m_s2" if per_file and "rms_m_s2" in per_file[0] else "rms_N"
+    tested = [e for e in per_file if e["split"] == "test"]
+    for name in dict.fromkeys(e["file"] for e in tested):
+        of = {e["model"]: e[key] for e in tested if e["file"] == name}
+        theirs = [v for model, v in of.items() if model.startswith("firmware")]
+        if best in of and theirs:
+            found.append({"file": name, "rms": of[best], "firmware": min(theirs), "beaten": of[best] < min(theirs)})
+    return found
