@@ -7,7 +7,6 @@ import tempfile
 from pathlib import Path
 
 from ..errors import InputError
-from ..harness.results import write_bytes
 from . import symbolic
 from .model import STATE, Model
 from .ops import import_casadi
@@ -22,6 +21,8 @@ def write_c(model: Model, folder: Path | str, name: str = "model", row_hz: float
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError("name of the C code", repr(name), "use letters, digits and _, a letter first")
+    from ..harness.results import write_bytes
+
     ca = import_casadi()
     row_hz = row_hz or model.vehicle.rate_hz
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
@@ -45,9 +46,10 @@ def _comment(model: Model, name: str, row_hz: float) -> str:
     inputs = "\n".join(f" *   u[{i}] {key}" for i, key in enumerate(model.inputs))
     parameters = "\n".join(f" *   p[{i}] {key} [{unit}]"
                            for i, (key, unit) in enumerate(zip(model.names, model.units, strict=True)))
+    row_s = f"{1.0 / row_hz:.9g} s"
     delay = "" if "command_delay" not in model else """
  * u[0..3] are the commands u[9] = floor(delay / row) rows ago, u[5..8] those one row earlier."""
-    return f"""/* {name}_derivative(x, u, p) -> dx/dt and {name}_step(x, u, p) -> x one row of {1.0 / row_hz:.9g} s later.
+    return f"""/* {name}_derivative(x, u, p) -> dx/dt and {name}_step(x, u, p) -> x one row of {row_s} later.
  * World frame z up, body x forward, y left, z up, quaternion x, y, z, w body to world; doubles, contiguous:
  *   const double *arg[3] = {{x, u, p}}; double *res[1] = {{out}}; iw and w as {name}_step_work says; returns 0.
 {state}

@@ -12,6 +12,14 @@ from .model import Model
 from .ops import NUMPY
 
 
+def parameter_values(model: Model, parameters: np.ndarray | None) -> np.ndarray:
+    """The model's own values, or those given, (P,) or (n, P); raises InputError for another number of them."""
+    values = model.values if parameters is None else np.asarray(parameters, float)
+    if values.ndim not in (1, 2) or values.shape[-1] != len(model.names):
+        raise InputError("parameters", f"shape {values.shape}", f"give {len(model.names)} values: {model.names}")
+    return values
+
+
 def components(vector: np.ndarray) -> list:
     """Parameters (P,) or (n, P), one set per window -> P components, floats or arrays (n,)."""
     vector = np.asarray(vector, float)
@@ -39,7 +47,7 @@ def rows(model: Model, motor: np.ndarray, battery_V: np.ndarray, past: tuple[np.
         found[end - length:end, :4] = m.transpose(1, 2, 0)
         found[end - length:end, 4] = b.T
     if "command_delay" in model:
-        _delay(model, found, row_hz, model.values if parameters is None else np.asarray(parameters, float))
+        _delay(model, found, row_hz, parameter_values(model, parameters))
     count = sum(lengths[:-1])
     return found[count:], found[:count]
 
@@ -59,7 +67,7 @@ def _delay(model: Model, found: np.ndarray, row_hz: float, values: np.ndarray) -
 
 def settled(model: Model, row: np.ndarray, *, row_hz: float, parameters: np.ndarray | None = None) -> np.ndarray:
     """Thrusts (4, n) [N] of rotors that have followed the commands of a row (I, n) for long."""
-    vector = components(model.values if parameters is None else parameters)
+    vector = components(parameter_values(model, parameters))
     thrust = Equations(model, vector, NUMPY, 1.0 / row_hz).command(list(row))
     return np.array([np.broadcast_to(t, row.shape[1:]) for t in thrust])
 
@@ -70,7 +78,7 @@ def warmed(model: Model, window: np.ndarray, past: np.ndarray, *, row_hz: float,
 
     At the first row before the start (without any: of the window) the rotors have settled to its command.
     """
-    vector = components(model.values if parameters is None else parameters)
+    vector = components(parameter_values(model, parameters))
     equations = Equations(model, vector, NUMPY, 1.0 / row_hz)
     thrust = list(settled(model, past[0] if len(past) else window[0], row_hz=row_hz, parameters=parameters))
     for row in past:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import registry
-from ..errors import InputError
+from ..errors import InputError, UsageError
 from . import rules
 from .term import Parameter, Term
 from .vehicle import Vehicle
@@ -39,7 +39,10 @@ class Slot(NamedTuple):
 
 def find_term(name: str) -> Term:
     """The registered term; raises UsageError for a name nobody registered."""
-    return registry.load("terms", name)
+    found = registry.load("terms", name)
+    if not isinstance(found, Term):
+        raise UsageError(f"{name} is a {type(found).__name__} and no Term")
+    return found
 
 
 def _plain(value: Any) -> Any:

@@ -8,14 +8,14 @@ import numpy as np
 
 from ..errors import InputError
 from .equations import Equations
-from .inputs import components, rows, substeps, warmed
+from .inputs import components, parameter_values, rows, substeps, warmed
 from .model import QUATERNION, RIGID, ROTOR, STATE, Model
 from .ops import NUMPY
 
 
 def equations(model: Model, row_s: float, parameters: np.ndarray | None = None) -> Equations:
     """The model's equations over arrays; parameters (P,) or (n, P), by default the model's own."""
-    return Equations(model, components(model.values if parameters is None else parameters), NUMPY, row_s)
+    return Equations(model, components(parameter_values(model, parameters)), NUMPY, row_s)
 
 
 def _stacked(found: list, n: int) -> np.ndarray:

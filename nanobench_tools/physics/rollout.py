@@ -8,7 +8,7 @@ import numpy as np
 
 from . import symbolic
 from .batched import Compiled, scan
-from .inputs import rows, settled
+from .inputs import parameter_values, rows, settled
 from .model import Model
 from .numeric import start_states
 
@@ -63,7 +63,7 @@ def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.nd
     """
     row_hz = row_hz or model.vehicle.rate_hz
     window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=parameters)
-    values = model.values if parameters is None else np.asarray(parameters, float)
+    values = parameter_values(model, parameters)
     states = start_states(model, start, lambda: _warmed(model, window, before, row_hz, values, threads))
     step = compiled_step(model, row_hz, own_parameters=values.ndim == 2).on_threads(threads)
     return step(states, window, values.T)[0].transpose(2, 0, 1)

@@ -1,7 +1,8 @@
 """A model as CasADi functions of state, inputs and parameters, with exact derivatives.
 
     derivative(x[17], u[I], p[P]) -> dx[17]     step(x[17], u[I], p[P]) -> x[17] one row later
-    lagged(r[4], u[I], p[P]) -> r[4]            rollout(x[17], U[I, H], p[P]) -> X[17, H]
+    command(u[I], p[P]) -> r[4] thrust asked for                lagged(r[4], u[I], p[P]) -> r[4] one row later
+    rollout(x[17], U[I, H], p[P]) -> X[17, H]
 
 x, u and p are in the order of ``model.STATE``, ``Model.inputs`` and ``Model.names``.
 """
@@ -42,6 +43,14 @@ def derivative(model: Model, row_hz: float | None = None):
 def step(model: Model, row_hz: float | None = None):
     """casadi.Function step(x, u, p): one row of 1 / row_hz (by default of the model's rate)."""
     return _made(model, "step", row_hz)
+
+
+def command(model: Model, row_hz: float | None = None):
+    """casadi.Function command(u, p): thrusts [N] asked of the motors, where rotors settle if the row lasts."""
+    ca = import_casadi()
+    _, u, p = _symbols(model)
+    equations = Equations(model, ca.vertsplit(p), casadi_ops(), 1.0 / _row_hz(model, row_hz))
+    return ca.Function("command", [u, p], [ca.cse(ca.vertcat(*equations.command(ca.vertsplit(u))))], ["u", "p"], ["r"])
 
 
 def lagged(model: Model, row_hz: float | None = None):

@@ -150,6 +150,8 @@ def test_wrong_shapes_are_one_line():
         batched(ca.Function("f", [a, b], [a * b], ["a", "b"], ["y"]), ["q"])
     model = MODELS["all"]
     start, motor, battery, past = windows(model, 3, 3)
+    with pytest.raises(InputError, match="parameters"):
+        rollout(model, start, motor, battery, past, parameters=model.values[1:])
     for wrong in ([start[:, :12], motor, battery, past], [start, motor[..., :3], battery, past],
                   [start, motor[:, :0], battery[:, :0], past], [start, motor, battery[:2], past]):
         with pytest.raises(InputError):

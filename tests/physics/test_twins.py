@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from physics_cases import draw, models, windows
 
 from nanobench_tools.physics import numeric, symbolic
-from nanobench_tools.physics.inputs import rows
+from nanobench_tools.physics.inputs import rows, settled, warmed
 
 MODELS = models()
 
@@ -37,6 +37,20 @@ def test_numpy_and_casadi_agree(name, seed):
         for row in range(len(states)):
             theirs = np.asarray(casadi_way(states[row], inputs[row], model.values)).ravel()
             assert relative(ours[row], theirs) < 1e-12
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_warm_up_agrees(name):
+    """Settled rotors and one row of lag, from both sides."""
+    model = MODELS[name]
+    _, inputs = draw(model, 3, 2)
+    asked = settled(model, inputs.T, row_hz=100.0)
+    after = warmed(model, inputs.T[None], inputs.T[None], row_hz=100.0)
+    for i in range(3):
+        wanted = np.asarray(symbolic.command(model)(inputs[i], model.values)).ravel()
+        assert relative(asked[:, i], wanted) < 1e-12
+        followed = np.asarray(symbolic.lagged(model)(wanted, inputs[i], model.values)).ravel()
+        assert relative(after[:, i], followed) < 1e-12
 
 
 @pytest.mark.parametrize("name", ["all", "all on rpm", "motor_lag"])
