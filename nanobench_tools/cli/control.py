@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
-from .options import Options, shared_options
-from .show import data_word, score_table, show_left_out
+from .options import Options, one_line, shared_options
+from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -26,9 +26,10 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @click.option("--plant", default="real", show_default=True, metavar="NAME", help="real: the logged flights.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
               help="as-published or clean; may repeat. Default: both.")
-@click.option("--controller", "controllers", multiple=True, metavar="NAME", help="pid or mellinger; may repeat.")
+@click.option("--controller", "controllers", multiple=True, metavar="NAME",
+              help="pid, mellinger or the name of one of your own that flew; may repeat. Default: all.")
 def control(options: Options, plant: str, protocols: tuple[str, ...], controllers: tuple[str, ...]) -> int:
-    """Task 2: how well was it flown? Scores of the onboard controllers on logged flights.
+    """Task 2: how well was it flown? Scores of the controllers that flew the recordings.
 
     as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
     family, speed and controller.
@@ -39,11 +40,12 @@ def control(options: Options, plant: str, protocols: tuple[str, ...], controller
         raise UsageError(f"unknown plant {plant!r}; known: {', '.join(PLANTS)}")
     for name in protocols:
         task2.check_protocol(name)
-    for name in controllers:
-        if name not in task2.CONTROLLERS:
-            raise UsageError(f"unknown controller {name!r}; known: {', '.join(task2.CONTROLLERS)}")
     flights = options.load()
     audits, _ = options.audit(flights)
+    flew = sorted({audit.controller for audit in audits.values()} - set(task2.UNNAMED))
+    for name in controllers:
+        if name not in flew:
+            raise UsageError(f"unknown controller {name!r}; known in these recordings: {', '.join(flew) or 'none'}")
     if options.clock != "as-recorded":
         if set(protocols) - {"clean"}:
             raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published rows were made "
@@ -63,30 +65,30 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     from ..protocols import task2
 
     rows: list[dict[str, Any]] = []
-    wanted = dict.fromkeys(protocols or task2.PROTOCOLS)
-    reasons = []
-    for protocol in wanted:
-        try:
-            cases = [case for case in task2.select(flights, audits, protocol)
-                     if not controllers or case.controller in controllers]
-        except InputError as error:
-            if protocols:
-                raise
-            reasons.append(error)
-            options.say(f"protocol {protocol} left out: {error}")
-            continue
+    reasons: dict[str, str] = {}
+
+    def select(protocol: str) -> list[task2.Case]:
+        found = task2.select(flights, audits, protocol)
+        cases = [case for case in found if not controllers or case.controller in controllers]
+        reasons.update({case.flight.name: f"flown by {case.controller}, not asked for" for case in found
+                        if controllers and case.controller not in controllers})
+        if not cases:
+            raise InputError(found[0].flight.provenance.path, f"protocol {protocol!r} has no flight of "
+                             f"{' or '.join(controllers)} among {len(flights)} recordings")
+        return cases
+
+    for protocol, cases in options.selected(protocols, task2.PROTOCOLS, select):
         items = [make_item(task2.score, {"case": case}, f"{protocol} {case.controller} {case.flight.name}",
                            file=case.flight.provenance.path) for case in cases]
         values = options.run(items, protocol).values
         rows += task2.tabulate([(case, values[item.key]) for case, item in zip(cases, items, strict=True)
                                 if item.key in values], options.seed)
-    if reasons and len(reasons) == len(wanted):
-        raise reasons[0]
+        reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
     for row in rows:
         row["clock"] = options.clock
     _show(options, rows)
     return {"gate": [], "gate_note": task2.GATE_NOTE, "rows": rows,
-            "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED)}
+            "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED, reasons)}
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -101,4 +103,5 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     options.show(score_table(title, ("reference", "speed", "controller", "n"), COLUMNS, lines))
     dropped = dict.fromkeys(name for row in rows for name in row["dropped"])
     if dropped:
-        options.show(f"Left out of the published rows because RMSE > 1 m, as was published: {', '.join(dropped)}")
+        options.show(one_line("Left out of the published rows because RMSE > 1 m, as was published: "
+                              f"{', '.join(dropped)}"))

@@ -10,7 +10,7 @@ import click
 
 from ..errors import InputError, UsageError
 from .methods import load_methods
-from .options import PATH, Options, shared_options
+from .options import PATH, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
@@ -86,19 +86,9 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
 
     rows: list[dict[str, Any]] = []
     per_flight: list[dict[str, Any]] = []
-    wanted = dict.fromkeys(protocols or task3.PROTOCOLS)
-    written = "clean" if "clean" in wanted else next(reversed(wanted))
-    reasons = []
+    written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
-    for protocol in wanted:
-        try:
-            cases = task3.select(flights, audits, protocol)
-        except InputError as error:
-            if protocols:
-                raise
-            reasons.append(error)
-            options.say(f"protocol {protocol} left out: {error}")
-            continue
+    for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
         work = [(method, case) for method in chosen for case in cases]
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
@@ -106,8 +96,6 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         rows += scored
         per_flight += single
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
-    if reasons and len(reasons) == len(wanted):
-        raise reasons[0]
     return {"rows": rows, "per_flight": per_flight,
             "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED, failed)}
 
@@ -169,4 +157,4 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) ->
              "95 % interval of the mean ATE")
     options.show(score_table(title, ("group", "method", "n"), COLUMNS, lines))
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
-        options.show(given)
+        options.show(one_line(given))

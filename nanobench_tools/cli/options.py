@@ -7,10 +7,10 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 PATH = click.Path(path_type=Path)
+Case = TypeVar("Case")
+"""One recording as a protocol uses it."""
 
 
 @dataclass
@@ -132,6 +134,27 @@ class Options:
             self.say(f"clock {self.clock}: {len(found)} of {len(result.warps)} recordings"
                      + (f", {moving} with a moving error, the others by a constant" if self.clock == "retimed" else ""))
         return result.flights, result.audits
+
+    def selected(self, asked: Sequence[str], known: Sequence[str],
+                 select: Callable[[str], list[Case]]) -> Iterator[tuple[str, list[Case]]]:
+        """(protocol, cases) of every protocol: those asked for, else all ``known`` that find something to score.
+
+        Raises the InputError of ``select`` for a protocol that was asked for, and the first one when none finds any.
+        """
+        reasons = []
+        wanted = tuple(dict.fromkeys(asked or known))
+        for protocol in wanted:
+            try:
+                cases = select(protocol)
+            except InputError as error:
+                if asked:
+                    raise
+                reasons.append(error)
+                self.say(f"protocol {protocol} left out: {error}")
+                continue
+            yield protocol, cases
+        if reasons and len(reasons) == len(wanted):
+            raise reasons[0]
 
     def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
         from ..harness import manifest

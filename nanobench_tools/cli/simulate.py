@@ -32,6 +32,7 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
 
     The same seed gives the same files.
     """
+    from ..content.controller import RESERVED
     from ..practice import CONTROLLERS, FAMILIES, LoggingChain, write_practice
     from ..registry import names
     from .methods import load_methods
@@ -50,7 +51,11 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
         if ":" not in controller and controller not in names("controllers"):
             raise UsageError(f"--controller: unknown name {controller!r}; known: "
                              f"{', '.join([*CONTROLLERS, *names('controllers')])}; or give module:Class")
-        how["controller"] = load_methods("controllers", [controller])[0]
+        own = load_methods("controllers", [controller])[0]
+        if own.name in RESERVED:
+            raise UsageError(f"--controller: {controller} is called {own.name!r}, which in recordings means what the "
+                             f"onboard streams show; any name but {', '.join(RESERVED)} will do")
+        how["controller"] = own
     chain = LoggingChain(offset_s=1e-3 * offset_ms, drift=1e-6 * drift_ppm, wander_sd_s=1e-3 * wander_ms)
     paths = write_practice(options.out, flights, options.seed, suffix=suffix, chain=chain,
                            progress=lambda done, n: options.say(f"{done} of {n} flown"), **how)

@@ -42,6 +42,26 @@ def test_flights_of_an_own_controller_are_scored_under_its_name(tmp_path, monkey
     rows = json.loads((tmp_path / "c.json").read_text())["rows"]
     assert [(row["protocol"], row["controller"]) for row in rows] == [("clean", "tilt_and_turn")]
     assert "tilt_and_turn" in capsys.readouterr().out
+    assert main(["control", "--data", str(out), "--controller", "tilt_and_turn", "--jobs", "1", "--json",
+                 str(tmp_path / "d.json")]) == 0
+    assert json.loads((tmp_path / "d.json").read_text())["rows"] == rows
+    capsys.readouterr()
+    assert main(["control", "--data", str(out), "--controller", "pid", "--jobs", "1", "--quiet"]) == 2
+    assert capsys.readouterr().err.endswith("unknown controller 'pid'; known in these recordings: tilt_and_turn\n")
+
+
+@pytest.mark.parametrize("name", ["pid", "mellinger", "none", "unknown"])
+def test_an_own_controller_is_not_called_like_what_the_audit_says(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / f"mine_{name}.py").write_text(
+        "from nanobench_tools.practice.onboard import PidCascade\n\n\n"
+        f"class Mine(PidCascade):\n    name = {name!r}\n")
+    assert main(["simulate", "--controller", f"mine_{name}:Mine", "--flights", "1", "--out", "flown"]) == 2
+    err = capsys.readouterr().err
+    assert f"mine_{name}:Mine is called {name!r}" in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "flown").exists()
 
 
 class Odd:

@@ -6,8 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
+from nanobench_tools.cli.control import _show
 from nanobench_tools.cli.main import main
+from nanobench_tools.cli.options import Options
 from nanobench_tools.practice.flights import practice_flights
+from nanobench_tools.protocols import task2
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 
@@ -113,6 +116,32 @@ def test_control(call, folder):
     assert {row["controller"] for row in result["rows"]} == {"pid"}
 
 
+def test_control_says_why_a_recording_is_left_out(call, folder, tmp_path, monkeypatch):
+    for flight in practice_flights(1, seed=12, families=("oval",), controllers=("mellinger",), duration_s=8.0):
+        write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")
+    places = ("--data", folder, "--data", tmp_path / "mellinger")
+    _, result, _, _ = call("control", *places, "--controller", "mellinger")
+    assert {row["controller"] for row in result["rows"]} == {"mellinger"}
+    assert [x["reason"] for x in result["left_out"]] == ["flown by pid, not asked for"] * 3
+    monkeypatch.setattr(task2, "score", fails)
+    code, result, _, err = call("control", *places, "--controller", "mellinger")
+    assert (code, result["rows"]) == (1, [])
+    assert sorted(x["reason"] for x in result["left_out"]) == [
+        "every method failed on it", *["flown by pid, not asked for"] * 3]
+    assert "this one fails" in err
+
+
+def fails(case):
+    raise ValueError("this one fails")
+
+
+def test_names_of_dropped_flights_are_text(capsys):
+    row = {"reference": "as-published", "speed": None, "controller": "pid", "n": 1, "statistics": {},
+           "dropped": ["a[bold]b", "c\nd[/red]"]}
+    _show(Options(), [row])
+    assert "as was published: a[bold]b, c d[/red]\n" in capsys.readouterr().out
+
+
 def test_sysid(call, folder, tmp_path):
     for place, files in (("train", sorted(folder.glob("*"))[:2]), ("test", sorted(folder.glob("*"))[2:])):
         (tmp_path / place).mkdir()
@@ -139,7 +168,7 @@ def test_sysid(call, folder, tmp_path):
     (["estimate", "--method", "json:loads"], "is none of the estimators"),
     (["estimate", "--trajectory-dir", "nowhere"], "--trajectory-dir nowhere: is no folder"),
     (["control", "--plant", "moon"], "unknown plant 'moon'; known: real"),
-    (["control", "--controller", "lqr"], "unknown controller 'lqr'; known: pid, mellinger"),
+    (["control", "--controller", "lqr", "--quiet"], "unknown controller 'lqr'; known in these recordings: "),
     (["control", "--protocol", "x"], "unknown protocol 'x'; known: as-published, clean"),
     (["sysid", "--method", "nonsense"], "unknown name 'nonsense' among predictors"),
     (["sysid", "--train", "x"], "--train and --test go together")])
