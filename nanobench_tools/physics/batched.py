@@ -101,9 +101,7 @@ class Compiled:
             self._call(*pointers, wide, 0, wide, rows, stride)
             return
         with ThreadPoolExecutor(parts) as pool:  # the call releases the interpreter's lock
-            for done in [pool.submit(self._call, *pointers, wide, a, b, rows, stride)
-                         for a, b in itertools.pairwise(ends)]:
-                done.result()
+            list(pool.map(lambda part: self._call(*pointers, wide, *part, rows, stride), itertools.pairwise(ends)))
 
     def _shaped(self, i: int, output: np.ndarray, n: int, by_row: bool, keep: str) -> np.ndarray:
         r, c = self.kernel.outputs[i]

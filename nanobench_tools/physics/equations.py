@@ -36,7 +36,7 @@ class Equations:
         self._inertia = self._run(Stage.INERTIA, list(model.vehicle.inertia_kg_m2), self._still)
         self._per_inertia = [1.0 / j for j in self._inertia]
         self.wind = self._run(Stage.WIND, [0.0, 0.0, 0.0], self._still)
-        self.tau_s = self._run(Stage.LAG, None, self._still)
+        self.tau_s: tuple[Any, Any] | None = self._run(Stage.LAG, None, self._still)
         """(tau_up, tau_down) s, or None without motor_lag."""
         gain = self._run(Stage.THRUST_SCALE, [1.0] * 4, self._still)
         self._gain = self._run(Stage.MOTOR_GAIN, gain, self._still)

@@ -17,6 +17,8 @@ from pathlib import Path
 from ..sources.cache import cache_folder
 
 _LOCK = threading.Lock()
+_ENGINES: list = []
+"""Own the machine code, which has to outlive every kernel that was handed out."""
 _LIBRARY_FUNCTIONS = ("exp", "log", "sin", "cos", "tan", "pow", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
                       "erf", "fmod", "hypot", "expm1", "log1p", "floor", "ceil")
 _LONG = 40000
@@ -85,7 +87,7 @@ def object_code(text: str) -> bytes:
     return code
 
 
-@functools.lru_cache(maxsize=256)
+@functools.cache
 def load(text: str, pointers: int):
     """Callable kernel of a module: ``pointers`` array addresses, then five integers (see ``lanes.Kernel``)."""
     llvm, target, cpu, features = _target()
@@ -97,5 +99,5 @@ def load(text: str, pointers: int):
         engine.finalize_object()
         address = engine.get_function_address("kernel")
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * pointers, *[ctypes.c_int64] * 5)(address)
-    call.engine = engine  # keeps the code in memory
+    _ENGINES.append(engine)
     return call

@@ -46,8 +46,8 @@ def _flat(value: Any) -> list:
     return [x for v in value for x in _flat(v)] if isinstance(value, (list, tuple)) else [value]
 
 
-def _numbers(where: tuple, name: str, value: Any, shape: tuple, bounds: tuple[float, float], unit: str,
-             hint: str = "") -> Iterator[Problem]:
+def _numbers(where: tuple, name: str, value: Any, shape: tuple, bounds: tuple[float, float],
+             unit: str) -> Iterator[Problem]:
     if _shape(value) != shape:
         wanted = {0: "one number", 1: f"a list of {shape[0]} numbers" if shape else ""}.get(len(shape)) or \
             f"{shape[0]} lists of {shape[1]} numbers"
@@ -58,8 +58,9 @@ def _numbers(where: tuple, name: str, value: Any, shape: tuple, bounds: tuple[fl
             yield Problem(where, f"{name} is not finite", f"give a number [{unit}]")
             return
         if not bounds[0] <= x <= bounds[1]:
+            heavy = unit == "kg" and x > bounds[1]
             yield Problem(where, f"{name} = {x:g} {unit} is outside {bounds[0]:g} to {bounds[1]:g}",
-                          hint or "check the value and its unit")
+                          "is it in grams? give kg" if heavy else "check the value and its unit")
             return
 
 
@@ -84,9 +85,8 @@ def vehicle_problems(values: Mapping[str, Any]) -> Iterator[Problem]:
     shapes = {"inertia_kg_m2": (3,), "motor_positions_m": (4, 2)}
     for key, bounds in BOUNDS.items():
         if key in values:
-            hint = "is it in grams? give kg" if key == "mass_kg" else ""
             yield from _numbers(("vehicle", key), key, values[key], shapes.get(key, ()), bounds,
-                                UNITS[key].split(",")[0], hint)
+                                UNITS[key].split(",")[0])
     if "spin" in values and (_shape(values["spin"]) != (4,) or any(abs(s) != 1.0 for s in values["spin"])):
         yield Problem(("vehicle", "spin"), "spin is not four signs", "give 1.0 or -1.0 for motors 1..4")
     if "input" in values and values["input"] not in INPUTS:
@@ -122,9 +122,8 @@ def _parameter_problems(number: int, term: str, parameter: Parameter, value: Any
             yield Problem((number, parameter.name), f"{term}.{parameter.name} is {_short(value)}",
                           f"give a list of numbers, [0] the coefficient of power 0 [{parameter.unit}]")
             return
-    hint = "is it in grams? give kg" if parameter.unit == "kg" else "check the value and its unit"
     yield from _numbers((number, parameter.name), f"{term}.{parameter.name}", value, shape,
-                        (parameter.lower, parameter.upper), parameter.unit, hint)
+                        (parameter.lower, parameter.upper), parameter.unit)
 
 
 def model_problems(kind: str, terms: Terms) -> Iterator[Problem]:

@@ -46,9 +46,9 @@ def loads(text: str, place: str = "simulator.toml") -> Model:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        found = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
-        line = found[1] if found and found[1] else text.count("\n") + 1
-        raise InputError(f"{place}: line {line}", f"no TOML: {str(error).partition(' (at')[0]}",
+        stated = re.search(r"\(at line (\d+)", str(error))
+        number = stated[1] if stated else text.count("\n") + 1  # "at end of document"
+        raise InputError(f"{place}: line {number}", f"no TOML: {str(error).partition(' (at')[0]}",
                          "mend the line") from None
     lines = _Lines(text)
     problems = [(lines.of(where), where, found, advice) for where, found, advice in _problems(document)]
