@@ -118,7 +118,7 @@ def search(candidate: Map, cost, start: Sequence[float] | None = None) -> tuple[
             best = found
     for s, x, width in zip(candidate.shape, best.x, high - low, strict=True):
         if min(x - s.low, s.high - x) < AT_BOUND * width:
-            return best.x, f"{s.name} sits on its bound {x:.4g} {s.unit}"
+            return best.x, f"{s.name} sits on its bound {x:.4g}" + (f" {s.unit}" if s.unit != "1" else "")
     return best.x, "" if best.success else "did not converge"
 
 

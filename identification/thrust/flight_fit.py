@@ -11,7 +11,7 @@ from all rows of all training flights; a test flight gets nothing of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,10 +23,6 @@ from nanobench_tools.units import GRAVITY_M_S2
 from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 from .flown import EVERY, RATE_HZ, Flown, fly, join
 from .maps import MAPS, Map
-
-STAND_PRIOR = {"s": (1.65, 0.4)}
-"""Mean and SD of a shape over the public stand series with a load cell, each fitted alone (1.76, 1.98, 1.20 V): flights
-vary the voltage little and the map's other numbers a lot."""
 
 LEVEL_SD = 0.15
 NOISE_SD = 0.10
@@ -67,7 +63,7 @@ class FlightModel:
     @property
     def uses(self) -> str:
         """What the model uses, for its row."""
-        acts = "; inflow, warm motors (inputs of the last 20 s), unequal motors (of the last 10 s)"
+        acts = "; inflow, warm motors (inputs of the last 5 s), unequal motors (of the last 20 s)"
         return self.map.equation + (acts if self.effects else "")
 
     def design(self, shape: Sequence[float], flown: Flown) -> np.ndarray:
@@ -107,18 +103,13 @@ def effect_columns(flown: Flown) -> np.ndarray:
     return GRAVITY_M_S2 * np.stack([-flown.climb, flown.across2, -flown.heat, *flown.trim.T])
 
 
-def _flight_map(stand_map: Map) -> Map:
-    shape = tuple(replace(s, prior=STAND_PRIOR.get(s.name, s.prior)) for s in stand_map.shape)
-    return replace(stand_map, shape=shape)
-
-
 def models(mass_kg: float) -> dict[str, FlightModel]:
     """All candidates by name. UsageError for a mass that cannot be."""
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
-    found = [FlightModel(_flight_map(m), False, mass_kg) for m in MAPS.values()]
-    found += [FlightModel(_flight_map(MAPS[name]), True, mass_kg) for name in IN_FLIGHT]
+    found = [FlightModel(m, False, mass_kg) for m in MAPS.values()]
+    found += [FlightModel(MAPS[name], True, mass_kg) for name in IN_FLIGHT]
     return {m.name: m for m in found}
 
 

@@ -34,6 +34,10 @@ MOST_FOLDS = 5
 BLOCKS = 20
 """Pieces of the only file of a training set that a bootstrap draws from."""
 
+ONE_FILE_SHARE = 0.025
+"""SD of the mean error on another series, as a share of the largest thrust, that a single series is given since it
+cannot show any: motors and stands of one type differ by that (public stand series: 2 to 4 %)."""
+
 DRAWS = 100
 PROBABILITY = 0.95
 DRAWN_ROWS = 3000
@@ -128,21 +132,24 @@ def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRA
     folds = folds_of(train)
     scores = {name: held_out(c, folds, getattr(fits[name], "shape", None) or None) for name, c in candidates.items()}
     best = choose(fits, scores, NO_WORSE if len(train) > 1 else NO_WORSE_ONE_FILE)
-    widths = {name: half_width(score.errors, len(train)) for name, score in scores.items()}
+    unseen = ONE_FILE_SHARE * float(np.max(target(train[0]))) if len(train) == 1 else 0.0
+    widths = {name: half_width(score.errors, len(train), unseen) for name, score in scores.items()}
     drawn = {name: bootstrap(c, fits[name], train, seed, draws) for name, c in candidates.items()}
     return Study(tuple(train), candidates, fits, scores, best, widths, drawn)
 
 
-def half_width(found: Sequence[np.ndarray], files: int, probability: float = PROBABILITY) -> float:
+def half_width(found: Sequence[np.ndarray], files: int, unseen: float = 0.0,
+               probability: float = PROBABILITY) -> float:
     """Half width of the interval for a row of a new file from held-out errors (one array per file): the spread within
-    files, and that of the files' means with as few degrees of freedom as there are files. nan without errors."""
+    files, and that of the files' means with as few degrees of freedom as there are files. unseen: SD between files that
+    one file alone is given. nan without errors."""
     if not found:
         return float("nan")
     within = float(np.sqrt(np.mean(np.concatenate([e - e.mean() for e in found]) ** 2)))
     high = 0.5 + 0.5 * probability
     if files < 2:
         pooled = float(np.sqrt(np.mean(np.concatenate(list(found)) ** 2)))
-        return float(student.ppf(high, max(sum(map(len, found)) - 1, 1)) * pooled)
+        return float(student.ppf(high, max(sum(map(len, found)) - 1, 1)) * np.hypot(pooled, unseen))
     means = np.array([e.mean() for e in found])
     between = float(np.sqrt(np.mean(means**2) * (1.0 + 1.0 / files)))
     return float(np.hypot(student.ppf(high, files - 1) * between, student.ppf(high, 10**6) * within))

@@ -116,6 +116,15 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
     return [r for r in results.values() if r.files], chosen
 
 
+def own_bands(stand: Stand, mass_kg: float, seed: int) -> dict[str, Any]:
+    """{best, rms_N, firmware_N}: a series of whose propeller there is no other, each of its PWM bands predicted from
+    the rest of it."""
+    found = study([stand], mass_kg, seed, draws=0)
+    theirs = [s.rms for n, s in found.scores.items() if n.startswith("firmware") and np.isfinite(s.rms)]
+    return {"best": found.best, "rms_N": found.scores[found.best].rms if found.best else None,
+            "firmware_N": min(theirs, default=None)}
+
+
 def same_propeller(a: Stand, b: Stand) -> bool:
     ratio = a.thrust_per_speed2 / b.thrust_per_speed2
     return bool(1.0 / SAME_PROPELLER < ratio < SAME_PROPELLER)
@@ -134,7 +143,8 @@ def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
 
 
 def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float]) -> dict[str, Any]:
-    """PWM ratios (voltage x thrust) of a fitted model, null where the motor cannot: {voltage_V, thrust_N, limit_N, pwm}."""
+    """{voltage_V, thrust_N, limit_N, pwm}: PWM ratios (voltage x thrust) of a fitted model, null where the motor
+    cannot."""
     found = model.inverse(np.asarray(thrusts)[None, :], np.asarray(voltages)[:, None])
     pwm = np.where(found.saturated | found.below, np.nan, found.pwm)
     return {"voltage_V": list(map(float, voltages)), "thrust_N": list(map(float, thrusts)),

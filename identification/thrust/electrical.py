@@ -1,0 +1,45 @@
+"""What a stand series says about the battery and the motor beside the thrust, where current or speed were measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .fit import Fit
+from .stand import Stand
+
+BLOCKS = 20
+DRAWS = 200
+
+
+def battery_resistance(stand: Stand, seed: int = 0) -> dict[str, Any] | None:
+    """{value, ci95, unit} of R [ohm] in V = V_0 - R I - k q, q the charge taken so far (sum of I over the rows); None
+    without voltage or current. The interval draws blocks of rows."""
+    if stand.battery_V is None or stand.current_A is None or np.ptp(stand.current_A) < 0.1:
+        return None
+    taken = np.cumsum(stand.current_A) / np.sum(np.abs(stand.current_A))
+    columns = np.stack([np.ones(len(stand)), -stand.current_A, -taken], axis=1)
+
+    def resistance(rows: np.ndarray) -> float:
+        return float(np.linalg.lstsq(columns[rows], stand.battery_V[rows], rcond=None)[0][1])
+
+    blocks = np.array_split(np.arange(len(stand)), min(BLOCKS, len(stand)))
+    rng = np.random.default_rng(seed)
+    drawn = [resistance(np.concatenate([blocks[i] for i in rng.integers(0, len(blocks), len(blocks))]))
+             for _ in range(DRAWS)]
+    return {"value": resistance(np.arange(len(stand))), "ci95": [float(x) for x in np.percentile(drawn, [2.5, 97.5])],
+            "unit": "ohm"}
+
+
+def motor_constants(fit: Fit, stand: Stand) -> dict[str, dict[str, Any]]:
+    """k_f [N s^2/rad^2] from thrust and speed; with a map of the motor family also K_e = E / w [V s/rad], from
+    T = kappa E^2 = k_f w^2. Empty without speeds."""
+    k_f = stand.thrust_per_speed2
+    if not np.isfinite(k_f) or k_f <= 0.0:
+        return {}
+    found = {"k_f": {"value": k_f, "unit": "N s^2/rad^2"}}
+    kappa = fit.values.get("kappa")
+    if kappa is not None and kappa > 0.0:
+        found["K_e"] = {"value": float(np.sqrt(k_f / kappa)), "unit": "V s/rad"}
+    return found

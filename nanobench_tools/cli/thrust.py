@@ -1,0 +1,224 @@
+"""``nanobench thrust``: maps from PWM and battery voltage to thrust, from stand series and from flights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import InputError, UsageError
+from .options import PATH, Options, one_line, shared_options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from identification.thrust.result import Part
+
+    from ..audit import Audit
+    from ..flight import Flight
+
+UNITS = {"stand": ("rms_N", "mN per motor", 1e3, 2), "flight": ("rms_m_s2", "m/s²", 1.0, 4)}
+
+
+@click.command()
+@shared_options()
+@click.option("--train", multiple=True, type=PATH, metavar="PATH", help="Fit to these recordings (with --test).")
+@click.option("--test", multiple=True, type=PATH, metavar="PATH", help="Score on these recordings (with --train).")
+@click.option("--mass", type=float, metavar="KG",
+              help="Mass of the vehicle that flew; free flight shows thrust over mass only. Default: 0.04085 kg.")
+def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], mass: float | None) -> int:
+    """Thrust from PWM and battery voltage: which map holds for recordings it was not fitted to?
+
+    Fits polynomials, motor models and the firmware's curves to thrust-stand tables (thrust per motor) and to flights
+    (body-z specific force of the accelerometer, 3 Hz low-pass), and chooses by training files held out in turn.
+    Without --train and --test each stand series is predicted from the others of its propeller, and flights are split as
+    in Task 1. --out gets thrust.json, thrust.html, terms.toml for a simulator and thrust_firmware.h.
+    """
+    from identification.thrust.flight_fit import models
+
+    from ..physics.vehicle import Vehicle
+
+    if bool(train) != bool(test):
+        raise UsageError("--train and --test go together")
+    mass_kg = Vehicle().mass_kg if mass is None else mass
+    models(mass_kg)  # a mass that cannot be is said before anything is read
+    flights = options.load([*train, *test] if train else None)
+    parts = None
+    if train:
+        inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
+        parts = ([f for f, known in zip(flights, inside, strict=True) if known],
+                 [f for f, known in zip(flights, inside, strict=True) if not known])
+    body, found = thrust_body(options, flights, parts, mass_kg)
+    if options.out is not None:
+        _write(options, body, found)
+    return options.finish("thrust", body)
+
+
+def thrust_body(options: Options, flights: Sequence[Flight],
+                given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
+                mass_kg: float = 0.04085) -> tuple[dict[str, Any], list[Part]]:
+    """(the keys of thrust.json, the parts they are from), with the tables shown; ``given`` (train, test) replaces the
+    splits. InputError when nothing can be fitted."""
+    from identification.thrust.data import sort_out
+    from identification.thrust.result import whole
+
+    left: dict[str, str] = {}
+    stands, flown = sort_out(flights)
+    names = None if given is None else ({f.name for f in given[0]}, {f.name for f in given[1]})
+    found = [part for part in (_stands(options, stands, names, mass_kg, left),
+                               _flights(options, flown, names, mass_kg, left)) if part is not None]
+    for name, reason in left.items():
+        options.say(f"left out: {one_line(name)}: {reason}")
+    if not found:
+        place = flights[0].provenance.path
+        reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")
+        more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
+        raise InputError(place, f"nothing to fit: {reason}{more}")
+    body = whole(found, left)
+    for part in found:
+        _show(options, part)
+    return body, found
+
+
+def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
+            left: dict[str, str]) -> Part | None:
+    from identification.thrust.data import stand_rows
+    from identification.thrust.result import stand_part
+
+    rows = stand_rows(stands)
+    left |= rows.reasons
+    if not rows.files:
+        return None
+    if names is None:
+        return stand_part(rows.files, None, mass_kg, options.seed)
+    train = [f for f in rows.files if f.name in names[0]]
+    test = [f for f in rows.files if f.name in names[1]]
+    if not train or not test:
+        for f in (*train, *test):
+            left[f.name] = f"a stand series, but none of --{'test' if train else 'train'} can be used beside it"
+        return None
+    return stand_part(train, test, mass_kg, options.seed)
+
+
+def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
+             left: dict[str, str]) -> Part | None:
+    from identification.thrust.result import flight_part
+
+    if not flights:
+        return None
+    audits, _ = options.audit(flights)
+    parts = []
+    for clock in dict.fromkeys(("as-recorded", options.clock)):
+        on_clock, verdicts = (flights, audits) if clock == "as-recorded" else options.on_clock(flights, audits)
+        train, test, note, reasons = _split(on_clock, verdicts, names)
+        part = flight_part(train, test, mass_kg, options.seed, clock, note)
+        if clock == options.clock:
+            left |= reasons | (part.reasons if part else {})
+        if part is not None:
+            parts.append(part)
+    if len(parts) > 1:
+        parts[-1].body["as_recorded"] = {"rows": parts[0].rows, "best": parts[0].best}
+    return parts[-1] if parts else None
+
+
+def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
+           names: tuple[set[str], set[str]] | None) -> tuple[list, list, str, dict[str, str]]:
+    """(training cases, test cases, how they were chosen, reasons of the recordings in neither)."""
+    from identification.thrust.data import cases_of
+
+    from ..protocols import task1
+    from ..protocols.selection import apart, distinct
+
+    cases, reasons = cases_of(flights, audits)
+    by_name = {flight.name: (flight, spans) for flight, spans in cases}
+    usable = [_comparable(flight) for flight, _ in cases]
+    if names is None:
+        kept = distinct(usable)[0]
+        try:
+            chosen = {case.flight.name for case in task1.split(flights, audits).train}
+            note = "train: earliest recording of each trajectory of five families; test: the others"
+        except InputError as error:
+            chosen, note = {f.name for f in kept}, f"all flights train, none is held out ({error.found})"
+        train = [f for f in kept if f.name in chosen]
+        test = [f for f in kept if f.name not in chosen]
+        if not train:
+            train, test, note = test, [], "all flights train: none is of the families that train in Task 1"
+    else:
+        train = distinct([f for f in usable if f.name in names[0]])[0]
+        test = [f for f in usable if f.name in names[1]]
+        note = "train and test as given"
+    others, shared = apart(train, test)
+    test = distinct(others)[0]
+    used = {f.name for f in (*train, *test)}
+    reasons |= {f.name: shared.get(f.name, "copy or slice of another recording") for f in usable if f.name not in used}
+    return [by_name[f.name] for f in train], [by_name[f.name] for f in test], note, reasons
+
+
+def _comparable(flight: Flight) -> Flight:
+    """The flight, without a motion capture that holds no positions: copies are found by these."""
+    whole = "mocap" not in flight or all(q in flight["mocap"] for q in ("px", "py", "pz"))
+    return flight if whole else flight.without_streams("mocap")
+
+
+def _write(options: Options, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
+    from ..harness.results import plain, write_bytes
+    from ..report.thrust import thrust_page
+
+    options.out.mkdir(parents=True, exist_ok=True)
+    first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]
+    if first.get("toml"):
+        write_bytes(options.out / "terms.toml", first["toml"].encode())
+    if first.get("firmware"):
+        write_bytes(options.out / "thrust_firmware.h", first["firmware"].encode())
+    page = thrust_page(plain(body), options.synthetic)
+    write_bytes(options.out / "thrust.html", page.encode(errors="replace"))
+    options.say(f"{options.out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
+
+
+def _show(options: Options, part: Part) -> None:
+    from rich import box
+    from rich.table import Table
+
+    as_recorded = (part.body.get("as_recorded") or {}).get("rows", [])
+    key, unit, factor, digits = UNITS[part.kind]
+    what = "thrust per motor on rows that spin" if part.kind == "stand" else "body-z specific force, 3 Hz low-pass"
+    table = Table(title=f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, {part.note}",
+                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    heads = ["model", *(["clock"] if part.kind == "flight" else []), "split", f"RMS {unit}", "95 %", "n", "files",
+             "in 95 % interval", "status"]
+    for head in heads:
+        table.add_column(head, no_wrap=head not in ("status", "in 95 % interval"),
+                         justify="right" if head[:3] in ("RMS", "95 ", "n", "fil", "in ") else "left")
+    for row in [*as_recorded, *part.rows]:
+        name = row["model"] + (" *" if row["model"] == part.best else "")
+        interval = "-" if row["ci95"] is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row["ci95"])
+        cells = [name, *([row["clock"]] if part.kind == "flight" else []), row["split"],
+                 f"{factor * row[key]:.{digits}f}", interval, str(row["n"]), str(row["files"]),
+                 "-" if row["coverage95"] is None else f"{100 * row['coverage95']:.0f} %", one_line(row["status"])]
+        table.add_row(*cells)
+    options.show(table)
+    if part.best is None:
+        options.show("No map is a result: " + "; ".join(f"{n}: {t}" for n, t in part.to_json()["no_result"].items()))
+        return
+    options.show(f"* {part.best}: chosen by training files held out in turn "
+                 f"({factor * part.found.scores[part.best].rms:.{digits}f} {unit}); "
+                 f"95 % of a row of a new file within ± {factor * part.found.half_width[part.best]:.{digits}f} {unit}.")
+    for name, body in part.found.parameters()[part.best].items():
+        interval = body["ci95"]
+        options.show(f"  {name} = {body['value']:.5g} {body['unit']}"
+                     + (f"  ({interval[0]:.4g} .. {interval[1]:.4g})" if interval else ""))
+    pairs = part.body["against_firmware"]
+    if pairs:
+        won = sum(p["beaten"] for p in pairs)
+        options.show(f"Better than the better of the firmware's two curves on {won} of {len(pairs)} held-out files.")
+        for p in pairs if part.kind == "stand" else ():
+            how = part.body.get("held_out", {}).get(p["file"])
+            basis = "" if how is None else f" ({how['best']} fitted to {', '.join(how['fitted_to'])}" + (
+                "" if how["same_propeller"] is not False else ": none of its own propeller") + ")"
+            options.show(f"  {one_line(p['file'])}: {factor * p['rms']:.{digits}f} against "
+                         f"{factor * p['firmware']:.{digits}f} {unit}{one_line(basis)}")
+            own = (how or {}).get("own_bands")
+            if own and own["rms_N"] and own["firmware_N"]:
+                options.show(f"    from its own other PWM bands: {factor * own['rms_N']:.{digits}f} against "
+                             f"{factor * own['firmware_N']:.{digits}f} {unit} ({own['best']})")
