@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from nanobench_tools.physics.ops import casadi_ops, import_casadi
 
-from .firmware import LOWEST_BATTERY_V, constants
+from .firmware import LOWEST_BATTERY_V, constants, motor_voltage
 from .fit import Fit
 from .maps import Map
 
@@ -19,6 +19,12 @@ DEGREE = 3
 """Of the polynomial of the motor voltage that stands for a map the simulator has no term for."""
 
 GRID = 41
+LEAST_CUBES = (1e-6, 5e-4, 1e-3, 2e-3, 4e-3)
+"""Smallest c_3 [N/V^3] tried in turn, until the firmware's single precision solves the cubic."""
+
+SOLVED_WITHIN = 0.005
+"""Error of that solution, as a share of the largest thrust."""
+
 LEAST_SHARE = 7000.0 / 65535.0
 """Commands below it stop the motors: the firmware's THRUST_MIN is this share of its THRUST_MAX, to 0.01 %."""
 
@@ -59,7 +65,7 @@ def export(fit: Fit, u: tuple[float, float], voltage: tuple[float, float], scale
     c, rms = motor_voltage_polynomial(fit.map, fit.values, grid_u, grid_v, thrust, scale)
     drive = np.broadcast_to(grid_u * grid_v, thrust.shape).ravel()
     highest = float(scale * fit.predict(u[1], voltage[0]))
-    lines, note = _firmware(rising_cubic(drive, thrust.ravel()), drive, thrust.ravel(), highest, name)
+    lines, note = _firmware(drive, thrust.ravel(), highest, name)
     return Exported(({"name": "thrust_voltage", "c": list(c)}, *more), rms, lines, note)
 
 
@@ -78,7 +84,7 @@ def _rms(c: Any, drive: np.ndarray, thrust: np.ndarray) -> float:
     return float(np.sqrt(np.mean((np.polynomial.polynomial.polyval(drive, c) - thrust) ** 2)))
 
 
-def rising_cubic(drive: np.ndarray, thrust: np.ndarray) -> np.ndarray:
+def rising_cubic(drive: np.ndarray, thrust: np.ndarray, least_c3: float = LEAST_CUBES[0]) -> np.ndarray:
     """c_k (4,) of the cubic nearest to ``thrust`` that rises everywhere, which the firmware's inverse needs.
 
     c_0 + slope V + c_3 ((V - p)^3 + p^3) with slope and c_3 above zero has a derivative above zero everywhere; p is
@@ -89,17 +95,26 @@ def rising_cubic(drive: np.ndarray, thrust: np.ndarray) -> np.ndarray:
     for p in np.linspace(-top, top, 81):
         columns = np.stack([np.ones_like(drive), drive, (drive - p) ** 3 + p**3], axis=1)
         size = np.abs(columns).max(axis=0)
-        found = lsq_linear(columns / size, thrust, ([-np.inf, 1e-6, 1e-6], [np.inf] * 3), method="bvls")
+        found = lsq_linear(columns / size, thrust, ([-np.inf, 1e-6, least_c3 * size[2]], [np.inf] * 3), method="bvls")
         c0, slope, c3 = found.x / size
         best = min(best, (found.cost, np.array([c0, slope + 3.0 * c3 * p * p, -3.0 * c3 * p, c3])), key=lambda x: x[0])
     return best[1]
 
 
-def _firmware(c: np.ndarray, drive: np.ndarray, thrust: np.ndarray, highest_N: float, name: str) -> tuple[str, str]:
+def solved_on_vehicle(c: np.ndarray, least_N: float, highest_N: float) -> bool:
+    """Whether the firmware's formula in single precision finds the voltages of all thrusts it may be asked for."""
+    asked = np.linspace(least_N, highest_N, 101)
+    given = np.polynomial.polynomial.polyval(motor_voltage(asked, c, np.float32).astype(float), c)
+    return bool(np.all(np.abs(given - asked) < SOLVED_WITHIN * highest_N))
+
+
+def _firmware(drive: np.ndarray, thrust: np.ndarray, highest_N: float, name: str) -> tuple[str, str]:
     least = LEAST_SHARE * highest_N
-    if c[0] >= least:
-        return "", (f"no constants: the cubic gives {c[0]:.4f} N at 0 V, more than the least command of {least:.4f} N; "
-                    "the training rows hold too little thrust")
+    tried = (rising_cubic(drive, thrust, c3) for c3 in LEAST_CUBES)
+    c = next((x for x in tried if x[0] < least and solved_on_vehicle(x, least, highest_N)), None)
+    if c is None:
+        return "", ("no constants: no cubic near this map gives less than the least command at 0 V and is solved in "
+                    "the firmware's single precision")
     comment = f"nanobench thrust: {name} as cubic of PWM/65535 vbat, RMS {1e3 * _rms(c, drive, thrust):.2f} mN from it"
     note = ("for platform_defaults_cf2.h; THRUST_MAX is what full PWM gives at the lowest battery voltage of the "
             f"training rows; the firmware stops the motors below {LOWEST_BATTERY_V} V")

@@ -34,14 +34,15 @@ LEGACY = PropellerSet("legacy", "legacy propellers",
                       0.012817578393224994, 0.12)
 
 
-def motor_voltage(thrust_N: np.ndarray, c: Sequence[float]) -> np.ndarray:
+def motor_voltage(thrust_N: np.ndarray, c: Sequence[float], kind: type = np.float64) -> np.ndarray:
     """Voltage u V [V] at which the cubic ``c`` gives ``thrust_N`` (...), as the firmware solves it.
 
-    Only for cubics that rise everywhere (one real root); others give nan.
+    Only for cubics that rise everywhere (one real root); others give nan. The vehicle computes with
+    ``kind=numpy.float32``: a small c_3 beside the others then cancels, which no algebra shows.
     """
-    c0, c1, c2, c3 = c
-    p, r = -c2 / (3.0 * c3), c1 / (3.0 * c3)
-    q = p**3 + (c2 * c1 - 3.0 * c3 * (c0 - np.asarray(thrust_N, float))) / (6.0 * c3**2)
+    c0, c1, c2, c3 = (kind(x) for x in c)
+    p, r = -c2 / (kind(3) * c3), c1 / (kind(3) * c3)
+    q = p**3 + (c2 * c1 - kind(3) * c3 * (c0 - np.asarray(thrust_N, kind))) / (kind(6) * c3**2)
     inside = q**2 + (r - p**2) ** 3
     root = np.sqrt(np.where(inside >= 0.0, inside, np.nan))
     return np.cbrt(q + root) + np.cbrt(q - root) + p

@@ -33,6 +33,7 @@ def part(kind: str, body: Mapping[str, Any]) -> dict[str, Any]:
     mine = body[kind]
     key, factor, unit, digits = KEYS[kind]
     rows = [*((mine.get("as_recorded") or {}).get("rows") or []), *(r for r in body["rows"] if r["kind"] == kind)]
+    rows.sort(key=lambda r: r["split"] != "test")  # what was held out first
     return {"kind": kind, "title": SECTIONS[kind], "best": mine["best"], "split": mine["split"], "unit": unit,
             "words": words(kind, mine, rows), "rows": [_row(r, key, factor, digits, mine["best"]) for r in rows],
             "parameters": [_parameter(name, value) for name, value in

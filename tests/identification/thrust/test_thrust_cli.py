@@ -1,0 +1,109 @@
+"""The verb: its result file, its page, and one line for whatever cannot be fitted."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from made_stands import dc_law, drive, text
+
+from nanobench_tools.cli.main import main
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def nanobench(capsys):
+    def call(*arguments):
+        code = main(["thrust", *map(str, arguments), "--jobs", "1"])
+        found = capsys.readouterr()
+        return code, found.out, found.err
+
+    return call
+
+
+def series(folder, *seeds):
+    folder.mkdir(exist_ok=True)
+    for seed in seeds:
+        u, voltage = drive(seed=seed)
+        noise = 5e-4 * np.random.default_rng(seed).normal(size=len(u))
+        (folder / f"s{seed}.csv").write_text(text(u, voltage, dc_law(u, voltage) + noise))
+    return folder
+
+
+def test_train_and_test(tmp_path, nanobench):
+    code, out, err = nanobench("--train", series(tmp_path / "a", 1, 2), "--test", series(tmp_path / "b", 3),
+                               "--out", tmp_path / "out", "--json", tmp_path / "r.json")
+    assert (code, "Traceback" in err) == (0, False)
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert found["schema"] == "nanobench-thrust/1"
+    rows = {(r["model"], r["split"]): r for r in found["rows"]}
+    best = rows[found["best"], "test"]
+    assert best["rms_N"] < 1e-3
+    assert best["rms_N"] < rows["thrust_pwm", "test"]["rms_N"]
+    assert all(best["rms_N"] < r["rms_N"] for (m, s), r in rows.items() if m.startswith("firmware") and s == "test")
+    assert best["n"] == 120
+    assert set(found["parameters"][found["best"]].popitem()[1]) == {"value", "ci95", "unit"}
+    assert found["best"] in out
+    page = (tmp_path / "out" / "thrust.html").read_text()
+    assert "http://" not in page.split("<script>")[0]
+    assert found["best"] in page
+    assert (tmp_path / "out" / "terms.toml").read_text().startswith("[[terms]]")
+
+
+def test_without_a_split_every_series_is_held_out(tmp_path, nanobench):
+    code, _, _ = nanobench("--data", series(tmp_path / "a", 1, 2, 3), "--json", tmp_path / "r.json")
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert code == 0
+    assert set(found["stand"]["held_out"]) == {"s1", "s2", "s3"}
+    assert all(len(h["fitted_to"]) == 2 for h in found["stand"]["held_out"].values())
+
+
+def test_the_same_seed_gives_the_same_result(tmp_path, nanobench):
+    data = series(tmp_path / "a", 1, 2)
+    bodies = []
+    for name in ("x", "y"):
+        nanobench("--data", data, "--json", tmp_path / f"{name}.json", "--quiet")
+        body = json.loads((tmp_path / f"{name}.json").read_text())
+        bodies.append({k: body[k] for k in ("rows", "parameters", "best")})
+    assert bodies[0] == bodies[1]
+
+
+def test_a_silent_load_cell_is_said_and_left_out(tmp_path, nanobench):
+    data = series(tmp_path / "a", 1, 2)
+    u, voltage = drive()
+    (data / "silent.csv").write_text(text(u, voltage, 0.0 * u))
+    code, _, err = nanobench("--data", data, "--json", tmp_path / "r.json")
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert code == 0
+    assert [entry["flight"] for entry in found["left_out"]] == ["silent"]
+    assert "left out: silent: holds no thrust" in err
+    assert all(r["files"] == 2 for r in found["rows"])
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (("--train", "a"), "--train and --test go together"),
+    (("--mass", "40.85"), "is it in grams?"),
+    (("--data", "nowhere"), "does not exist"),
+])
+def test_bad_usage(tmp_path, monkeypatch, nanobench, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = nanobench(*arguments)
+    assert code == 2
+    assert said in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_nothing_to_fit_is_one_line(tmp_path, nanobench):
+    folder = tmp_path / "a"
+    folder.mkdir()
+    u, voltage = drive()
+    (folder / "silent.csv").write_text(text(u, voltage, 0.0 * u))
+    code, _, err = nanobench("--data", folder, "--quiet")
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    assert "nothing to fit" in err
