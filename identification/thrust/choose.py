@@ -28,13 +28,15 @@ class HeldOut:
     trouble: str = ""
 
 
-def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: float = NO_WORSE) -> str | None:
+def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: float = NO_WORSE,
+           spread: float = np.inf) -> str | None:
     """Name of the map with the smallest held-out error, or of lower rank and no worse; None if none is a result.
 
-    Maps whose fit is in trouble, and the firmware's own, are never chosen.
+    Maps whose fit is in trouble, the firmware's own, and maps that predict held-out rows no better than a constant
+    (``spread``: the SD of what is predicted) are never chosen.
     """
     able = [n for n, fit in fits.items() if not fit.trouble and map_of(fit).fixed is None
-            and not scores[n].trouble.startswith("not ") and np.isfinite(scores[n].rms)]
+            and not scores[n].trouble.startswith("not ") and scores[n].rms < spread]
     if not able:
         return None
     limit = no_worse * min(scores[n].rms for n in able)

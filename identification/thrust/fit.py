@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
-from .maps import Map
+from .maps import FROM_ELSEWHERE, Map
 from .stand import STEADY_V, Stand
 
 AT_BOUND = 2e-3
@@ -143,6 +143,6 @@ def _no_voltage(candidate: Map, stands: Sequence[Stand]) -> str:
     if any(s.battery_V is None for s in stands):
         return "no battery voltage in " + ", ".join(s.name for s in stands if s.battery_V is None)
     seen = np.concatenate([s.voltage for s in stands])
-    if candidate.fixed is None and np.ptp(seen) < STEADY_V and (candidate.shape or len(candidate.linear) > 4):
-        return f"the battery voltage never changes ({seen[0]:.3f} V), so this map cannot be told from others"
+    if candidate.fixed is None and candidate.rank < FROM_ELSEWHERE and np.ptp(seen) < STEADY_V:
+        return f"the battery voltage never changes ({seen[0]:.3f} V): no law of the voltage can be fitted"
     return ""

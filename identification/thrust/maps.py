@@ -151,13 +151,16 @@ DROP_PRIOR_V = (1.3, 0.8)
 """Mean and SD of what is known of ``s`` before any data: a diode's 0.3 to 0.6 V, and 4 to 8 A through 0.1 to 0.2 ohm
 of a small cell. One discharge of one battery ties the voltage to the PWM and says little of its own."""
 
+FROM_ELSEWHERE = 2
+"""Rank of maps whose law of the voltage was measured on other motors."""
+
 MAPS: dict[str, Map] = {m.name: m for m in (
     firmware_map(PLUS),
     firmware_map(LEGACY),
     Map(f"scaled_{PLUS.name}", f"s x cubic for {PLUS.words}", (("s", "1"),), _scaled(PLUS), positive=True,
-        rank=2),
+        rank=FROM_ELSEWHERE),
     Map(f"scaled_{LEGACY.name}", f"s x cubic for {LEGACY.words}", (("s", "1"),), _scaled(LEGACY),
-        positive=True, rank=2),
+        positive=True, rank=FROM_ELSEWHERE),
     _polynomial("thrust_pwm", THRUST_PWM, 2, "T = sum c_k u^k, no voltage", uses_voltage=False, rank=3),
     _polynomial("thrust_voltage", THRUST_VOLTAGE, 3, "T = sum c_k (u V)^k"),
     Map("power_law", "T = c u^a V^b", (("c", "N"),), _power,

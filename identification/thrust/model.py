@@ -70,6 +70,7 @@ class ThrustModel:
         if chosen is None or not found.fits[chosen].values:
             why = found.fits[chosen].trouble if chosen else "; ".join(
                 f"{n}: {f.trouble}" for n, f in found.fits.items() if f.trouble)
+            why = why or "none predicts held-out rows better than a constant"
             raise InputError(found.train[0].path, f"no map is a result ({why})", "give more rows or more files")
         self.best_ = chosen
         return self

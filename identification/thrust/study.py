@@ -131,7 +131,8 @@ def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRA
     fits = {name: fit_any(c, train) for name, c in candidates.items()}
     folds = folds_of(train)
     scores = {name: held_out(c, folds, getattr(fits[name], "shape", None) or None) for name, c in candidates.items()}
-    best = choose(fits, scores, NO_WORSE if len(train) > 1 else NO_WORSE_ONE_FILE)
+    spread = float(np.std(np.concatenate([target(f) for f in train])))
+    best = choose(fits, scores, NO_WORSE if len(train) > 1 else NO_WORSE_ONE_FILE, spread)
     unseen = ONE_FILE_SHARE * float(np.max(target(train[0]))) if len(train) == 1 else 0.0
     widths = {name: half_width(score.errors, len(train), unseen) for name, score in scores.items()}
     drawn = {name: bootstrap(c, fits[name], train, seed, draws) for name, c in candidates.items()}

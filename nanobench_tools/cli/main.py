@@ -23,7 +23,7 @@ VERBS: dict[str, tuple[str, str]] = {
               "nanobench audit --data FLIGHTS --json audit.json"),
     "estimate": ("Task 3: where was it? Scores of state estimators.", "nanobench estimate --protocol as-published"),
     "sysid": ("Task 1: what will it do? Scores of predictive models.", "nanobench sysid --json sysid.json"),
-    "thrust": ("Thrust from PWM and battery voltage, from stand tables and flights.",
+    "thrust": ("Thrust from PWM and voltage: stand tables and flights.",
                "nanobench thrust --data STAND --out DIR"),
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
     "simulate": ("Write practice flights through the whole logging chain.",

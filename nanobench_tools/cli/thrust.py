@@ -199,7 +199,8 @@ def _show(options: Options, part: Part) -> None:
         table.add_row(*cells)
     options.show(table)
     if part.best is None:
-        options.show("No map is a result: " + "; ".join(f"{n}: {t}" for n, t in part.to_json()["no_result"].items()))
+        options.show("No map is a result: none predicts held-out rows better than a constant"
+                     + "".join(f"; {n}: {t}" for n, t in part.to_json()["no_result"].items()))
         return
     options.show(f"* {part.best}: chosen by training files held out in turn "
                  f"({factor * part.found.scores[part.best].rms:.{digits}f} {unit}); "

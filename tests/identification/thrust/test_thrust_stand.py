@@ -59,13 +59,17 @@ def test_a_fit_on_its_bound_is_said_and_never_chosen():
 
 
 def test_constant_voltage_leaves_no_voltage_law():
-    u, _ = drive()
-    found = study([made(lambda u, v: 0.1 * u**2 + 0.01 * u).rows(np.ones(len(u), bool))], 0.04, draws=0)
     steady = made(lambda u, v: 0.1 * u**2 + 0.01 * u)
     steady.battery_V[:] = 3.7
     found = study([steady], 0.04, draws=0)
-    assert "never changes" in found.fits["switched_motor"].trouble
-    assert found.best is not None
+    for name in ("switched_motor", "thrust_voltage", "pwm_voltage"):
+        assert "never changes" in found.fits[name].trouble
+    assert found.best == "thrust_pwm"
+
+
+@pytest.mark.parametrize("law", [lambda u, v: 0.02 + 0.0 * u, lambda u, v: 0.1 * (1.2 - u)])
+def test_no_map_is_chosen_where_pwm_explains_nothing(law):
+    assert study([made(law, noise_N=5e-3)], 0.04, draws=0).best is None
 
 
 def write(tmp_path, content, name="stand.csv"):
