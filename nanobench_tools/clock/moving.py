@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import pearsonr
 
-from ..content import compare
+from ..content import compare, pairs
 from ..content.context import Context
 from ..content.leaps import mocap_leaps
 from .offset import Measured, measured_lags
@@ -48,7 +48,7 @@ class Moving:
 def track_of(context: Context) -> TrackError | None:
     """Error of the estimated position along its path; None without one that fits."""
     own = context.once(measured_lags).get("estimator")
-    pair = context.once(compare.position_pair)
+    pair = context.once(pairs.position_pair)
     if own is None or pair is None or not own.by.startswith("x"):
         return None
     if any(not leap.rotation for leap in context.once(mocap_leaps)):
@@ -102,7 +102,7 @@ def _by_track(track: TrackError) -> Moving:
 
 
 def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
-    wanders, sd, like_track = m.wanders, m.wander_sd_s, False
+    wanders, sd, least, like_track = m.wanders, m.wander_sd_s, m.detectable_wander_s, False
     evidence = (
         f"lags of {by} in half seconds scatter by {1e3 * m.wander_sd_s:.1f} ms more than noise explains "
         f"({1e3 * m.noise_sd_s:.1f} ms; chance {m.p_wander:.0e})"
@@ -114,6 +114,7 @@ def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
             r, p = pearsonr(means[both], m.lag_s[both], alternative="greater")
             if p < CONFIRMED:
                 wanders, sd, like_track = True, track.wander_sd_s, True
+                least = min(least, track.detectable_wander_s)
                 evidence = (
                     f"half-second lags of {by} move with the time error of the estimated position "
                     f"(correlation {r:.2f}, "
@@ -126,7 +127,7 @@ def _by_windows(by: str, m: Movement, track: TrackError | None) -> Moving:
         m.drifts,
         wanders,
         m.detectable_drift_s,
-        m.detectable_wander_s,
+        least,
         f"lags of {by} change by {1e3 * m.slope * m.span_s:.1f} ms in {m.span_s:.0f} s (chance {m.p_drift:.0e})",
         evidence,
         like_track,

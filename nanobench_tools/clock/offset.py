@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..content import compare
+from ..content import compare, pairs
 from ..content.context import Context
 from ..content.likeness import likenesses
 from .lags import Lag, best_lag, lag_sums
 from .windows import Movement, movement
 
-MEASURED_BY: dict[str, tuple[compare.MakePair, ...]] = {
-    "imu": (compare.gyro_pair, compare.force_pair),
-    "attitude": (compare.attitude_pair,),
-    "attitude_qw": (compare.attitude_qw_pair,),
-    "estimator": (compare.position_pair, compare.velocity_pair),
-    "estimator_acc": (compare.acceleration_pair,),
+MEASURED_BY: dict[str, tuple[pairs.MakePair, ...]] = {
+    "imu": (pairs.gyro_pair, pairs.force_pair),
+    "attitude": (pairs.attitude_pair,),
+    "attitude_qw": (pairs.attitude_qw_pair,),
+    "estimator": (pairs.position_pair, pairs.velocity_pair),
+    "estimator_acc": (pairs.acceleration_pair,),
 }
 
 
@@ -56,8 +56,8 @@ def measured_lags(context: Context) -> dict[str, Measured]:
     return found
 
 
-def _measure(context: Context, make: compare.MakePair, pair: compare.Pair) -> Measured | None:
-    sums, truth = compare.sums_of(context, make), context.once(compare.truth_of)
+def _measure(context: Context, make: pairs.MakePair, pair: compare.Pair) -> Measured | None:
+    sums, truth = pairs.sums_of(context, make), context.once(compare.truth_of)
     if sums is None or truth is None:
         return None
     verdict = context.once(likenesses).get(make)

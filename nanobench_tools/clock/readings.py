@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..content import compare
+from ..content import compare, pairs
 from ..content.context import Context
 from .mean_offset import mean_lag
 from .moving import OWN_LAG_S, moving_clocks
@@ -115,7 +115,7 @@ def _ms(own: Measured) -> str:
 def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
     """Why this measurement tells nothing; empty if it does."""
     if is_gyro:
-        pair = context.once(compare.gyro_pair)
+        pair = context.once(pairs.gyro_pair)
         rate = 0.0 if pair is None else float(np.linalg.norm(pair.rms[:2]))
         if rate < SMALLEST_RATE_RAD_S:
             return f"too little rotation: {rate:.3f} rad/s RMS, noise of the poses is {SMALLEST_RATE_RAD_S:.1f}"

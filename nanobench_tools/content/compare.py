@@ -1,4 +1,5 @@
-"""Pairs of vector signals that should be the same: what a stream says and what the motion capture predicts for it.
+"""How two vector signals that should be the same are compared: what a stream says and what the motion capture predicts
+for it; which ones stands in ``pairs``.
 
 Both are on the grid of ``truth`` and band-limited forward and backward (no delay). Rows near missing, dead, frozen
 or leaping data are left out.
@@ -7,22 +8,19 @@ or leaping data are left out.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from .. import so3
-from ..clock.lags import LagSums, lag_sums
 from .airborne import airborne_spans
 from .context import Context
 from .crashes import crash_of
 from .packets import packets_of
-from .quaternions import ORDERS, quaternion_orders
 from .rows import runs, usable_streams
 from .tails import alive_until
-from .truth import STEP_S, Truth, body_rate, truth_of, widened
+from .truth import STEP_S, Truth, truth_of, widened
 
 RATE_BAND_HZ = (0.3, 8.0)
 """For rates and forces: below, slow turns hide a frame rotation as a delay; above, noise of the poses."""
@@ -108,7 +106,7 @@ def on_grid(
     return result, near & (t >= times[0]) & (t <= times[-1])
 
 
-def _pair(
+def against(
     context: Context,
     name: str,
     quantities: tuple[str, ...],
@@ -120,6 +118,8 @@ def _pair(
     reach_s: float = REACH_S,
     shift_s: float = 0.0,
 ) -> Pair | None:
+    """The pair of a stream's ``signal(prepare(values))`` and what ``reference`` makes of truth; see ``on_grid`` and
+    ``pair_of``."""
     placed, truth = on_grid(context, name, quantities, prepare, shift_s), context.once(truth_of)
     if placed is None or truth is None:
         return None
@@ -163,153 +163,3 @@ def pair_of(
     # an axis that never moves holds rounding errors only
     both[np.broadcast_to((np.abs(both).max(axis=1) < 1e-9)[:, None, :], both.shape)] = 0.0
     return Pair(name, quantities, both[0], both[1], use, free, reach_s)
-
-
-def _rate_of_euler(angles: np.ndarray) -> np.ndarray:
-    return np.gradient(angles, STEP_S, axis=0)
-
-
-def _rate_of_quaternion(q: np.ndarray) -> np.ndarray:
-    return body_rate(so3.make_continuous(q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)), STEP_S)
-
-
-def gyro_pair(context: Context) -> Pair | None:
-    """Gyro against the body rate of the motion capture, rad/s."""
-    return _pair(context, "imu", ("gyro_x", "gyro_y", "gyro_z"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True)
-
-
-def force_pair(context: Context) -> Pair | None:
-    """Accelerometer against the specific force of the motion capture, m/s^2 body."""
-    return _pair(context, "imu", ("acc_x", "acc_y", "acc_z"), lambda truth: truth.force_m_s2, FORCE_BAND_HZ, True)
-
-
-def attitude_pair(context: Context) -> Pair | None:
-    """Rates of the estimated Euler angles against those of the motion capture, rad/s."""
-    return _pair(
-        context,
-        "attitude",
-        ("roll", "pitch", "yaw"),
-        lambda truth: _rate_of_euler(truth.euler_rad),
-        RATE_BAND_HZ,
-        True,
-        signal=_rate_of_euler,
-        prepare=lambda v: np.unwrap(v, axis=0),
-    )
-
-
-def attitude_qw_pair(context: Context) -> Pair | None:
-    """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
-    found = context.once(quaternion_orders).get("attitude_qw")
-    order = list(ORDERS[found.name] if found else range(4))
-    pair = _pair(
-        context,
-        "attitude_qw",
-        ("qx", "qy", "qz", "qw"),
-        lambda truth: truth.rate_rad_s,
-        RATE_BAND_HZ,
-        True,
-        signal=_rate_of_quaternion,
-        prepare=lambda q: so3.make_continuous(q[:, order]),
-    )
-    return None if pair is None else replace(pair, quantities=("qx", "qy", "qz"))
-
-
-def position_pair(context: Context) -> Pair | None:
-    """Estimated against tracked position, m world."""
-    return _pair(context, "estimator", ("x", "y", "z"), lambda truth: truth.position_m, POSE_BAND_HZ, False)
-
-
-def velocity_pair(context: Context) -> Pair | None:
-    """Estimated against tracked velocity, m/s world."""
-    return _pair(context, "estimator", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, False)
-
-
-def acceleration_pair(context: Context) -> Pair | None:
-    """Estimated against tracked acceleration, m/s^2 world."""
-    return _pair(
-        context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ, True
-    )
-
-
-def setpoint_pair(context: Context) -> Pair | None:
-    """Position asked for, half a second before (vehicles follow 0.3-0.8 s behind), against that reached, m world."""
-    return _pair(
-        context,
-        "setpoint",
-        ("x", "y", "z"),
-        lambda truth: truth.position_m,
-        (0.05, 1.0),
-        True,
-        reach_s=0.5,
-        shift_s=0.5,
-    )
-
-
-def request_pair(context: Context) -> Pair | None:
-    """Attitude asked for by the position loop against that reached, rad."""
-    return _pair(
-        context,
-        "pid",
-        ("roll", "pitch", "yaw"),
-        lambda truth: truth.euler_rad,
-        (0.3, 3.0),
-        True,
-        prepare=lambda v: np.unwrap(v, axis=0),
-    )
-
-
-def mocap_velocity_pair(context: Context) -> Pair | None:
-    """Velocity columns of the motion capture against its positions, m/s world."""
-    return _pair(
-        context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True, reach_s=0.05
-    )
-
-
-def mocap_rate_pair(context: Context) -> Pair | None:
-    """Rate columns of the motion capture against its quaternions, rad/s body."""
-    return _pair(context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True, reach_s=0.05)
-
-
-def euler_column_pair(context: Context) -> Pair | None:
-    """Euler columns of the motion capture against its quaternions, rad."""
-    return _pair(
-        context,
-        "mocap",
-        ("roll", "pitch", "yaw"),
-        lambda truth: truth.euler_rad,
-        (0.3, 3.0),
-        True,
-        prepare=lambda v: np.unwrap(v, axis=0),
-        reach_s=0.05,
-    )
-
-
-MakePair = Callable[[Context], Pair | None]
-PAIRS: tuple[MakePair, ...] = (
-    gyro_pair,
-    force_pair,
-    attitude_pair,
-    attitude_qw_pair,
-    position_pair,
-    velocity_pair,
-    acceleration_pair,
-    setpoint_pair,
-    request_pair,
-    mocap_velocity_pair,
-    mocap_rate_pair,
-    euler_column_pair,
-)
-
-
-def sums_of(context: Context, pair: MakePair) -> LagSums | None:
-    """Lagged second moments of one of PAIRS, kept with the context."""
-    return context.once(pair_sums)[pair]
-
-
-def pair_sums(context: Context) -> dict[MakePair, LagSums | None]:
-    """Lagged second moments of all PAIRS; None for a pair that cannot be formed."""
-    result = {}
-    for make in PAIRS:
-        pair = context.once(make)
-        result[make] = None if pair is None else lag_sums(pair.measured, pair.reference, pair.use, STEP_S, pair.reach_s)
-    return result

@@ -44,6 +44,14 @@ class Displaced:
     before: Leap | None
     after: Leap | None
 
+    @property
+    def leap(self) -> Leap:
+        """The one that leads into it, else the one out of it."""
+        found = self.before or self.after
+        if found is None:
+            raise ValueError("a displaced stretch has a leap at one of its ends")
+        return found
+
 
 def displaced_stretches(context: Context) -> list[Displaced]:
     """The stretches between leaps whose poses stand in another frame than the longest consistent part.
@@ -67,15 +75,15 @@ def displaced_stretches(context: Context) -> list[Displaced]:
         off = np.linalg.norm(at[:, None] - at[None, :], axis=2)
         same &= off < min(2.0 * max(leap.limit for leap in kind), 0.5 * min(leap.size for leap in kind))
     kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
-    bounds = [None, *leaps, None]
     return [
         Displaced(
-            float(starts[k] if bounds[k] is None else bounds[k].start_s),
-            float(ends[k] if bounds[k + 1] is None else bounds[k + 1].end_s),
-            bounds[k],
-            bounds[k + 1],
+            float(start if before is None else before.start_s),
+            float(end if after is None else after.end_s),
+            before,
+            after,
         )
-        for k in np.flatnonzero(~kept)
+        for rest, start, end, before, after in zip(kept, starts, ends, [None, *leaps], [*leaps, None], strict=True)
+        if not rest
     ]
 
 

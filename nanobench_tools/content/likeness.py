@@ -1,6 +1,6 @@
 """Which of its axes, signs and units a stream is in, judged by the signal it should equal.
 
-For every pair of ``compare`` the correlations of all axes with all axes are taken at every lag within reach. The order
+For every one of ``pairs`` the correlations of all axes with all axes are taken at every lag within reach. The order
 of axes that explains most, the signs at that lag and the ratio of the amplitudes are the verdict. A different order or
 sign is believed only if it is clearly better than leaving things as they are, and if it holds in the seconds of the
 flight taken one by one, not only in their sum.
@@ -14,10 +14,11 @@ from itertools import permutations
 import numpy as np
 
 from ..clock.lags import LagSums
-from .compare import (
+from .compare import Pair
+from .context import Context
+from .pairs import (
     PAIRS,
     MakePair,
-    Pair,
     acceleration_pair,
     force_pair,
     gyro_pair,
@@ -28,7 +29,6 @@ from .compare import (
     sums_of,
     velocity_pair,
 )
-from .context import Context
 
 ORDERS = tuple(permutations(range(3)))
 CLEAR = 0.4

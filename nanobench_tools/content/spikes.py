@@ -62,7 +62,7 @@ def spikes(context: Context) -> list[Spike]:
         slower = max(usual_step_s(stream.time_s) / ROW_S, 1.0) ** 2 if name == "mocap" else 1.0
         limit = slower * np.array([limits[stream.quantities[k]] for k in use])
         beyond = (distance > limit) & (stream.time_s <= context.once(alive_until)[name])[:, None]
-        rows = beyond.any(axis=1)
+        rows: np.ndarray = np.any(beyond, axis=1)
         if not rows.any():
             continue
         crash = context.once(crash_of)
@@ -89,7 +89,7 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
     """(k,): a spike in rows first..end-1 of values (n, k) that adds at least so much is found, whatever its sign.
 
     A moving vehicle goes on beneath it: the median of the neighbours may lie a row's step nearer for each row of the
-    spike, and the neighbours on either side differ, of which the spike has to be double to be one that comes back; those
+    spike, and the neighbours on either side differ, of which it has to be double to be one that comes back; those
     a step beyond the limit away count as part of it. The reading it spoils may have been off to the other side by as
     much as readings around it (97 % of them: all but what the spike itself reaches).
     """

@@ -26,7 +26,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per displaced stretch."""
     faults = []
     for stretch in context.once(displaced_stretches):
-        leap = stretch.before or stretch.after
+        leap = stretch.leap
         stream, unit = flight["mocap"], "rad" if leap.rotation else "m"
         columns = tuple(stream.columns[stream.index(q)] for q in (ROTATION if leap.rotation else POSITION))
         if stretch.before is None:

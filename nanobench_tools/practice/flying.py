@@ -121,7 +121,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
                 command = _command(controller, TICK_S * tick + STEP_S * sub, state, given)
             plant.apply(np.where(armed[:, None], command, 0.0))
             if sub == 0:
-                log = controller.log if logs else None
+                log = getattr(controller, "log", None) if logs else None
                 recorder.truth(tick, plant)
                 recorder.believed(tick, position, velocity, quaternion, _accelerometer(plant, noise[SUBSTEPS]))
                 recorder.commanded(tick, armed, reference, yaw_rate, yaw, log)

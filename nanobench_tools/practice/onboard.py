@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .plant import rotation_columns
 from .thrust_curve import compensated_ratio
 
+Batch = TypeVar("Batch", VehicleState, Reference)
 Actuation = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 PERIOD_S = 0.002
 POSITION_EVERY = 5
@@ -244,8 +246,7 @@ class OnboardFleet:
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         out = np.empty((len(state.position_m), 4))
         for name, rows in self._rows.items():
-            part = [type(x)(*(getattr(x, f.name)[rows] for f in fields(x))) for x in (state, reference)]
-            out[rows] = self._parts[name].command(time_s, *part)
+            out[rows] = self._parts[name].command(time_s, _of(rows, state), _of(rows, reference))
         return out
 
     @property
@@ -258,6 +259,11 @@ class OnboardFleet:
             for field in fields(log):
                 getattr(log, field.name)[rows] = getattr(part, field.name)
         return log
+
+
+def _of(rows: np.ndarray, batch: Batch) -> Batch:
+    """The vehicles ``rows`` of a batch."""
+    return type(batch)(*(getattr(batch, field.name)[rows] for field in fields(batch)))
 
 
 def _dot(a, b) -> np.ndarray:
