@@ -9,7 +9,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
-	@echo "make test   install with the test tools, lint, run the tests"
+	@echo "make test   install with the test tools, lint, check types, run the tests"
 	@echo "make bench  speed and detection-power benchmarks (slow; prints ratios)"
 	@echo "make clean  remove the virtual environment and results"
 
@@ -34,6 +34,7 @@ run: $(VENV)/.installed
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
+	$(BIN)/mypy
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS)
