@@ -99,7 +99,8 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
         basis = same or others
         found = study(basis or [out], mass_kg, seed, draws=0)
         chosen[out.name] = {"best": found.best, "fitted_to": [s.name for s in basis],
-                            "same_propeller": bool(same) if np.isfinite(out.thrust_per_speed2) else None}
+                            "same_propeller": bool(same) if np.isfinite(out.thrust_per_speed2) else None,
+                            "own_bands": None if same else own_bands(out, mass_kg, seed)}
         for name, candidate in found.candidates.items():
             fit = found.fits[name]
             result = results.setdefault(name, Scored(name, "test", uses(candidate), "ok"))

@@ -215,11 +215,12 @@ def _show(options: Options, part: Part) -> None:
         options.show(f"Better than the better of the firmware's two curves on {won} of {len(pairs)} held-out files.")
         for p in pairs if part.kind == "stand" else ():
             how = part.body.get("held_out", {}).get(p["file"])
-            basis = "" if how is None else f" ({how['best']} fitted to {', '.join(how['fitted_to'])}" + (
+            to = ", ".join(how["fitted_to"]) if how and how["fitted_to"] else "its own other PWM bands"
+            basis = "" if how is None else f" ({how['best']} fitted to {to}" + (
                 "" if how["same_propeller"] is not False else ": none of its own propeller") + ")"
             options.show(f"  {one_line(p['file'])}: {factor * p['rms']:.{digits}f} against "
                          f"{factor * p['firmware']:.{digits}f} {unit}{one_line(basis)}")
             own = (how or {}).get("own_bands")
-            if own and own["rms_N"] and own["firmware_N"]:
+            if own and how["fitted_to"] and own["rms_N"] and own["firmware_N"]:
                 options.show(f"    from its own other PWM bands: {factor * own['rms_N']:.{digits}f} against "
                              f"{factor * own['firmware_N']:.{digits}f} {unit} ({own['best']})")
