@@ -27,7 +27,8 @@ from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.references import FAMILIES, path_spec
-from nanobench_tools.retiming.infer import believed, gain_on, infer
+from nanobench_tools.retiming.confirm import believed, gain_on
+from nanobench_tools.retiming.infer import infer
 from nanobench_tools.sources import default_data, load_recordings
 
 CLOCKS = {"position, velocity": ("position", "velocity"), "gyro": ("gyro",), "all": None}

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from .clock.reading import ClockReading
-from .clock.readings import read_clocks
 from .content.airborne import airborne_spans
 from .content.context import Context
 from .content.controller import controller_of
@@ -21,6 +22,8 @@ from .content.rows import whole_span
 from .faults.copy import copies, fault_of
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
 from .registry import load_all
+from .retiming.readings import clocks_with_warp
+from .retiming.warp import ClockWarp
 
 CUTTING_KINDS = frozenset(
     {
@@ -77,6 +80,21 @@ class Audit:
         """
         streams, kinds = {*streams, ""} - NEVER_CUT, set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
+
+    def retimed(self, warp: ClockWarp | None) -> Audit:
+        """The verdict on the flight with ``warp`` taken out: spans of faults in moved streams grow by what the stamps
+        moved."""
+        if warp is None:
+            return self
+        lateness = np.append(warp.offset_s, warp.constant_s)
+        early, late = float(lateness.max()), float(lateness.min())
+        faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
+                       for f in self.faults)
+        # a dead tail still reaches the end of the recording, wherever its stamps went
+        faults = tuple(replace(f, end_s=max(f.end_s, self.span.end_s)) if f.kind == "dead_stream" else f
+                       for f in faults)
+        cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
+        return replace(self, faults=faults, clean=subtract_spans([self.span], cuts))
 
     def to_json(self) -> dict[str, Any]:
         """The flight's entry of ``nanobench audit --json``; numbers that do not exist are None."""
@@ -150,7 +168,7 @@ def _cuts_every_use(fault: Fault) -> bool:
 
 
 def audit(flight: Flight) -> Audit:
-    """Everything that can be said about one recording from its own content. Pure; about 0.2 s for 42 s of flight."""
+    """Everything that can be said about one recording from its own content. Pure; about 0.6 s for 42 s of flight."""
     context = Context(flight)
     span = context.once(whole_span)
     faults: list[Fault] = []
@@ -166,7 +184,7 @@ def audit(flight: Flight) -> Audit:
         airborne=context.once(airborne_spans),
         clean=subtract_spans([span], cuts),
         faults=tuple(faults),
-        clock=context.once(read_clocks),
+        clock=clocks_with_warp(context),
         rates=context.once(rates_of),
         span=span,
     )

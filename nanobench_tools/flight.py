@@ -37,7 +37,11 @@ STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
     "command": _each("thrust", "1", "body"),
     "stand": {**_each("thrust", "N", "body"), **_each("current", "A", "-")},
 }
+for _name, _known in STREAM_QUANTITIES.items():
+    if _name not in ("mocap", "stand"):
+        _known["tick"] = ("s", "-")
 """The vocabulary: stream -> quantity -> (SI unit, frame). A column of a source is mapped onto one of these.
+``tick`` is the sender's own time of a sample, where it was logged beside the receiver's stamp.
 
 ``motor`` is what the motors got (after battery compensation), ``motor_request`` what was asked before it,
 ``stand`` the load cell of a thrust stand (sum over the motors), ``estimator_acc`` has gravity taken off.
@@ -125,7 +129,8 @@ class Stream:
     time_s (n,) s, non-decreasing unless a fault says otherwise; values (n, k) SI; columns (k) the source's own
     names; quantities (k) their names in STREAM_QUANTITIES; unit (k) SI units; rate_hz the true rate of the
     sensor; samples how many values it really sent (rows made by interpolation are not counted), None when
-    unknown; valid the spans in which nothing is known against it (None: everywhere).
+    unknown; valid the spans in which nothing is known against it (None: everywhere); time_sd_s (n,) how well
+    time_s is known where it was corrected (None: stamps as recorded).
     """
 
     time_s: np.ndarray
@@ -137,6 +142,7 @@ class Stream:
     rate_hz: float = float("nan")
     samples: int | None = None
     valid: tuple[Span, ...] | None = None
+    time_sd_s: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         n, k = len(self.time_s), len(self.columns)
@@ -174,7 +180,8 @@ class Stream:
         """The rows where ``keep`` (n,) bool (or indices); samples are scaled by the share of rows kept."""
         time_s = self.time_s[keep]
         samples = None if self.samples is None or not len(self) else round(self.samples * len(time_s) / len(self))
-        return replace(self, time_s=time_s, values=self.values[keep], samples=samples)
+        sd = None if self.time_sd_s is None else self.time_sd_s[keep]
+        return replace(self, time_s=time_s, values=self.values[keep], samples=samples, time_sd_s=sd)
 
     def during(self, spans: Span | Iterable[Span]) -> Stream:
         """The rows inside ``spans``."""
@@ -239,6 +246,16 @@ class Flight:
 
     def without_streams(self, *names: str) -> Flight:
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
+
+    def retimed(self) -> Flight:
+        """A copy with every stream moved to the motion capture's clock: the moving error where other streams confirm
+        it, else the constant offset; ``Stream.time_sd_s`` says how well, ``provenance.notes`` what was done.
+
+        Values, their order and ``samples`` stay. InputError where no time error can be identified.
+        """
+        from .retiming.apply import retimed  # the one place where the ground calls upward, to be found where expected
+
+        return retimed(self)
 
     def during(self, spans: Span | Iterable[Span]) -> Flight:
         """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""

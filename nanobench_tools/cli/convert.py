@@ -20,14 +20,34 @@ FORMATS = ("nanobench", "parquet", "tum")
 @shared_options("seed", "clock")
 @click.option("--to", type=click.Choice(FORMATS), default="nanobench", show_default=True,
               help="CSV with its sheet; a Parquet file per stream, SI units; the mocap trajectory.")
-def convert(options: Options, to: str) -> int:
-    """Write recordings of any source that is understood in another format, one per recording into --out DIR."""
+@click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
+              help="Motion capture of the same flight recorded on a clock of its own (TUM, or any format that is "
+                   "understood): its time is found by the turning rates.")
+def convert(options: Options, to: str, mocap: Path | None) -> int:
+    """Write recordings of any source that is understood in another format, one per recording into --out DIR.
+
+    \b
+    nanobench convert --data log.bin --out csv            an onboard log as CSV with its sheet
+    nanobench convert --data log.bin --mocap traj.tum --out csv    the same, with its motion capture
+    """
     from ..harness import make_item, run_items
+    from ..sources import load_recordings
 
     if options.out is None:
         raise UsageError("nanobench convert: --out DIR is needed")
+    flights = options.load()
+    if mocap is not None:
+        from ..retiming.pairing import with_mocap
+
+        found = load_recordings([mocap]).flights
+        if len(found) != 1 or "mocap" not in found[0]:
+            raise UsageError(f"nanobench convert: --mocap {mocap}: holds no motion capture" if not found else
+                             f"nanobench convert: --mocap {mocap}: holds {len(found)} recordings; give one file")
+        flights = [with_mocap(flight, found[0]) for flight in flights]
+        for flight in flights:
+            options.say(f"{flight.name}: {flight.provenance.notes[-1]}")
     items = [make_item(convert_item, {"flight": flight, "out_dir": options.out, "to": to}, f"convert {flight.name}")
-             for flight in options.load()]
+             for flight in flights]
     result = run_items(items, None, options.jobs, options.scheduler, options.progress, "convert")
     options.failed += result.failed
     count = len(result.values)

@@ -1,18 +1,25 @@
 """clock_wander: the time error of a stream moves within the flight, beyond a constant and a line.
 
-Found by scatter that noise does not explain (``clock.moving``): half-second lags of gyro and attitude against a placebo
-fit with the same spectrum, and the estimated position along its path against its error across. In the published
-recordings the link's clock wanders by 33 ms in steps of tenths of a second; half seconds average part of that out, so
-the size of a fast wander is best taken from the track.
+Found in two ways. By scatter that noise does not explain (``clock.moving``): half-second lags of gyro and attitude
+against a placebo fit with the same spectrum, and the estimated position along its path against its error across. And
+by the error itself, row by row (``retiming.infer``), where streams that did not set it confirm it. In the published
+recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike; half seconds
+average part of that out, so the size is that of the error row by row where there is one. How it goes over time stands
+in the clock of the stream (``warp``).
 
-Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track, 4-20 ms from the gyro.
+Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track; from the gyro alone 4-20 ms when it
+moves over seconds, up to 90 ms when it moves over tenths.
 """
 
 from __future__ import annotations
 
 from ..clock.moving import moving_clocks
+from ..clock.readings import read_clocks
+from ..clock.windows import SMALLEST_WANDER_S
 from ..content.context import Context
 from ..flight import Fault, Flight
+from ..retiming.confirm import believed
+from ..retiming.readings import shares_clock
 from .making import over_stream
 
 KIND = "clock_wander"
@@ -20,8 +27,20 @@ KIND = "clock_wander"
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
-    return [
-        over_stream(KIND, flight, name, None, clock.wander_sd_s, "s", clock.wander_evidence, clock.detectable_wander_s)
-        for name, clock in context.once(moving_clocks).items()
-        if clock.wanders
-    ]
+    readings = context.once(read_clocks)
+    known = context.once(moving_clocks)
+    shared = {name for name, reading in readings.items() if shares_clock(name, reading)}
+    warp = context.once(believed) if shared else None
+    faults = []
+    for name in readings:
+        clock = known.get(name)
+        wanders = clock is not None and clock.wanders
+        evidence = clock.wander_evidence if wanders else ""
+        size = clock.wander_sd_s if wanders else 0.0
+        if name in shared and warp is not None and warp.moving and warp.wander_sd_s > SMALLEST_WANDER_S:
+            wanders, size = True, warp.wander_sd_s
+            evidence = f"the clock {warp.reason}" + (f"; {evidence}" if evidence else "")
+        if wanders:
+            smallest = SMALLEST_WANDER_S if clock is None else clock.detectable_wander_s
+            faults.append(over_stream(KIND, flight, name, None, size, "s", evidence, smallest))
+    return faults

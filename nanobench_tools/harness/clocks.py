@@ -9,7 +9,7 @@ from typing import Any
 
 from ..audit import Audit
 from ..flight import Flight
-from ..retiming.apply import apply_warp, find_warp, moved_audit
+from ..retiming.apply import apply_warp, find_warp
 from ..retiming.warp import ClockWarp
 from .items import make_item
 from .progress import Progress
@@ -48,4 +48,4 @@ def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str,
         body = result.values.get(item.key)
         warps[flight.name] = ClockWarp.from_json(body) if body else None
     return OnClock([apply_warp(f, warps[f.name]) for f in audited],
-                   {f.name: moved_audit(audits[f.name], warps[f.name]) for f in audited}, warps, result.failed)
+                   {f.name: audits[f.name].retimed(warps[f.name]) for f in audited}, warps, result.failed)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from .. import so3
-from ..audit import CUTTING_KINDS, Audit
 from ..clock.readings import read_clocks
 from ..content.context import Context
-from ..flight import Flight, Span, Stream, merge_spans, subtract_spans
+from ..errors import InputError
+from ..flight import Flight, Stream
+from .confirm import believed
 from .evidence import KINDS
-from .infer import believed
 from .warp import ClockWarp, retime
 
 INERTIAL = ("gyro", "acceleration")
@@ -37,24 +37,19 @@ def find_warp(flight: Flight, clock: str, judges_estimator: bool = False) -> Clo
     return believed(context, INERTIAL if judges_estimator else tuple(KINDS))
 
 
+def retimed(flight: Flight) -> Flight:
+    """``Flight.retimed``: stamps moved, nothing resampled."""
+    warp = find_warp(flight, "retimed")
+    if warp is None:
+        reading = read_clocks(Context(flight)).get("imu")
+        why = "it has no imu stream" if reading is None else reading.reason
+        raise InputError(flight.provenance.path, f"its clock cannot be identified: {why}", "use it as recorded")
+    return retime(flight, warp)
+
+
 def apply_warp(flight: Flight, warp: ClockWarp | None) -> Flight:
     """``flight`` re-timed, its streams put back on the rows of the motion capture; unchanged without a warp."""
     return flight if warp is None else on_rows(retime(flight, warp))
-
-
-def moved_audit(audit: Audit, warp: ClockWarp | None) -> Audit:
-    """The audit of a re-timed flight: spans of faults in moved streams grow by what the stamps moved."""
-    if warp is None:
-        return audit
-    lateness = np.append(warp.offset_s, warp.constant_s)
-    early, late = float(lateness.max()), float(lateness.min())
-    faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
-                   for f in audit.faults)
-    cuts = merge_spans(f.span for f in faults if f.kind in CUTTING_KINDS)
-    # a dead tail still reaches the end of the recording, wherever its stamps went
-    dead = [Span(f.start_s, audit.span.end_s) for f in faults if f.kind == "dead_stream"]
-    faults = tuple(replace(f, end_s=max(f.end_s, audit.span.end_s)) if f.kind == "dead_stream" else f for f in faults)
-    return replace(audit, faults=faults, clean=subtract_spans([audit.span], [*cuts, *dead]))
 
 
 def on_rows(flight: Flight) -> Flight:
@@ -73,4 +68,5 @@ def _resampled(stream: Stream, rows_s: np.ndarray) -> Stream:
     if {"qx", "qy", "qz", "qw"} <= set(stream.quantities):
         where = [stream.index(q) for q in ("qx", "qy", "qz", "qw")]
         moved[:, where] = so3.interpolate(t, values[:, where], rows_s)
-    return replace(stream, time_s=rows_s, values=moved)
+    sd = None if stream.time_sd_s is None else np.interp(rows_s, t, stream.time_sd_s[last])
+    return replace(stream, time_s=rows_s, values=moved, time_sd_s=sd)

@@ -16,9 +16,9 @@ class ClockWarp:
     """How late the stamps of one clock are against the motion capture.
 
     time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
-    constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about it; moving: whether
-    a moving error was found (else offset_s is the constant everywhere); lags_s: each stream's own constant lag behind
-    the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence.
+    constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about a line; moving:
+    whether a moving error was found (else offset_s is the constant everywhere); lags_s: each stream's own constant lag
+    behind the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence.
     """
 
     time_s: np.ndarray
@@ -43,6 +43,25 @@ class ClockWarp:
         others = ("constant_s", "wander_sd_s", "moving", "lags_s", "reason")
         return cls(**arrays, **{name: body[name] for name in others})
 
+    def points(self, tolerance_s: float = 0.0005) -> tuple[tuple[float, float, float], ...]:
+        """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
+        Douglas and Peucker 1973); empty when nothing moves."""
+        if not self.moving or len(self.time_s) < 2:
+            return ()
+        keep = np.zeros(len(self.time_s), bool)
+        keep[[0, -1]] = True
+        open_ = [(0, len(self.time_s) - 1)]
+        while open_:
+            a, b = open_.pop()
+            t, d = self.time_s[a:b + 1], self.offset_s[a:b + 1]
+            off = np.abs(d - np.interp(t, t[[0, -1]], d[[0, -1]]))
+            worst = a + int(np.argmax(off))
+            if off[worst - a] > tolerance_s:
+                keep[worst] = True
+                open_ += [(a, worst), (worst, b)]
+        return tuple(zip(*(np.round(v[keep], 5).tolist() for v in (self.time_s, self.offset_s, self.sd_s)),
+                         strict=True))
+
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """(m,) lateness [s] of stamps ``time_s`` (m,)."""
         if not len(self.time_s):
@@ -50,11 +69,18 @@ class ClockWarp:
         return np.interp(time_s, self.time_s, self.offset_s, left=self.constant_s, right=self.constant_s)
 
 
+def wander_of(time_s: np.ndarray, offset_s: np.ndarray) -> float:
+    """Standard deviation [s] of a moving error (n,) about its own line: a clock that merely drifts does not wander."""
+    t = time_s - time_s.mean()
+    return float(np.std(offset_s - (t @ offset_s) / max(t @ t, 1e-12) * t))
+
+
 def retime_stream(stream: Stream, warp: ClockWarp) -> Stream:
     """The same samples on the motion capture's clock: stamps are moved, order is kept, no value is changed or made."""
     moved = np.maximum.accumulate(stream.time_s - warp.at(stream.time_s))
+    sd = np.interp(stream.time_s, warp.time_s, warp.sd_s) if len(warp.time_s) else None
     valid = stream.valid and tuple(Span(s.start_s - warp.constant_s, s.end_s - warp.constant_s) for s in stream.valid)
-    return replace(stream, time_s=moved, valid=valid)
+    return replace(stream, time_s=moved, valid=valid, time_sd_s=sd)
 
 
 def retime(flight: Flight, warp: ClockWarp, keep: tuple[str, ...] = ("mocap",)) -> Flight:

@@ -150,7 +150,9 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
     if isinstance(sign, bool) or sign not in (1, -1):
         raise reader.fail(f"{key}.sign", f"sign {sign!r}", "a sign is 1 or -1")
     allowed: tuple[str, ...]
-    if stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
+    if quantity == "tick":
+        allowed = UNITS["s"]
+    elif stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
         allowed = (*PWM_UNITS, "rpm") if stream == "motor" else PWM_UNITS
     else:
         allowed = UNITS[si]

@@ -10,7 +10,8 @@ from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.retiming.apply import apply_warp, find_warp
-from nanobench_tools.retiming.infer import believed, infer
+from nanobench_tools.retiming.confirm import believed
+from nanobench_tools.retiming.infer import infer
 from nanobench_tools.retiming.warp import ClockWarp, retime
 
 SEED = 41

@@ -1,0 +1,170 @@
+"""Two clocks that were never compared: an onboard log with a motion-capture file of its own, or any two streams.
+
+The coarse offset is where the turning rates of both look alike: their magnitude does not depend on how the frames lie
+or on where time begins. The fine and the moving part are then those of every other recording (``infer``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
+from scipy.spatial.transform import Rotation
+
+from .. import so3
+from ..content.context import Context
+from ..content.truth import STEP_S, Truth, truth_of
+from ..errors import InputError
+from ..flight import Flight, Stream
+from .confirm import evidence_gain
+from .delivery import CELL_S, log_step_prior
+from .evidence import Evidence, Kind
+from .infer import ROW_S, smooth_delay
+from .warp import ClockWarp, wander_of
+
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+BAND_HZ = 6.0
+SLOW_S = 1.5
+"""Rates are compared between 1 / SLOW_S and BAND_HZ: above is vibration, and that a vehicle turns in the air and not on
+the ground is true of any two flights."""
+
+LIKENESS = 0.55
+"""Correlation of the rates, once the frames are turned onto each other, below which two recordings are not of one
+flight: 0.60-0.93 for those that are, at most 0.46 for those that are not (18 real flights)."""
+
+RIVAL_S, RIVAL_SHARE = 0.5, 0.7
+"""A second offset, further than RIVAL_S away, whose magnitudes fit RIVAL_SHARE as well makes the first a guess (a path
+flown several times over looks like itself); 0.19-0.57 on the 18."""
+
+SQUARE_RAD = np.deg2rad(15.0)
+"""A tracker's body frame that seems to lie closer than this to the gyro's axes is left as it is: noise alone turns the
+answer by up to 12 degrees."""
+
+
+def with_mocap(flight: Flight, tracked: Flight) -> Flight:
+    """``flight`` with the motion capture of ``tracked``, which was recorded on another clock, on its own.
+
+    The offset between the clocks may be anything. The tracker's body frame is turned onto the axes of the gyro where
+    it lies more than SQUARE_RAD away. ``provenance.notes`` say what was done. InputError, naming the file, when the
+    recordings are not of one flight or the offset is not unique.
+    """
+    place = f"{flight.provenance.path} with {tracked.provenance.path}"
+    truth = truth_of(Context(tracked))
+    if truth is None:
+        raise InputError(tracked.provenance.path, "no motion capture of a second or more")
+    if "imu" not in flight or not set(GYRO) <= set(flight["imu"].quantities):
+        raise InputError(flight.provenance.path, "no gyro to find the time by", "columns gyro_x, gyro_y, gyro_z")
+    imu = flight["imu"]
+    good = np.isfinite(imu[GYRO]).all(axis=1) & np.isfinite(imu.time_s)
+    t, gyro = imu.time_s[good], imu[GYRO][good]
+    if len(t) < 100 or np.any(np.diff(t) <= 0.0):
+        raise InputError(flight.provenance.path, "the gyro has no two seconds of stamps in order")
+    offset_s = coarse_offset(t, gyro, truth.time_s, truth.rate_rad_s, place)
+    turn, likeness = _turn(truth, t - offset_s, gyro)
+    if likeness < LIKENESS:
+        raise InputError(place, f"the turning rates are alike nowhere (correlation {likeness:.2f} at best)",
+                         "give recordings of one flight that turns and overlaps by half")
+    mocap = tracked["mocap"]
+    stamps = mocap.time_s + offset_s
+    note = (f"motion capture of {tracked.provenance.path}, its stamps later by {offset_s:.3f} s "
+            f"(likeness {likeness:.2f})")
+    values = mocap.values
+    if turn.magnitude() > SQUARE_RAD:
+        where = [mocap.index(q) for q in ("qx", "qy", "qz", "qw")]
+        values = values.copy()
+        values[:, where] = so3.multiply(values[:, where], turn.as_quat())
+        note += f"; its body frame turned by {np.rad2deg(turn.magnitude()):.1f} deg onto the gyro's axes"
+    moved = replace(mocap, time_s=stamps, values=values)
+    provenance = replace(flight.provenance, notes=(*flight.provenance.notes, note))
+    return replace(flight.with_streams(mocap=moved), provenance=provenance)
+
+
+def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
+                  place: str) -> float:
+    """What to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) lies on that of ``a`` (n, k) at
+    ``time_a`` (n,) [s], within a step of 10 ms. InputError with ``place`` when more than one offset fits."""
+    grids = [np.arange(t[0], t[-1], STEP_S) for t in (time_a, time_b)]
+    x, y = (np.linalg.norm(CubicSpline(t, v)(g), axis=1) for g, t, v in
+            zip(grids, (time_a, time_b), (a, b), strict=True))
+    x, y = _band(x), _band(y)
+    common = correlate(np.ones_like(x), np.ones_like(y), "full", "fft")
+    energy = correlate(x**2, np.ones_like(y), "full", "fft") * correlate(np.ones_like(x), y**2, "full", "fft")
+    enough = common > min(len(x), len(y)) / 2
+    alike = np.where(enough, correlate(x, y, "full", "fft") / np.sqrt(np.maximum(energy, 1e-12)), -1.0)
+    lags = correlation_lags(len(x), len(y), "full")
+    best = int(np.argmax(alike))
+    rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
+    if rivals.max() > RIVAL_SHARE * alike[best]:
+        raise InputError(place, f"two offsets fit alike: correlation {alike[best]:.2f} and {rivals.max():.2f}",
+                         "a path flown over and over does not tell; add take-off and landing")
+    return float(grids[0][0] - grids[1][0] + lags[best] * STEP_S)
+
+
+def _band(values: np.ndarray) -> np.ndarray:
+    """(n, k) every STEP_S, between 1 / SLOW_S and BAND_HZ."""
+    smooth = sosfiltfilt(butter(2, BAND_HZ, fs=1.0 / STEP_S, output="sos"), values, axis=0)
+    return smooth - uniform_filter1d(smooth, round(SLOW_S / STEP_S), axis=0)
+
+
+def _turn(truth: Truth, time_s: np.ndarray, gyro: np.ndarray) -> tuple[Rotation, float]:
+    """The rotation that takes the gyro's axes to the tracker's body axes (Wahba's problem), and how alike the rates
+    then are."""
+    grid = np.arange(max(time_s[0], truth.time_s[0]), min(time_s[-1], truth.time_s[-1]), STEP_S)
+    seen, true = (_band(CubicSpline(t, v)(grid)) for t, v in ((time_s, gyro), (truth.time_s, truth.rate_rad_s)))
+    turn = Rotation.align_vectors(true, seen)[0]
+    turned = turn.apply(seen)
+    return turn, float(np.sum(turned * true) / np.sqrt(np.sum(turned**2) * np.sum(true**2)))
+
+
+def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> ClockWarp | None:
+    """How late the stamps of ``measured`` are against those of ``reference``, for two streams that measured the same
+    ``quantities`` (two or more) on two clocks; a moving error only if each quantity confirms what the others say.
+
+    None when the streams share less than two seconds. Offsets are sought within -250..+300 ms.
+    """
+    parts = [_evidence(measured, reference, (q,)) for q in quantities]
+    if any(part is None for part in parts):
+        return None
+    rows_s = np.arange(parts[0].time_s[0], parts[0].time_s[-1], ROW_S)
+    _, prior, up = log_step_prior(ROW_S)
+    transition = np.tile(prior, (len(rows_s), 1))
+    every = [_evidence(measured, reference, (q,)) for q in quantities]
+    delay, sd = smooth_delay(every, rows_s, transition, up)
+    constant = float(np.median(delay))
+    gains = []
+    for judge in range(len(quantities) if len(quantities) > 1 else 0):
+        others = [_evidence(measured, reference, (q,)) for i, q in enumerate(quantities) if i != judge]
+        found = smooth_delay(others, rows_s, transition, up)[0]
+        gains.append(evidence_gain(parts[judge], float(np.median(found)),
+                                   np.interp(parts[judge].time_s, rows_s, found)))
+    wander = wander_of(rows_s, delay)
+    told = ", ".join(f"{q} {-100 * g:.0f} %" for q, (g, _) in zip(quantities, gains, strict=False))
+    if gains and all(g > 2.0 * e for g, e in gains):
+        return ClockWarp(rows_s, delay, sd, constant, wander, True, {}, f"moves by {1e3 * wander:.1f} ms (SD); the "
+                         f"clock of the other quantities changes the residual of each: {told}")
+    return ClockWarp(rows_s, np.full(len(rows_s), constant), np.full(len(rows_s), float(np.median(sd))), constant, 0.0,
+                     False, {}, f"no moving error confirmed ({told or 'one quantity cannot confirm itself'}); "
+                     "the constant is used")
+
+
+def _evidence(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> Evidence | None:
+    values, known = measured[quantities], reference[quantities]
+    seen = np.isfinite(known).all(axis=1)
+    t, known = reference.time_s[seen], known[seen]
+    rising = np.concatenate(([True], np.diff(t) > 0.0))
+    t, known = t[rising], known[rising]
+    if len(t) < 20:
+        return None
+    good = np.isfinite(values).all(axis=1) & (measured.time_s > t[0] + 0.3) & (measured.time_s < t[-1] - 0.3)
+    stamps = measured.time_s[good]
+    if good.sum() < 100 or np.ptp(stamps) < 2.0 or np.any(np.diff(stamps) < 0.0):
+        return None
+    fine = np.arange(t[0], t[-1], CELL_S)
+    scale = float(np.std(known)) or 1.0
+    noise = 0.3 * scale
+    kind = Kind(",".join(quantities), "", quantities, noise, 0.01 * scale, False, "inertial", 0.0, noise, 0.3)
+    return Evidence(kind, stamps, np.ascontiguousarray(values[good]), np.ascontiguousarray(CubicSpline(t, known)(fine)),
+                    float(t[0]), 0.0, np.full(len(quantities), kind.start_sigma), 0.3)
