@@ -90,20 +90,21 @@ def _normalised(log_weight: np.ndarray, result: np.ndarray) -> None:
 
 @nb.njit(cache=True, fastmath=True)
 def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.ndarray, predicted: np.ndarray,
-                         measured: np.ndarray, sigma: np.ndarray, weight: float, first_state: int) -> None:
+                         measured: np.ndarray, sigma: np.ndarray, weight: float, first_state: int,
+                         stride: int = 1) -> None:
     """Adds to (n, m) ``log_likelihood`` how well each delay explains each sample; in place.
 
     row (s,): chain row of the sample; cell (s,): its stamp on the fine grid of ``predicted`` (g, k); state j means
-    that the sample shows cell - (j + first_state). measured (s, k), sigma (k,) in the unit of the stream. Student t
-    with 6 degrees of freedom, so that a spike cannot vote more than about twice; ``weight`` < 1 where neighbouring
-    errors are alike.
+    that the sample shows cell - (j + first_state) stride. measured (s, k), sigma (k,) in the unit of the stream.
+    Student t with 6 degrees of freedom, so that a spike cannot vote more than about twice; ``weight`` < 1 where
+    neighbouring errors are alike.
     """
     degrees = 6.0
     m = log_likelihood.shape[1]
     cells, channels = predicted.shape
     for s in range(len(row)):
         for j in range(m):
-            g = min(max(cell[s] - (j + first_state), 0), cells - 1)
+            g = min(max(cell[s] - (j + first_state) * stride, 0), cells - 1)
             squared = 0.0
             for k in range(channels):
                 z = (measured[s, k] - predicted[g, k]) / sigma[k]

@@ -22,10 +22,10 @@ SHARE_HANG, SHARE_BURST, SHARE_RESIDUAL = 0.12, 0.08, 0.8
 SCALE_RESIDUAL_S, SCALE_BURST_S = 0.0012, 0.008
 
 
-def log_step_prior(step_s: float) -> tuple[np.ndarray, np.ndarray, int]:
+def log_step_prior(step_s: float, cell_s: float = CELL_S) -> tuple[np.ndarray, np.ndarray, int]:
     """Steps [s] (b,), their log probability (b,), and how many cells upward are possible in ``step_s``."""
-    up = max(1, round(step_s / CELL_S))
-    x = np.arange(-round(LARGEST_FALL_S / CELL_S), up + 1) * CELL_S
+    up = max(1, round(step_s / cell_s))
+    x = np.arange(-round(LARGEST_FALL_S / cell_s), up + 1) * cell_s
     laplace = np.exp(-np.abs(x) / SCALE_RESIDUAL_S)
     hang = (x >= 0.0).astype(float)
     burst = np.where(x <= 0.0, np.exp(x / SCALE_BURST_S), 0.0)

@@ -7,7 +7,7 @@ neighbouring errors are (``weight``) are read off its own residual, never set pe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -32,6 +32,9 @@ error itself has forgotten its past after 0.5 s."""
 
 LAGS_S = 0.12
 """A stream's constant lag is sought within +-LAGS_S of the delay believed so far."""
+
+ENOUGH = 1500
+"""Samples that are enough to find a lag."""
 
 ALIKE_S = 0.5
 """Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
@@ -118,6 +121,10 @@ class Evidence:
 
     def _lowest(self, delay_s: np.ndarray, lags_s: np.ndarray) -> float:
         """The lag of least clipped squared residual, refined by a parabola through the three lowest points."""
+        thin = len(self.time_s) // ENOUGH
+        if thin > 1:
+            part = replace(self, time_s=self.time_s[::thin], measured=self.measured[::thin])
+            return part._lowest(delay_s[::thin], lags_s)
         residuals = [self.measured - self.predicted_at(delay_s, lag) for lag in lags_s]
         if self.kind.detrended:
             rows = self._rows(DETREND_S)

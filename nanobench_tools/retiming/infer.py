@@ -6,6 +6,9 @@ another question (``confirm``).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
@@ -57,14 +60,13 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: boo
     rows_s = np.arange(start, min(end, max(float(e.time_s[-1]) for e in evidence)), ROW_S)
     if len(rows_s) < 100:
         return None
-    steps_s, prior, up = log_step_prior(ROW_S)
-    transition = np.tile(prior, (len(rows_s), 1))
-    if odometry:
-        transition += _odometry(context, rows_s, steps_s, causal)
+    def likely(steps_s: np.ndarray) -> np.ndarray | None:
+        return _odometry(context, rows_s, steps_s, causal) if odometry else None
+
     if causal:
-        delay, sd = filter_delay(evidence, rows_s, transition, up)
+        delay, sd = filter_delay(evidence, rows_s, likely)
     else:
-        delay, sd = smooth_delay(evidence, rows_s, transition, up, begin)
+        delay, sd = smooth_delay(evidence, rows_s, likely, begin)
     leading = {e.kind.group for e in evidence}
     sd = np.hypot(sd * (INERTIAL_INFLATION if leading == {"inertial"} else 1.0),
                   _slow_error_s(context, evidence, rows_s, delay))
@@ -75,15 +77,40 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: boo
                      "time error from " + ", ".join(e.kind.name for e in evidence))
 
 
-def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, log_transition: np.ndarray, up: int,
+Steps = Callable[[np.ndarray], np.ndarray | None]
+"""Steps of the delay [s] (b,) -> (n, b) log likelihood of each at each row, or None where nothing is known of them."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The delays sought, ``stride`` cells apart, and how they may move: log_transition (n, b) and ``up`` as in
+    ``chain.posterior``."""
+
+    stride: int
+    first: int
+    states_s: np.ndarray
+    log_transition: np.ndarray
+    up: int
+
+    @classmethod
+    def of(cls, rows_s: np.ndarray, likely: Steps, stride: int) -> Grid:
+        first, last = FIRST_STATE // stride, LAST_STATE // stride
+        steps_s, prior, up = log_step_prior(ROW_S, stride * CELL_S)
+        known = likely(steps_s)
+        moves = np.tile(prior, (len(rows_s), 1)) if known is None else known + prior
+        return cls(stride, first, np.arange(first, last + 1) * stride * CELL_S, moves, up)
+
+
+def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps,
                  begin: ClockWarp | None = None) -> tuple[np.ndarray, np.ndarray]:
     """(n,) posterior mean and standard deviation of the delay [s] at ``rows_s``; learns lag, noise and weight of every
-    member of ``evidence`` on the way, in place. log_transition (n, b) and ``up`` as in ``chain.posterior``."""
+    member of ``evidence`` on the way, in place: on a coarse grid, but for the last pass."""
     # lags are learnt against a delay that the stream itself did not vote for, else they are drawn towards the old one
     leading = [e for e in evidence if e.kind.group == "estimator"] or evidence
     delay = np.zeros(len(rows_s)) if begin is None else begin.at(rows_s)
     sd = np.zeros(len(rows_s))
     first = 0 if begin is None else PASSES // 2
+    coarse, fine = Grid.of(rows_s, likely, 2), Grid.of(rows_s, likely, 1)
     for number in range(first, PASSES):
         for e in evidence:
             e.learn_lag(np.interp(e.time_s, rows_s, delay), near=number > max(first, 1))
@@ -92,30 +119,28 @@ def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, log_transition: n
         if number:  # under the first constant the residual is the wander itself, not the noise
             for e in voting:
                 e.learn_noise(np.interp(e.time_s, rows_s, delay))
-        delay, sd = _posterior(voting, rows_s, log_transition, up, delay, False)
+        delay, sd = _posterior(voting, rows_s, fine if number == PASSES - 1 else coarse, delay, False)
     return delay, sd
 
 
-def filter_delay(evidence: list[Evidence], rows_s: np.ndarray, log_transition: np.ndarray,
-                 up: int) -> tuple[np.ndarray, np.ndarray]:
+def filter_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps) -> tuple[np.ndarray, np.ndarray]:
     """As ``smooth_delay``, but each row uses only what came before it, with typical lags and noise."""
     for e in evidence:
         e.lag_s = e.kind.typical_lag_s
         e.sigma = np.full(e.measured.shape[1], e.kind.typical_sigma)
         e.weight = e.kind.typical_weight
-    return _posterior(evidence, rows_s, log_transition, up, np.zeros(len(rows_s)), True)
+    return _posterior(evidence, rows_s, Grid.of(rows_s, likely, 1), np.zeros(len(rows_s)), True)
 
 
-def _posterior(evidence: list[Evidence], rows_s: np.ndarray, log_transition: np.ndarray, up: int, delay: np.ndarray,
+def _posterior(evidence: list[Evidence], rows_s: np.ndarray, grid: Grid, delay: np.ndarray,
                causal: bool) -> tuple[np.ndarray, np.ndarray]:
-    states_s = np.arange(FIRST_STATE, LAST_STATE + 1) * CELL_S
-    likelihood = np.empty((len(rows_s), len(states_s)))
-    likelihood[:] = -0.5 * PRIOR_WEIGHT * ((states_s - np.median(delay)) / PRIOR_SD_S) ** 2
+    likelihood = np.empty((len(rows_s), len(grid.states_s)))
+    likelihood[:] = -0.5 * PRIOR_WEIGHT * ((grid.states_s - np.median(delay)) / PRIOR_SD_S) ** 2
     for e in evidence:
-        _vote(likelihood, e, rows_s, np.interp(e.time_s, rows_s, delay))
-    p = posterior(likelihood, log_transition, up, causal)
-    mean = p @ states_s
-    return mean, np.sqrt(np.maximum(p @ states_s**2 - mean**2, 0.0) + CELL_S**2 / 12.0)
+        _vote(likelihood, e, rows_s, np.interp(e.time_s, rows_s, delay), grid)
+    p = posterior(likelihood, grid.log_transition, grid.up, causal)
+    mean = p @ grid.states_s
+    return mean, np.sqrt(np.maximum(p @ grid.states_s**2 - mean**2, 0.0) + (grid.stride * CELL_S) ** 2 / 12.0)
 
 
 def _gauge(evidence: list[Evidence], delay: np.ndarray) -> None:
@@ -127,18 +152,19 @@ def _gauge(evidence: list[Evidence], delay: np.ndarray) -> None:
         e.lag_s -= shift
 
 
-def _vote(likelihood: np.ndarray, e: Evidence, rows_s: np.ndarray, delay_s: np.ndarray) -> None:
+def _vote(likelihood: np.ndarray, e: Evidence, rows_s: np.ndarray, delay_s: np.ndarray, grid: Grid) -> None:
     row = np.round((e.time_s - rows_s[0]) / ROW_S).astype(np.int64)
     inside = (row >= 0) & (row < len(rows_s))
     per_row = min(1.0, float(np.median(np.diff(e.time_s))) / ROW_S)  # several samples in a row share one vote
     add_student_evidence(likelihood, row[inside], e.cells()[inside], e.predicted,
-                         np.ascontiguousarray(e.detrended(delay_s)[inside]), e.sigma, e.weight * per_row, FIRST_STATE)
+                         np.ascontiguousarray(e.detrended(delay_s)[inside]), e.sigma, e.weight * per_row,
+                         grid.first, grid.stride)
 
 
-def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal: bool) -> np.ndarray:
+def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal: bool) -> np.ndarray | None:
     flight = context.flight
     if "estimator" not in flight or not {"x", "y", "z", "vx", "vy", "vz"} <= set(flight["estimator"].quantities):
-        return np.zeros((len(rows_s), len(steps_s)))
+        return None
     s = flight["estimator"]
     return log_steps_from_odometry(steps_s, rows_s, s.interpolate(("x", "y", "z"), rows_s),
                                    s.interpolate(("vx", "vy", "vz"), rows_s), causal)

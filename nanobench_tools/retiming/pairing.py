@@ -20,7 +20,7 @@ from ..content.truth import STEP_S, Truth, truth_of
 from ..errors import InputError
 from ..flight import Flight, Stream
 from .confirm import evidence_gain
-from .delivery import CELL_S, log_step_prior
+from .delivery import CELL_S
 from .evidence import Evidence, Kind
 from .infer import ROW_S, smooth_delay
 from .warp import ClockWarp, wander_of
@@ -129,15 +129,13 @@ def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) ->
     if any(part is None for part in parts):
         return None
     rows_s = np.arange(parts[0].time_s[0], parts[0].time_s[-1], ROW_S)
-    _, prior, up = log_step_prior(ROW_S)
-    transition = np.tile(prior, (len(rows_s), 1))
     every = [_evidence(measured, reference, (q,)) for q in quantities]
-    delay, sd = smooth_delay(every, rows_s, transition, up)
+    delay, sd = smooth_delay(every, rows_s, lambda steps_s: None)
     constant = float(np.median(delay))
     gains = []
     for judge in range(len(quantities) if len(quantities) > 1 else 0):
         others = [_evidence(measured, reference, (q,)) for i, q in enumerate(quantities) if i != judge]
-        found = smooth_delay(others, rows_s, transition, up)[0]
+        found = smooth_delay(others, rows_s, lambda steps_s: None)[0]
         gains.append(evidence_gain(parts[judge], float(np.median(found)),
                                    np.interp(parts[judge].time_s, rows_s, found)))
     wander = wander_of(rows_s, delay)
