@@ -33,7 +33,8 @@ def _lanes(array: np.ndarray, name: str, n: int, shape: tuple[int, int], by_row:
         array = np.swapaxes(array, 1, 2).reshape(len(array), height * width, n)
     if n % LANES == 0:
         return np.ascontiguousarray(array)
-    return np.concatenate([array, np.repeat(array[..., :1], _padded(n) - n, axis=-1)], axis=-1)
+    wide = np.concatenate([array, np.repeat(array[..., :1], _padded(n) - n, axis=-1)], axis=-1)
+    return np.ascontiguousarray(wide)  # arrays that run down their columns are joined to one that does
 
 
 def _uniform(array: np.ndarray, name: str, shape: tuple[int, int]) -> np.ndarray:

@@ -173,3 +173,14 @@ def test_cache_is_used_and_a_damaged_entry_is_made_again(tmp_path, monkeypatch):
     entry.write_bytes(b"")
     assert machine.object_code(text) == first
     assert entry.read_bytes() == b""
+
+
+@pytest.mark.parametrize("n", [7, 15, 8])
+def test_inputs_may_be_transposed_whatever_the_number_of_windows(n):
+    """One lane short of a block, a transposed array was once joined to one that runs down its columns."""
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p", 3)
+    f = batched(ca.Function("f", [x, p], [ca.vertcat(p[0] * x[0], p[2] - x[1])], ["x", "p"], ["y"]))
+    rng = np.random.default_rng(0)
+    states, values = rng.normal(size=(2, n)), rng.normal(size=(n, 3))
+    wanted = np.array([values[:, 0] * states[0], values[:, 2] - states[1]])
+    np.testing.assert_allclose(f(states, values.T)[0], wanted, rtol=1e-14)
