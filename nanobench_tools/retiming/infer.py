@@ -37,6 +37,7 @@ SLOWEST_M_S = 0.2
 INERTIAL_INFLATION = 1.5
 """The posterior of a clock from gyro and accelerometer alone is too sure by this factor on practice flights."""
 
+GAP_S = 0.1
 PASSES = 4
 
 
@@ -166,8 +167,11 @@ def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal:
     if "estimator" not in flight or not {"x", "y", "z", "vx", "vy", "vz"} <= set(flight["estimator"].quantities):
         return None
     s = flight["estimator"]
-    return log_steps_from_odometry(steps_s, rows_s, s.interpolate(("x", "y", "z"), rows_s),
-                                   s.interpolate(("vx", "vy", "vz"), rows_s), causal)
+    known = log_steps_from_odometry(steps_s, rows_s, s.interpolate(("x", "y", "z"), rows_s),
+                                    s.interpolate(("vx", "vy", "vz"), rows_s), causal)
+    after = np.clip(np.searchsorted(s.time_s, rows_s), 1, len(s) - 1)
+    known[s.time_s[after] - s.time_s[after - 1] > GAP_S] = 0.0  # rows drawn across a hole tell nothing of time
+    return known
 
 
 def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:

@@ -1,0 +1,106 @@
+"""Recordings whose clock cannot be followed: the constant, or not identifiable, and never a wrong warp."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nanobench_tools.content.context import Context
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, Provenance, Span
+from nanobench_tools.practice.flying import flight_rngs, fly
+from nanobench_tools.practice.logging_chain import LoggingChain, record
+from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.references import path_spec
+from nanobench_tools.retiming.confirm import believed
+
+SEED = 53
+FIRMWARE = ("imu", "estimator", "attitude_qw", "attitude", "motor", "setpoint", "pid", "battery", "estimator_acc")
+
+
+@pytest.fixture(scope="module")
+def wandering():
+    specs = [path_spec("figure_eight", "fast", duration_s=16.0)]
+    flown = fly(OnboardFleet(["pid"]), specs, seed=SEED, indices=[0])
+    recorded = record(flown, 0, LoggingChain(wander_sd_s=0.03), flight_rngs(SEED, 0, 9)[6:])
+    late = recorded.clock
+    return Flight("practice", recorded.streams, {}, Provenance("log", "", "practice", synthetic=True)), late
+
+
+def on_firmware(flight, change):
+    return flight.with_streams(**{n: change(flight[n]) for n in FIRMWARE if n in flight})
+
+
+def lateness(clock, stamps_s):
+    sent = np.arange(stamps_s[0] - 1.0, stamps_s[-1] + 1.0, 0.001)
+    return stamps_s - np.interp(stamps_s, sent + clock.late_s(sent), sent)
+
+
+def test_without_motion_capture_nothing_is_said(wandering):
+    flight = wandering[0].without_streams("mocap")
+    assert believed(Context(flight)) is None
+    with pytest.raises(InputError, match=r"log.*cannot be identified"):
+        flight.retimed()
+
+
+def test_without_gyro_the_estimate_alone_confirms_nothing_it_set_itself(wandering):
+    flight = wandering[0].without_streams("imu")
+    warp = believed(Context(flight))
+    assert warp is None or not warp.moving
+    with pytest.raises(InputError, match="no imu stream"):
+        flight.retimed()
+
+
+def test_a_dead_stream_is_followed_until_it_died(wandering):
+    flight, clock = wandering
+
+    def dies(stream):
+        values = stream.values.copy()
+        late = stream.time_s > 14.0
+        values[late] = values[np.flatnonzero(late)[0]]
+        return replace(stream, values=values)
+
+    warp = believed(Context(on_firmware(flight, dies)))
+    assert warp.moving
+    assert warp.time_s[-1] < 14.2
+    inside = (warp.time_s > 7.0) & (warp.time_s < 13.5)
+    error = (warp.offset_s - lateness(clock, warp.time_s))[inside]
+    assert np.sqrt(np.mean((error - np.median(error)) ** 2)) < 0.006
+
+
+def test_a_gap_of_a_second_widens_the_interval_and_bends_nothing(wandering):
+    flight, clock = wandering
+    cut = on_firmware(flight, lambda s: s.rows((s.time_s < 11.0) | (s.time_s > 12.0)))
+    warp = believed(Context(cut))
+    assert warp.moving
+    outside = (warp.time_s > 7.0) & (warp.time_s < 18.0) & ((warp.time_s < 10.8) | (warp.time_s > 12.2))
+    hole = (warp.time_s > 11.4) & (warp.time_s < 11.6)
+    error = (warp.offset_s - lateness(clock, warp.time_s))[outside]
+    assert np.sqrt(np.mean((error - np.median(error)) ** 2)) < 0.006
+    assert np.median(warp.sd_s[hole]) > 3.0 * np.median(warp.sd_s[outside])
+
+
+@pytest.mark.parametrize("step_s", [2.0, -2.0])
+def test_a_clock_that_steps_by_seconds_gets_no_warp(wandering, step_s):
+    flight, _ = wandering
+    stepped = on_firmware(flight, lambda s: replace(s, time_s=np.maximum.accumulate(
+        s.time_s + step_s * (s.time_s > 12.0))))
+    warp = believed(Context(stepped))
+    assert warp is None or not warp.moving or np.all(warp.sd_s[warp.time_s > 14.5] > 0.03)
+
+
+def test_a_vehicle_that_never_moves_has_no_clock(wandering):
+    ground = wandering[0].during(Span(0.0, 1.5))
+    assert believed(Context(ground)) is None
+    with pytest.raises(InputError, match="cannot be identified"):
+        ground.retimed()
+
+
+def test_slow_rows_say_that_they_know_less(wandering):
+    flight, _ = wandering
+    warp = believed(Context(flight))
+    truth = flight["mocap"]
+    speed = np.linalg.norm(np.gradient(truth["px", "py", "pz"], truth.time_s, axis=0), axis=1)
+    at = np.interp(warp.time_s, truth.time_s, np.convolve(speed, np.ones(30) / 30, "same"))
+    slow, fast = at < np.quantile(at, 0.03), at > np.quantile(at, 0.7)
+    assert np.median(warp.sd_s[slow]) > 2.0 * np.median(warp.sd_s[fast])
