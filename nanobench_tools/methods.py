@@ -36,12 +36,32 @@ class Estimator(Protocol):
 
 
 @dataclass(frozen=True)
+class Past:
+    """All streams over the P rows before the start of n windows, row P - 1 being one step before it; nothing later.
+
+    position_m, velocity_m_s (n, P, 3) world; quaternion (n, P, 4) of the same source as the start; rate_rad_s and
+    specific_force_m_s2 (n, P, 3) body (nan without an accelerometer); motor (n, P, 4); battery_V (n, P); rows (n,) how
+    many of them were flown (the first of those stands in for what is missing before).
+    """
+
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    rate_rad_s: np.ndarray
+    specific_force_m_s2: np.ndarray
+    motor: np.ndarray
+    battery_V: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
 class Windows:
     """A batch of n prediction windows of H rows, all at ``rate_hz``; row 0 is the start, row j is j steps later.
 
     position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
     motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1. motor_past (n, P, 4) and
     battery_past (n, P): the same over the P rows before the start (the first repeated where there were fewer), or None.
+    ``past`` is given to predictors of class ``past`` alone.
     """
 
     position_m: np.ndarray
@@ -53,6 +73,7 @@ class Windows:
     rate_hz: float = 100.0
     motor_past: np.ndarray | None = None
     battery_past: np.ndarray | None = None
+    past: Past | None = None
 
     def __len__(self) -> int:
         return len(self.position_m)

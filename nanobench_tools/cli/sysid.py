@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from .show import data_word, show_left_out
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
-    from ..protocols.task1 import Split
+    from ..protocols.task1 import Case, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
@@ -29,11 +30,17 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Predictor to score beside the default ones; may repeat.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH", help="Train on these recordings (with --test).")
 @click.option("--test", multiple=True, type=PATH, metavar="PATH", help="Test on these recordings (with --train).")
-def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], test: tuple[Path, ...]) -> int:
+@click.option("--fit", "wanted", type=click.Choice(["all", "short", "none"]), default="all", show_default=True,
+              help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
+@click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
+              help="Mass of the vehicle.")
+def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], test: tuple[Path, ...], wanted: str,
+          mass_kg: float) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
 
     Windows start every 10 rows of clean flight. The default split trains on the earliest flight of each trajectory of
-    five families and tests on the others, seen and unseen families apart.
+    five families and tests on the others, seen and unseen families apart. Models of physical terms are fitted to the
+    training flights, one effect more at a time; the best of class "state" is written as simulator.toml into --out.
     """
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
@@ -46,18 +53,22 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
-    return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts))
+    return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg))
 
 
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
-               parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None) -> dict[str, Any]:
-    """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split."""
+               parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
+               mass_kg: float = 0.04085) -> dict[str, Any]:
+    """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
+    models to fit (``all``, ``short``, ``none``)."""
     from ..harness import make_item
     from ..protocols import task1
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
+    fits = fitted(options, chosen.train, wanted, mass_kg)
+    predictors = [*predictors, *(predictor for predictor, _ in fits.values())]
     work = [(predictor, truth, case) for predictor in predictors for truth in task1.TRUTHS for case in chosen.test]
     items = [make_item(task1.score, {"case": case, "predictor": predictor, "truth": truth},
                        f"{predictor.name} {truth} {case.flight.name}", file=case.flight.provenance.path)
@@ -71,13 +82,73 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             rows += task1.tabulate(predictor, truth, mine, options.seed)
     for row in rows:
         row["clock"] = options.clock
+        if row["model"] in fits:
+            result = fits[row["model"]][1]["result"]
+            row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],
+                    "nuisances_in_training": list(result["nuisances"])}
+    best = task1.best_model(rows)
     _show(options, rows, chosen)
-    return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")},
-            "best": task1.best_model(rows), "simulator": None, "split": chosen.note,
+    _show_fits(options, fits, best)
+    return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
+                                         and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
+            "best": best, "simulator": _write_simulator(options, fits, best), "split": chosen.note,
+            "fits": {name: value["result"] for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
                                                          for cases in (chosen.train, chosen.test)], audits,
                                       task1.NEEDED, chosen.left_out)}
+
+
+def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float) -> dict[str, tuple[Any, dict]]:
+    """(predictor, what the fit gave) by name. Empty, and said why, without CasADi or training flights."""
+    from ..harness import make_item
+
+    if wanted == "none":
+        return {}
+    if importlib.util.find_spec("casadi") is None:
+        options.say('no model is fitted: casadi is not installed; pip install "nanobench[identification]"')
+        return {}
+    if not train:
+        options.say("no model is fitted: no training flight can be used")
+        return {}
+    from identification.greybox.study import SHORT, fit_item, predictor_of, rungs
+
+    chosen = rungs(None if wanted == "all" else SHORT)
+    items = [make_item(fit_item, {"cases": list(train), "rung": rung, "seed": options.seed, "mass_kg": mass_kg},
+                       f"fit {rung.name}", file=train[0].flight.provenance.path) for rung in chosen]
+    values = options.run(items, "fit").values
+    return {rung.name: (predictor_of(values[item.key]), values[item.key])
+            for rung, item in zip(chosen, items, strict=True) if item.key in values}
+
+
+def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None) -> str | None:
+    """The best model as simulator.toml in ``--out``, or beside ``--json``; its path. Its trim is the mean of the
+    training flights."""
+    if best is None or best not in fits:
+        return None
+    from ..physics import Model
+    from ..physics.simulator import write_simulator
+
+    beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
+    folder = options.out or beside
+    if folder is None:
+        return None
+    predictor, value = fits[best]
+    folder.mkdir(parents=True, exist_ok=True)
+    write_simulator(Model(predictor.vehicle, value["simulator"]), folder / "simulator.toml")
+    return str(folder / "simulator.toml")
+
+
+def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None) -> None:
+    from rich.markup import escape
+
+    for name, (_, value) in fits.items():
+        if trouble := value["result"]["trouble"]:
+            options.show(f"{name} is no result: {escape(trouble)}")
+    if best is not None:
+        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1]['uses']})" if best in fits else ""))
+    if best is not None and best in fits:
+        options.show(escape(fits[best][1]["summary"]))
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:
@@ -95,7 +166,8 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     for row in rows:
         if row["group"] not in ("all", "seen", "unseen"):
             continue
-        labels = [row["model"], row["information"], row["truth"], row["group"]]
+        name = row["model"] + (" (no result)" if row.get("trouble") else "")
+        labels = [name, row["information"], row["truth"], row["group"]]
         counts = (str(row["n_windows"]), str(row["n_flights"]))
         table.add_row(*map(escape, labels), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
         if published := row.get("published"):

@@ -31,6 +31,9 @@ STREAMS = tuple(NEEDED)
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
 """Families of the training split."""
 
+BATTERY_V = (3.3, 3.5, 3.7)
+"""Windows are also grouped by the battery voltage at their start, between these."""
+
 UNIT_WITHIN = 1e-3
 """Lengths of predicted quaternions differ from 1 by less."""
 
@@ -98,6 +101,11 @@ def given_split(train: Sequence[Flight], test: Sequence[Flight], audits: Mapping
                  shared)
 
 
+def training_cases(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> list[Case]:
+    """Every usable one of ``flights`` as the task would train on it; ``audits`` by name of the flight."""
+    return _cases(flights, audits, None)
+
+
 def _nothing(flights: Sequence[Flight], train: Sequence[Case], shared: int = 0) -> InputError:
     place = flights[0].provenance.path if flights else "data"
     if train:
@@ -120,21 +128,24 @@ def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str
         if not any(span.duration_s * 100.0 > HORIZON for span in spans):
             continue
         family = family_of(flight)
-        groups = ("all", family) if seen is None else ("all", "seen" if family in seen else "unseen", family)
+        known = () if seen is None else ("seen" if family in seen else "unseen",)
+        speed = speed_of(flight)
+        groups = ("all", *known, family, *((speed,) if speed else ()))
         cases.append(Case(flight, spans, groups))
     return cases
 
 
 def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
-    """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}} of one predictor on one flight.
+    """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}, battery: {group: {windows, sums}}} of
+    one predictor on one flight. The streams before the start are given to predictors of class ``past`` alone.
 
     Raises InputError that names predictor and flight when the prediction has the wrong shape, is not
     finite, or holds quaternions that are not of unit length.
     """
     place = case.flight.provenance.path
-    cut = cut_windows(case.flight, case.spans, truth)
+    cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past")
     if cut is None:
-        return {"windows": 0, "sums": {name: [0.0] * HORIZON for name in QUANTITIES}}
+        return {"windows": 0, "sums": {name: [0.0] * HORIZON for name in QUANTITIES}, "battery": {}}
     windows, true = cut
     found = predictor.predict(windows)
     try:
@@ -150,17 +161,40 @@ def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
         worst = norm.flat[int(np.argmax(np.abs(norm - 1.0)))]
         raise InputError(place, f"predictor {predictor.name} predicted a quaternion of length {worst:.4g}",
                          f"lengths have to be 1 within {UNIT_WITHIN}")
-    return {"windows": len(windows), "sums": {name: e.sum(axis=0).tolist() for name, e in errors.items()}}
+    level = np.searchsorted(BATTERY_V, windows.battery_V[:, 0])
+    return {**_sums(errors, np.ones(len(windows), bool)),
+            "battery": {battery_group(i): _sums(errors, level == i) for i in np.unique(level)}}
+
+
+def _sums(errors: Mapping[str, np.ndarray], mine: np.ndarray) -> dict[str, Any]:
+    return {"windows": int(mine.sum()), "sums": {name: e[mine].sum(axis=0).tolist() for name, e in errors.items()}}
+
+
+def battery_group(level: int) -> str:
+    """Name of the windows whose battery voltage lies between BATTERY_V[level - 1] and [level].
+
+    >>> battery_group(0), battery_group(1)
+    ('battery below 3.3 V', 'battery 3.3-3.5 V')
+    """
+    if not 0 < level < len(BATTERY_V):
+        return f"battery {'above' if level else 'below'} {BATTERY_V[level and -1]} V"
+    return f"battery {BATTERY_V[level - 1]}-{BATTERY_V[level]} V"
 
 
 def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapping[str, Any]]],
              seed: int = 0) -> list[dict[str, Any]]:
     """Rows {model, information, truth, group, n_windows, n_flights, metrics, ci95}; ``metrics`` {name: {"1", "10",
-    "50", "sum"}}, ``ci95`` the same with [lo, hi] over flights (None for one flight)."""
+    "50", "sum"}}, ``ci95`` the same with [lo, hi] over flights (None for one flight). Groups are ``all``, seen and
+    unseen families, each family, each speed, and battery voltages at the start of the windows; the row of ``all`` has
+    ``curve`` {name: [h = 1..50]} too."""
     rows = []
     scored = [(case, value) for case, value in scored if value["windows"]]
-    for group in dict.fromkeys(g for rank in range(3) for case, _ in scored for g in case.groups[rank:rank + 1]):
-        members = [value for case, value in scored if group in case.groups]
+    ranks = max((len(case.groups) for case, _ in scored), default=0)
+    groups = [g for rank in range(ranks) for case, _ in scored for g in case.groups[rank:rank + 1]]
+    levels = sorted({g for _, value in scored for g in value["battery"]}, key=_battery_rank)
+    for group in dict.fromkeys([*groups, *levels]):
+        members = [value for case, value in scored if group in case.groups] or [
+            value["battery"][group] for _, value in scored if group in value["battery"]]
         counts = np.array([value["windows"] for value in members])
         metrics, intervals = {}, {}
         for name in QUANTITIES:
@@ -174,21 +208,29 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapp
         row = {"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
                "n_windows": int(counts.sum()), "n_flights": len(members), "metrics": metrics,
                "ci95": intervals}
+        if group == "all":
+            row["curve"] = {name: (np.sum([value["sums"][name] for value in members], axis=0) / counts.sum()).tolist()
+                            for name in QUANTITIES}
         if (truth, group) == ("onboard", "all"):
             row = beside(row, "task1", "models", predictor.name)
         rows.append(row)
     return rows
 
 
+def _battery_rank(group: str) -> int:
+    return [battery_group(i) for i in range(len(BATTERY_V) + 1)].index(group)
+
+
 def best_model(rows: Sequence[Mapping[str, Any]]) -> str | None:
     """The best model of class ``state``: smallest geometric mean of the four sums, onboard truth, group ``all``.
 
-    The geometric mean ranks the same whatever the units.
+    The geometric mean ranks the same whatever the units. A row with ``trouble`` is no result and never the best.
     """
     scores = {row["model"]: float(np.mean([np.log(max(row["metrics"][name]["sum"], 1e-12)) for name in QUANTITIES]))
-              for row in rows if (row["information"], row["truth"], row["group"]) == ("state", "onboard", "all")}
+              for row in rows if (row["information"], row["truth"], row["group"]) == ("state", "onboard", "all")
+              and not row.get("trouble")}
     return min(scores, key=scores.__getitem__) if scores else None
 
 
 __all__ = ["HORIZON", "STREAMS", "TRAINED", "TRUTHS", "Case", "Split", "best_model", "given_split", "score", "split",
-           "tabulate"]
+           "tabulate", "training_cases"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import so3
 from ..flight import Flight, Span, Stream, mask_of
-from ..methods import Prediction, Windows
+from ..methods import Past, Prediction, Windows
 from ..metrics.association import associate
 from ..metrics.prediction import window_starts
 
@@ -17,8 +17,12 @@ HORIZON = 50
 EVERY = 10
 PAST = 50
 """Rows of inputs before the start that come with a window: half a second."""
+PAST_ALL = 250
+"""Rows of all streams before the start for class ``past``: the last 2 s, and half a second of inputs before those."""
 LOST_FRAME = 1.5
 """Rows further apart than this many steps have a frame missing between them: windows end there."""
+
+FORCE = ("acc_x", "acc_y", "acc_z")
 
 TRUTHS = {"onboard": "attitude_qw", "mocap": "mocap"}
 """Truth of attitude -> the stream it comes from."""
@@ -57,12 +61,14 @@ def _rotations_at(stream: Stream, time_s: np.ndarray) -> np.ndarray:
     return so3.interpolate(stream.time_s, quaternion, time_s)
 
 
-def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Windows, Prediction] | None:
+def cut_windows(flight: Flight, spans: Sequence[Span], truth: str,
+                past: bool = False) -> tuple[Windows, Prediction] | None:
     """(what a predictor gets, what came) for all windows of a flight; None when no window fits.
 
     Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS); inputs:
     logged PWM and battery of the window and of the PAST rows before it, the first row of its stretch repeated where
-    there are fewer. The truth of the rate is the gyro, of the attitude the same stream as the start.
+    there are fewer. The truth of the rate is the gyro, of the attitude the same stream as the start. ``past`` adds all
+    streams over the PAST_ALL rows before the start.
     """
     time_s, lengths = rows_at_100_hz(flight, spans)
     starts = window_starts(lengths, HORIZON, EVERY)
@@ -80,6 +86,13 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str) -> tuple[Wind
     inputs, after = ahead[:, :-1], ahead[:, 1:]
     first = np.repeat(np.cumsum([0, *lengths[:-1]]), lengths)[starts]
     before = np.maximum(starts[:, None] + np.arange(-PAST, 0), first[:, None])
-    windows = Windows(found.position_m[starts], velocity[starts], quaternion[starts], rate[starts],
-                      motor[inputs], battery[inputs], RATE_HZ, motor[before], battery[before])
+    all_before = None
+    if past:
+        rows = np.maximum(starts[:, None] + np.arange(-PAST_ALL, 0), first[:, None])
+        force = (flight["imu"].interpolate(FORCE, time_s) if all(name in flight["imu"] for name in FORCE)
+                 else np.full_like(rate, np.nan))
+        all_before = Past(found.position_m[rows], velocity[rows], quaternion[rows], rate[rows], force[rows],
+                          motor[rows], battery[rows], np.minimum(starts - first, PAST_ALL))
+    windows = Windows(found.position_m[starts], velocity[starts], quaternion[starts], rate[starts], motor[inputs],
+                      battery[inputs], RATE_HZ, motor[before], battery[before], all_before)
     return windows, Prediction(found.position_m[after], velocity[after], quaternion[after], rate[after])

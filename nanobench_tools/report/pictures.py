@@ -26,8 +26,10 @@ def task1(sysid: Mapping[str, Any] | None) -> dict[str, Any]:
             for name, body, published in ((str(row.get("model")), row.get("metrics"), False),
                                           (f"{row.get('model')}, published", row.get("published"), True)):
                 intervals = {} if published else (row.get("ci95") or {}).get(metric) or {}
-                points = [(int(h), Score.of(v, intervals.get(h))) for h, v in ((body or {}).get(metric) or {}).items()
-                          if str(h).isdigit()]
+                values = {h: v for h, v in ((body or {}).get(metric) or {}).items() if str(h).isdigit()}
+                if not published and (curve := (row.get("curve") or {}).get(metric)):
+                    values = {str(h): v for h, v in enumerate(curve, start=1)} | values
+                points = [(int(h), Score.of(v, intervals.get(h))) for h, v in values.items()]
                 points = sorted((p for p in points if p[1].mean is not None and p[1].mean > 0), key=lambda p: p[0])
                 if points:
                     lines.append({"name": name, "published": published, "x": [h * STEP_S for h, _ in points],

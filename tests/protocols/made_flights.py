@@ -40,7 +40,8 @@ def made_flight(name: str = "made", late_s: float = 0.02, lag_s: float = 0.5, se
     made = {
         "mocap": (np.column_stack([truth, q, euler, velocity, gyro]),
                   tuple(STREAM_QUANTITIES["mocap"])),
-        "imu": (np.column_stack([zero, zero, zero + 9.81, gyro]), tuple(STREAM_QUANTITIES["imu"])),
+        "imu": (np.column_stack([zero, zero, zero + 9.81, gyro]),
+                ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")),
         "motor": (motor, ("m1", "m2", "m3", "m4")),
         "estimator": (np.column_stack([circle(t - lag_s - late_s), velocity]), ("x", "y", "z", "vx", "vy", "vz")),
         "attitude": (euler, ("roll", "pitch", "yaw")), "attitude_qw": (q, ("qx", "qy", "qz", "qw")),

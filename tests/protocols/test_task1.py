@@ -134,7 +134,7 @@ def test_the_earliest_of_each_trajectory_trains_whatever_its_name():
     found = split_of([second, copy, piece, other, first])
     assert [c.flight.name for c in found.train] == ["z_rep9"]
     assert {c.flight.name: c.groups for c in found.test} == {
-        "a_rep1": ("all", "seen", "circle"), "m": ("all", "unseen", "trefoil")}
+        "a_rep1": ("all", "seen", "circle", "slow"), "m": ("all", "unseen", "trefoil", "slow")}
     assert "2 copies and slices left out" in found.note
 
 

@@ -1,0 +1,1 @@
+"""Grey-box identification: models of physical terms fitted to flights by what they predict."""

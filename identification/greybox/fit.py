@@ -1,0 +1,193 @@
+"""A grey-box model with the habits of scikit-learn: settings in ``__init__``, ``fit`` returns self, learnt values end
+with an underscore."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import UsageError
+from nanobench_tools.flight import Flight
+from nanobench_tools.methods import Prediction, Windows
+from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.model import find_term
+from nanobench_tools.protocols.task1 import Case
+
+from .data import Cut, FitWindows, cases_of, cut, gather
+from .flies import Flight as Flown
+from .flies import flies
+from .gains import learn_gains
+from .intervals import bootstrap, not_identified
+from .ladder import FULL, HEAVY
+from .nuisance import SCALE, TILT, TRIMS, terms_of
+from .predictor import GreyBoxPredictor
+from .ranges import bounds, falling_thrust, held, priors
+from .result import FitResult
+from .solve import Nuisance, Problem, Solution, solve, usual_errors
+
+ADAPTS = ("none", "inputs", "past")
+RIDGE = {"inputs": 3e-4, "past": 1e-2}
+"""Smallest error of whole training flights held out (5 folds; 1e-4 to 0.1)."""
+INDEPENDENT_S = 1.0
+"""Errors of windows nearer than this are one observation."""
+EVERY_S = 0.1
+"""Windows of Task 1 start this far apart."""
+
+
+@dataclass
+class GreyBox:
+    """A model of physical ``terms`` (names, or names with values to start from), fitted to what it predicts.
+
+    adapt: ``none``, a model of constant parameters; ``inputs``: thrust and trim of each window follow from the inputs
+    of the half second before it (class ``state``); ``past``: also the tilt, from all streams of the two seconds before
+    (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used where ``adapt`` is
+    not ``none``; a test flight never has any. seed: of the bootstrap.
+
+    >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
+    {'tau_up_s': 0.03, 'tau_down_s': 0.04}
+    """
+
+    terms: Mapping[str, Mapping[str, Any]] | Sequence[str] = field(default_factory=lambda: FULL)
+    vehicle: Vehicle = field(default_factory=Vehicle)
+    adapt: str = "none"
+    name: str = "greybox"
+    seed: int = 0
+    threads: int = 1
+    progress: Any = None
+
+    def __post_init__(self) -> None:
+        if self.adapt not in ADAPTS:
+            raise UsageError(f"adapt is {self.adapt!r}; it can be {', '.join(ADAPTS)}")
+        if not isinstance(self.terms, Mapping):
+            self.terms = {name: _typical(name) for name in self.terms}
+
+    @property
+    def information(self) -> str:
+        return "past" if self.adapt == "past" else "state"
+
+    def fit(self, flights: Sequence[Flight | Case]) -> GreyBox:
+        """Fits to whole flights (or the cases of a protocol). InputError when they cannot tell anything."""
+        cuts = cut(_cases(flights), past=self.adapt == "past")
+        return self.fit_cuts(cuts)
+
+    def fit_cuts(self, cuts: Sequence[Cut]) -> GreyBox:
+        """The same from windows that were cut already."""
+        before = time.perf_counter()
+        data = gather(cuts)
+        nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
+        model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **self.terms})
+        lower, upper = bounds(model)
+        fixed = held(model) + (tuple(n for n in model.names if n.startswith("inertia.")) if _held_rate(model) else ())
+        free = np.array([name not in fixed for name in model.names])
+        lower, upper = np.where(free, lower, model.values), np.where(free, upper, model.values)
+        problem = Problem(model, data, free, lower, upper, priors(model), nuisances, _share(cuts), self.threads,
+                          progress=self.progress)
+        solution = solve(problem)
+        self.solution_, self.data_ = solution, data
+        ci95 = bootstrap(solution, self.seed)
+        parameters = {name: {"value": float(v), "ci95": None if ci95 is None or name not in ci95 else list(ci95[name]),
+                             "unit": unit} for name, v, unit in
+                      zip(model.names, solution.model.values, model.units, strict=True)}
+        self.model_ = tidy(solution.model)
+        self.parameters_ = {name: entry for name, entry in parameters.items() if name in self.model_.names}
+        self.predictor_ = self._predictor(solution, cuts)
+        flown = None if _held_rate(model) else flies(self.model_, data)
+        self.result_ = FitResult(self.name, self.adapt, self.parameters_, len(data), len(set(data.flight.tolist())),
+                                 solution.steps, solution.cost, self._trouble(solution, flown), flown,
+                                 tuple(not_identified(solution, ci95)),
+                                 tuple(f"{' + '.join(p.names)} = {p.mean:.3g} +- {p.sd:.2g} ({p.source})"
+                                       for p in problem.priors),
+                                 tuple(f"{n.name}: {n.sentence}" for n in nuisances),
+                                 time.perf_counter() - before)
+        return self
+
+    def _predictor(self, solution: Solution, cuts: Sequence[Cut]) -> GreyBoxPredictor:
+        if self.adapt == "none":
+            return GreyBoxPredictor(self.name, self.model_.as_dict(), self.vehicle, parameters=self.parameters_)
+        nuisances = nuisances_of(self.adapt)
+        problem = replace(solution.problem, nuisances=(), model=solution.model)
+        shared = solution.model.values
+        scale = usual_errors(problem, shared, np.zeros((len(problem.data.names), 0)))
+        made = GreyBoxPredictor(self.name, solution.model.as_dict(), self.vehicle, self.adapt, scale=scale,
+                                parameters=self.parameters_, nuisances_=nuisances)
+        features = np.concatenate([made.features(c.windows) for c in cuts])
+        return replace(made, gains=learn_gains(problem, shared, features, nuisances, RIDGE[self.adapt]))
+
+    def _trouble(self, solution: Solution, flown: Flown | None) -> str:
+        data = self.data_
+        volts = data.motor * data.battery_V[..., None] if "thrust_voltage" in solution.model else data.motor
+        falling = falling_thrust(solution.model, *np.quantile(volts, [0.02, 0.98]))
+        bound = f"on its bound: {', '.join(solution.on_bound)}" if solution.on_bound else ""
+        grounded = "" if flown is None or flown.flies else f"does not fly: {flown}"
+        return "; ".join(filter(None, (solution.trouble, bound, falling, grounded)))
+
+    def predict(self, windows: Windows) -> Prediction:
+        """States 1..H steps after the start of every window."""
+        self._check()
+        return self.predictor_.predict(windows)
+
+    def score(self, flights: Sequence[Flight | Case]) -> dict[str, dict[str, float]]:
+        """Task 1 errors {metric: {"1", "10", "50", "sum"}} over all windows of ``flights``, onboard truth."""
+        self._check()
+        sums, count = dict.fromkeys(QUANTITIES, 0.0), 0
+        for c in cut(_cases(flights), past=self.adapt == "past", thin=1):
+            for name, error in window_errors(self.predict(c.windows), c.came).items():
+                sums[name] = sums[name] + error.sum(axis=0)
+            count += len(c.windows)
+        if not count:
+            raise UsageError("no window of clean flight to score")
+        return {name: multi_horizon(np.asarray(total) / count) for name, total in sums.items()}
+
+    def _check(self) -> None:
+        if not hasattr(self, "predictor_"):
+            raise UsageError("this model is not fitted yet; call fit(flights) first")
+
+
+def nuisances_of(adapt: str) -> tuple[Nuisance, ...]:
+    """What a model with ``adapt`` sets per window."""
+    return () if adapt == "none" else (SCALE, *TRIMS, *(TILT if adapt == "past" else ()))
+
+
+def tidy(model: Model) -> Model:
+    """Gains of the motors with mean 1 exactly, and terms left out that only the nuisances went through."""
+    terms = model.as_dict()
+    if "motor_imbalance" in terms:
+        gains = np.array(terms["motor_imbalance"]["g"])
+        terms["motor_imbalance"] = {"g": tuple(gains / gains.mean())}
+    if terms.get("thrust_scale", {}).get("s") == 1.0:
+        del terms["thrust_scale"]
+    if "frame_tilt" in terms and not any(terms["frame_tilt"].values()):
+        del terms["frame_tilt"]
+    return Model(model.vehicle, terms)
+
+
+def _held_rate(model: Model) -> bool:
+    return model.values_of("inertia").get("inertia_kg_m2", (0.0,))[0] == HEAVY
+
+
+def _share(cuts: Sequence[Cut]) -> float:
+    """How many independent observations a window is."""
+    return min(1.0, EVERY_S * max(c.thin for c in cuts) / INDEPENDENT_S)
+
+
+def _typical(name: str) -> dict[str, Any]:
+    """Where a fit of a term starts: its typical values."""
+    found: dict[str, Any] = {}
+    for parameter in find_term(name).parameters:
+        if not parameter.optional:
+            many = parameter.length or 0
+            found[parameter.name] = parameter.typical if not many or isinstance(parameter.typical, tuple) else (
+                parameter.typical,) * many
+    return found
+
+
+def _cases(flights: Sequence[Flight | Case]) -> list[Case]:
+    return [*(f for f in flights if isinstance(f, Case)), *cases_of([f for f in flights if isinstance(f, Flight)])]
+
+
+__all__ = ["FitWindows", "GreyBox", "nuisances_of", "tidy"]

@@ -1,0 +1,50 @@
+"""The models of the ablation: one effect more on every rung."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+HEAVY = 0.5
+"""kg m^2, the largest inertia a vehicle may have: no motor turns it, the rate is held."""
+
+RATE_HELD = {"inertia": {"inertia_kg_m2": (HEAVY,) * 3}}
+THRUST_PWM = {"thrust_pwm": {"c": (0.03, -0.15, 0.25)}}
+THRUST = {"thrust_voltage": {"c": (0.05, -0.0133, 0.0088)}}
+LAG = {"command_delay": {"delay_s": 0.0251}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.03}}
+DRAG = {"drag_linear": {"d": (0.016, 0.016, 0.006)}}
+TURNING = {"inertia": {"inertia_kg_m2": (2.6e-5, 2.6e-5, 3.1e-5)}, "motor_imbalance": {"g": (1.0,) * 4},
+           "yaw_torque": {"k_m": 0.002}, "angular_damping": {"d_r": (1e-4, 1e-4, 1e-4)}}
+AIR_MOMENT = {"drag_torque": {"c": -3e-4}}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """name of the row; sentence what it adds; terms with where a fit starts; adapt: what is set per window
+    (``none``, ``inputs`` before the start, ``past``: all streams before the start)."""
+
+    name: str
+    sentence: str
+    terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    adapt: str = "none"
+
+    @property
+    def information(self) -> str:
+        return "past" if self.adapt == "past" else "state"
+
+
+FULL = {**THRUST, **LAG, **DRAG, **TURNING, **AIR_MOMENT}
+"""inflow, and a prior for drag from the accelerometer, were tried too: whole training flights held out in turn, they
+lower no error."""
+
+LADDER = (
+    Rung("fit_thrust_pwm", "thrust from PWM alone, rate held", {**THRUST_PWM, **RATE_HELD}),
+    Rung("fit_thrust_voltage", "thrust from PWM and voltage, rate held", {**THRUST, **RATE_HELD}),
+    Rung("fit_lag", "+ motor lag and delay", {**THRUST, **LAG, **RATE_HELD}),
+    Rung("fit_drag", "+ drag", {**THRUST, **LAG, **DRAG, **RATE_HELD}),
+    Rung("fit_torque", "+ moments of the motors, damping", {**THRUST, **LAG, **DRAG, **TURNING}),
+    Rung("fit_full", "+ moment of lateral air", FULL),
+    Rung("fit_balanced", "full, thrust and trim balanced on the inputs of the half second before", FULL, "inputs"),
+    Rung("fit_observed", "full, thrust, trim and tilt learnt from all streams of the two seconds before", FULL, "past"),
+)
