@@ -31,8 +31,6 @@ from .result import FitResult
 from .solve import Nuisance, Problem, Solution, solve, usual_errors
 
 ADAPTS = ("none", "inputs", "past")
-RIDGE = {"inputs": 3e-4, "past": 1e-2}
-"""Smallest error of whole training flights held out (5 folds; 1e-4 to 0.1)."""
 INDEPENDENT_S = 1.0
 """Errors of windows nearer than this are one observation."""
 EVERY_S = 0.1
@@ -116,7 +114,8 @@ class GreyBox:
         made = GreyBoxPredictor(self.name, solution.model.as_dict(), self.vehicle, self.adapt, scale=scale,
                                 parameters=self.parameters_, nuisances_=nuisances)
         features = np.concatenate([made.features(c.windows) for c in cuts])
-        return replace(made, gains=learn_gains(problem, shared, features, nuisances, RIDGE[self.adapt]))
+        gains, self.ridge_ = learn_gains(problem, shared, features, nuisances)
+        return replace(made, gains=gains)
 
     def _trouble(self, solution: Solution, flown: Flown | None) -> str:
         data = self.data_

@@ -25,8 +25,15 @@ MOST_STEPS = 60
 FLAT = 1e-5
 """A step that would lower the cost by less than this share of it ends the search."""
 
+NOTHING = 1e-12
+"""Cost of a model without errors."""
+
 RESCALED = 2
 """Times the usual sizes of errors are taken anew from the fit."""
+
+
+LEAST_ERROR = np.array([1e-6, 1e-5, 1e-6, 1e-5])
+"""m, m/s, rad, rad/s: errors are not measured in less, also where a model has none."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +157,7 @@ def usual_errors(problem: Problem, shared: np.ndarray, own: np.ndarray) -> np.nd
     """(K, 4) mean norms of the errors: the scale each is measured in."""
     none = np.zeros((len(shared), 0))
     found = np.concatenate([e for _, e, _ in flown_errors(problem, shared, own, none)])
-    return np.mean(np.linalg.norm(found, axis=-1), axis=0)
+    return np.maximum(np.mean(np.linalg.norm(found, axis=-1), axis=0), LEAST_ERROR)
 
 
 def flown_errors(problem: Problem, shared: np.ndarray, own: np.ndarray, directions: np.ndarray):
@@ -203,7 +210,7 @@ def _descend(problem: Problem, shared: np.ndarray, own: np.ndarray, scale: np.nd
     for step in range(1, MOST_STEPS + 1):
         while True:
             move, moved, expected = _move(problem, normal, shared, own, matrix, target, inverse_sd, damping)
-            if expected < FLAT * cost:
+            if expected <= FLAT * cost + NOTHING:
                 return shared, own, normal, cost, step, ""
             tried = cost_at(shared + move, own + moved)
             if tried < cost:

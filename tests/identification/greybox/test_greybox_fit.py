@@ -1,0 +1,127 @@
+"""The estimator: habits of scikit-learn, a model that flies, fits that are no result."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("casadi")
+
+from made_windows import TERMS, made_windows, true_model
+
+from identification.greybox.data import Cut
+from identification.greybox.fit import GreyBox, tidy
+from identification.greybox.flies import flies, hover_ratio
+from identification.greybox.ladder import LADDER
+from identification.greybox.ranges import most_inertia
+from identification.greybox.study import fit_item, predictor_of
+from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.methods import Prediction, Windows
+from nanobench_tools.physics import Vehicle
+
+
+def cuts_of(data):
+    found = []
+    for i, name in enumerate(data.names):
+        d = data.rows(data.flight == i)
+        windows = Windows(d.start[:, :3], d.start[:, 3:6], d.start[:, 6:10], d.start[:, 10:], d.motor, d.battery_V,
+                          100.0, *d.past)
+        found.append(Cut(name, windows, Prediction(d.truth[..., :3], d.truth[..., 3:6], d.truth[..., 6:10],
+                                                   d.truth[..., 10:]), 10))
+    return found
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
+    return GreyBox(terms, name="made").fit_cuts(cuts_of(made_windows(true_model(), noise=0.3)))
+
+
+def test_learnt_values_have_units_and_intervals(fitted):
+    entry = fitted.parameters_["drag_linear.d[0]"]
+    assert entry["unit"] == "N s/m"
+    assert entry["ci95"][0] < entry["value"] < entry["ci95"][1]
+    assert entry["value"] == pytest.approx(0.016, rel=0.1)
+    assert fitted.result_.is_result, fitted.result_.trouble
+    text = fitted.result_.summary()
+    assert "N s/m" in text
+    assert "prior" in text
+    assert "held by a plain controller" in text
+
+
+def test_prediction_is_that_of_the_model(fitted):
+    cut = cuts_of(made_windows(true_model(), seed=9))[0]
+    found = fitted.predict(cut.windows)
+    assert np.abs(found.position_m - cut.came.position_m).max() < 0.01
+
+
+def test_result_draws_itself(fitted):
+    pytest.importorskip("plotly")
+    assert len(fitted.result_.plot().data) > 5
+
+
+def test_not_fitted_and_unknown_settings_are_one_line():
+    with pytest.raises(UsageError, match="not fitted yet"):
+        GreyBox().predict(None)
+    with pytest.raises(UsageError, match="adapt"):
+        GreyBox(adapt="future")
+    with pytest.raises(UsageError, match="no_such_term"):
+        GreyBox(terms=["no_such_term"])
+
+
+def test_a_mass_in_grams_is_one_line():
+    with pytest.raises(InputError, match="mass_kg") as error:
+        GreyBox(vehicle=Vehicle(mass_kg=40.85)).fit_cuts(cuts_of(made_windows(true_model(), n=20)))
+    assert "\n" not in str(error.value)
+
+
+def test_the_model_flies_and_one_whose_motors_do_nothing_does_not():
+    data = made_windows(true_model())
+    assert flies(true_model(), data).stable
+    weak = true_model().with_parameters({"thrust_voltage.c[0]": 0.1, "thrust_voltage.c[1]": 1e-4,
+                                         "thrust_voltage.c[2]": 0.0})
+    assert not flies(weak, data).flies
+
+
+def test_hover_is_where_thrust_carries_the_weight():
+    model = true_model()
+    data = made_windows(model)
+    volts = data.battery_V.mean()
+    half = model.with_parameters({f"thrust_voltage.c[{k}]": c / 2.0 for k, c in enumerate((0.01, 0.02, 0.0037))})
+    assert hover_ratio(half, data) > 1.2 * hover_ratio(model, data)
+    assert 0.5 < hover_ratio(model, data) * data.past[0].mean() * volts / 2.9 < 1.6
+
+
+def test_no_vehicle_has_more_inertia_than_with_all_its_mass_at_the_motors():
+    np.testing.assert_allclose(most_inertia(true_model()), 0.04085 * 0.0325**2 * np.array([1.0, 1.0, 2.0]))
+
+
+def test_gains_of_motors_have_mean_one_and_neutral_terms_go():
+    model = tidy(true_model().with_parameters({"motor_imbalance.g[0]": 1.0201}))
+    assert np.mean(model.values_of("motor_imbalance")["g"]) == pytest.approx(1.0, abs=1e-12)
+    assert "thrust_scale" not in model
+
+
+def test_ablation_names_are_unique_and_classes_are_not_mixed():
+    assert len({rung.name for rung in LADDER}) == len(LADDER)
+    assert [rung.name for rung in LADDER if rung.information == "past"] == ["fit_observed"]
+
+
+@pytest.mark.real
+def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data):
+    from identification.greybox.data import cases_of
+    from nanobench_tools.protocols.task1 import score
+    from nanobench_tools.sources.discover import load_recordings
+
+    names = ("B2_circle_medium_rep1", "B7_oval_medium_rep2", "B3_figure8_slow_rep1", "B8_star_slow_rep1",
+                 "B2_circle_slow_rep1", "B5_helix_slow_rep1")
+    paths = [next(real_data.glob(f"nanobench/**/{name}.csv*")) for name in names]
+    cases = cases_of(load_recordings(paths).flights)
+    at_50 = {}
+    for rung in (r for r in LADDER if r.adapt != "none"):
+        predictor = predictor_of(fit_item(cases[:5], rung, 0, 0.04085))
+        found = score(cases[5], predictor, "onboard")
+        at_50[rung.adapt] = {name: sums[-1] / found["windows"] for name, sums in found["sums"].items()}
+    assert at_50["inputs"]["position_mae_m"] < 0.15
+    assert at_50["past"]["position_mae_m"] < 0.08
+    assert at_50["past"]["attitude_mae_rad"] < 0.7 * at_50["inputs"]["attitude_mae_rad"]
