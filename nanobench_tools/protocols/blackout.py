@@ -1,0 +1,86 @@
+"""Task 3, blackout: poses until t0 and none afterwards; how far off is the position 1, 5, 10 and 20 s later.
+
+t0 every 5 s from 5 s after the start of the flight. A window counts where the vehicle is in the air and the truth and
+the streams are free of faults from t0 to its end. One call of the estimator per t0: ``flight.streams["mocap"]`` holds
+the poses up to t0, all other streams are whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..flight import Flight, make_stream
+from ..methods import Estimator
+from .tables import group_order, summaries
+from .task3 import Case, checked
+from .usable import POSE
+
+FIRST_S, EVERY_S = 5.0, 5.0
+HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
+GIVEN = "motion capture poses until t0, none afterwards; all other streams"
+NEAREST_S = 0.05
+"""An estimate counts at the end of a window if it has a stamp within this of it."""
+
+
+def starts(case: Case) -> list[float]:
+    """The t0 [s] of one flight, those with at least the shortest horizon."""
+    first = case.spans[0].start_s + FIRST_S
+    return [t0 for t0 in np.arange(first, case.spans[-1].end_s, EVERY_S).tolist() if _whole(case, t0, HORIZONS_S[0])]
+
+
+def _whole(case: Case, t0_s: float, h_s: float) -> bool:
+    return any(span.start_s <= t0_s and t0_s + h_s <= span.end_s for span in case.spans)
+
+
+def given_until(flight: Flight, t0_s: float) -> Flight:
+    """The flight with the poses up to t0 only (columns px py pz qx qy qz qw)."""
+    mocap = flight["mocap"]
+    early = (mocap.time_s <= t0_s) & np.isfinite(mocap[POSE]).all(axis=1)
+    poses = make_stream("mocap", mocap.time_s[early], mocap[POSE][early], POSE, rate_hz=mocap.rate_hz)
+    return replace(flight, streams={**flight.streams, "mocap": poses})
+
+
+def score(case: Case, method: Estimator) -> dict[str, Any]:
+    """{windows: [{t0_s, h_s, end_m, error_m}], metrics: {end_error_Hs_m: mean over the windows of the flight}}.
+
+    Raises InputError when the estimator gives no trajectory or does not reach the end of a window.
+    """
+    windows: list[dict[str, Any]] = []
+    mocap = case.flight["mocap"]
+    finite = np.isfinite(mocap[POSE]).all(axis=1)
+    truth_s, truth_m = mocap.time_s[finite], mocap["px", "py", "pz"][finite]
+    for t0 in starts(case):
+        estimate = checked(method.estimate(given_until(case.flight, t0)), method.name, case.flight.provenance.path)
+        for h in HORIZONS_S:
+            if not _whole(case, t0, h):
+                continue
+            end = t0 + h
+            if not len(estimate.time_s) or np.min(np.abs(estimate.time_s - end)) > NEAREST_S:
+                raise InputError(case.flight.provenance.path, f"estimator {method.name} has no value at {end:.2f} s")
+            found = np.array([np.interp(end, estimate.time_s, estimate.position_m[:, k]) for k in range(3)])
+            true = np.array([np.interp(end, truth_s, truth_m[:, k]) for k in range(3)])
+            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(),
+                            "error_m": float(np.linalg.norm(found - true))})
+    metrics = {f"end_error_{h:.0f}s_m": float(np.mean([w["error_m"] for w in windows if w["h_s"] == h]))
+               if any(w["h_s"] == h for w in windows) else float("nan") for h in HORIZONS_S}
+    return {"windows": windows, "metrics": metrics}
+
+
+def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
+             seed: int = 0) -> list[dict[str, Any]]:
+    """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows)."""
+    scored = [(case, value) for case, value in scored if value["windows"]]
+    rows = []
+    for group in group_order([g for case, _ in scored for g in case.groups]):
+        members = [(case, value) for case, value in scored if group in case.groups]
+        counts = {f"{h:.0f}": sum(w["h_s"] == h for _, value in members for w in value["windows"]) for h in HORIZONS_S}
+        rows.append({"protocol": "blackout", "method": method.name, "causal": getattr(method, "causal", None),
+                     "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
+                     "n_windows": counts, "given": GIVEN,
+                     "metrics": summaries([value["metrics"] for _, value in members], seed)})
+    return rows
