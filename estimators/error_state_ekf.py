@@ -132,7 +132,7 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, fresh: np.nda
                 cov[12 + k, 12 + k] += GYRO_WALK**2 * dt
         rot = _rotation(q)
         h = np.zeros((8, 18))
-        innovation, variance, used = np.zeros(8), np.ones(8), np.zeros(8, nb.boolean)
+        innovation, variance, used = np.zeros(8), np.ones(8), np.zeros(8, np.bool_)
         if fresh[i]:
             w = poses[i, 3:]
             sign = 1.0 if w @ q >= 0.0 else -1.0

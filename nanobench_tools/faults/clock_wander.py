@@ -34,9 +34,9 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     faults = []
     for name in readings:
         clock = known.get(name)
-        wanders = clock is not None and clock.wanders
-        evidence = clock.wander_evidence if wanders else ""
-        size = clock.wander_sd_s if wanders else 0.0
+        wanders, evidence, size = False, "", 0.0
+        if clock is not None and clock.wanders:
+            wanders, evidence, size = True, clock.wander_evidence, clock.wander_sd_s
         if name in shared and warp is not None and warp.moving and warp.wander_sd_s > SMALLEST_WANDER_S:
             wanders, size = True, warp.wander_sd_s
             evidence = f"the clock {warp.reason}" + (f"; {evidence}" if evidence else "")

@@ -64,7 +64,8 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWa
     reading = read_clocks(context).get("imu")
     found = {e.kind.name for e in collect(context, tuple(KINDS), -np.inf, np.inf)}
     have = tuple(k for k in kinds if k in found)
-    trial, judges = None, ()
+    trial, source = None, have
+    judges: tuple[str, ...] = ()
     for group, choices in JUDGES.items():
         source = tuple(k for k in have if KINDS[k].group == group)
         judges = next((there for there in (tuple(k for k in names if k in found) for names in choices) if there), ())

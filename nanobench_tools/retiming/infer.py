@@ -177,6 +177,8 @@ def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal:
 def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:
     """(n,) speed of the vehicle [m/s] at the rows."""
     truth = context.once(truth_of)
+    if truth is None:
+        return np.zeros(len(rows_s))
     return np.interp(rows_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1))
 
 
@@ -186,9 +188,9 @@ def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray
     Along the track it cannot be told from time; its size is read across the track, where time cannot act.
     """
     position = next((e for e in evidence if e.kind.name == "position"), None)
-    if position is None:
-        return np.zeros(len(rows_s))
     truth = context.once(truth_of)
+    if position is None or truth is None:
+        return np.zeros(len(rows_s))
     residual = position.residual(np.interp(position.time_s, rows_s, delay))
     v = np.stack([np.interp(position.time_s, truth.time_s, truth.velocity_m_s[:, k]) for k in range(3)], axis=1)
     speed = np.linalg.norm(v, axis=1, keepdims=True)

@@ -125,17 +125,20 @@ def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) ->
 
     None when the streams share less than two seconds. Offsets are sought within -250..+300 ms.
     """
-    parts = [_evidence(measured, reference, (q,)) for q in quantities]
-    if any(part is None for part in parts):
+    def all_of(names: tuple[str, ...]) -> list[Evidence]:
+        found = [_evidence(measured, reference, (q,)) for q in names]
+        return [part for part in found if part is not None]
+
+    parts = all_of(quantities)
+    if len(parts) < len(quantities):
         return None
     rows_s = np.arange(parts[0].time_s[0], parts[0].time_s[-1], ROW_S)
-    every = [_evidence(measured, reference, (q,)) for q in quantities]
-    delay, sd = smooth_delay(every, rows_s, lambda steps_s: None)
+    delay, sd = smooth_delay(all_of(quantities), rows_s, lambda steps_s: None)
     constant = float(np.median(delay))
     gains = []
     for judge in range(len(quantities) if len(quantities) > 1 else 0):
-        others = [_evidence(measured, reference, (q,)) for i, q in enumerate(quantities) if i != judge]
-        found = smooth_delay(others, rows_s, lambda steps_s: None)[0]
+        others = tuple(q for i, q in enumerate(quantities) if i != judge)
+        found = smooth_delay(all_of(others), rows_s, lambda steps_s: None)[0]
         gains.append(evidence_gain(parts[judge], float(np.median(found)),
                                    np.interp(parts[judge].time_s, rows_s, found)))
     wander = wander_of(rows_s, delay)

@@ -13,6 +13,7 @@ from scipy.optimize import linprog
 
 from ..content.airborne import airborne_spans
 from ..content.context import Context
+from ..flight import Stream
 from .evidence import collect
 from .warp import ClockWarp, wander_of
 
@@ -47,8 +48,8 @@ def warp_from_ticks(context: Context) -> ClockWarp | None:
     The least delay of the link itself is not seen in ticks. With motion capture it is the lag that fits the gyro best
     once the varying part is gone, else it stays unknown and the standard deviation says so.
     """
-    measured = [_delay_of(stream) for stream in context.flight.streams.values() if "tick" in stream.quantities]
-    measured = [m for m in measured if m is not None]
+    streams = [stream for stream in context.flight.streams.values() if "tick" in stream.quantities]
+    measured = [m for m in map(_delay_of, streams) if m is not None]
     if not measured:
         return None
     time_s = np.concatenate([t for t, _, _ in measured])
@@ -71,7 +72,7 @@ def warp_from_ticks(context: Context) -> ClockWarp | None:
                          f"(SD); {told}")
 
 
-def _delay_of(stream) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def _delay_of(stream: Stream) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     good = np.isfinite(stream["tick"]) & np.isfinite(stream.time_s)
     stamp_s, tick_s = stream.time_s[good], unwrapped(stream["tick"][good])
     if len(tick_s) < FEWEST or np.any(np.diff(tick_s) < 0.0) or np.ptp(tick_s) == 0.0:

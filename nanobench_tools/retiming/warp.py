@@ -39,9 +39,9 @@ class ClockWarp:
     @classmethod
     def from_json(cls, body: Mapping[str, Any]) -> ClockWarp:
         """The inverse of ``to_json``."""
-        arrays = {name: np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s")}
-        others = ("constant_s", "wander_sd_s", "moving", "lags_s", "reason")
-        return cls(**arrays, **{name: body[name] for name in others})
+        time_s, offset_s, sd_s = (np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s"))
+        return cls(time_s, offset_s, sd_s, body["constant_s"], body["wander_sd_s"], body["moving"], body["lags_s"],
+                   body["reason"])
 
     def points(self, tolerance_s: float = 0.0005) -> tuple[tuple[float, float, float], ...]:
         """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
