@@ -16,8 +16,9 @@ from nanobench_tools.physics.batched import Compiled, scan
 from nanobench_tools.physics.inputs import rows, settled
 from nanobench_tools.physics.model import RIGID, STATE
 from nanobench_tools.physics.ops import import_casadi
+from nanobench_tools.physics.rollout import rollout
 
-BLOCK = 4
+BLOCK = 7
 ROTORS = 4
 
 
@@ -59,13 +60,16 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
     parameters (P,) or (n, P) in place of the model's.
     """
     values = model.values if parameters is None else np.asarray(parameters, float)
+    if not directions.shape[1]:
+        flown = rollout(model, start, motor, battery_V, past, row_hz=row_hz, parameters=values, threads=threads)
+        return flown[:, keep, :RIGID].transpose(1, 2, 0), np.empty((len(keep), 0, RIGID, len(start)))
     window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=values)
     n, free = len(start), directions.shape[1]
     states = np.empty((len(keep), RIGID, n))
     found = np.empty((len(keep), free, RIGID, n))
     fly = _tangent(_Structure(model), "step", row_hz, values.ndim == 2).on_threads(threads)
     first = settled(model, before[0] if len(before) else window[0], row_hz=row_hz, parameters=values)
-    for low in range(0, max(free, 1), BLOCK):
+    for low in range(0, free, BLOCK):
         part = directions[:, low:low + BLOCK]
         block = np.zeros((directions.shape[0], BLOCK))
         block[:, :part.shape[1]] = part

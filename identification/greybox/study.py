@@ -14,7 +14,7 @@ from .fit import GreyBox, nuisances_of
 from .ladder import LADDER, Rung
 from .predictor import GreyBoxPredictor
 
-SHORT = ("fit_thrust_voltage", "fit_full", "fit_balanced", "fit_observed")
+SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 """The rungs of the main job."""
 
 
