@@ -10,13 +10,14 @@ import click
 
 from ..errors import InputError, UsageError
 from .methods import load_methods
-from .options import PATH, Options, one_line, shared_options
+from .options import AS_RECORDED, PATH, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..protocols.task3 import Case
+    from ..retiming.warp import ClockWarp
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
@@ -25,6 +26,9 @@ DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "cl
 
 GIVEN_CLOCK = {"offset": "; stamps less the flight's constant offset, found off-line",
                "retimed": "; stamps less the moving error, found off-line from gyro and accelerometer"}
+
+POINTS_WITHIN_S = 1e-3
+"""The result file says a moving error by straight lines within this."""
 
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
@@ -54,13 +58,13 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     audits, _ = options.audit(flights)
     if folders:
         scored, protocols = scored or [], protocols or ("clean",)
-    if options.clock != "as-recorded":
+    if options.clock != AS_RECORDED:
         if set(protocols) - {"clean"}:
             raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published table was made "
                              "as recorded")
         protocols = ("clean",)
-    flights, audits = options.on_clock(flights, audits, judges_estimator=True)
-    body = estimate_body(options, flights, audits, protocols, scored, files)
+    seen = options.see_on_clock(flights, audits, judges_estimator=True)
+    body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps)
     return options.finish("estimate", body)
 
 
@@ -77,10 +81,12 @@ def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
 
 def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                   protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
-                  files: Mapping[str, Mapping[str, Path]] | None = None) -> dict[str, Any]:
+                  files: Mapping[str, Mapping[str, Path]] | None = None,
+                  warps: Mapping[str, ClockWarp | None] | None = None, trajectories: bool = True) -> dict[str, Any]:
     """The keys of estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
 
-    Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
+    warps: what was taken out of the flights' stamps for the clock of ``options``; trajectories: whether they are
+    written to ``--out``. Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
     """
     from ..protocols import task3
 
@@ -92,12 +98,27 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
         work = [(method, case) for method in chosen for case in cases]
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
-        scored, single = _score(options, protocol, work, options.out if protocol == written else None)
+        scored, single = _score(options, protocol, work, options.out if trajectories and protocol == written else None)
         rows += scored
         per_flight += single
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
-    return {"rows": rows, "per_flight": per_flight,
-            "left_out": show_left_out(options, flights, rows, audits, task3.NEEDED, failed)}
+    left_out = show_left_out(options, flights, rows, audits, task3.NEEDED, failed)
+    body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
+    if options.clock != AS_RECORDED:
+        used = {name for row in rows for name in row["flights"]}
+        taken_out = {name: warp for name, warp in (warps or {}).items() if name in used}
+        for row in rows:
+            row["n_moving"] = sum(warp.moving for name in row["flights"] if (warp := taken_out.get(name)) is not None)
+        body["clocks"] = {options.clock: {name: _taken_out(warp) for name, warp in taken_out.items()}}
+    return body
+
+
+def _taken_out(warp: ClockWarp | None) -> dict[str, Any] | None:
+    """What was taken out of one flight's stamps, as in the audit: ``warp`` [[t_s, offset_s, sd_s]], positive = late."""
+    if warp is None:
+        return None
+    return {"moving": warp.moving, "constant_s": warp.constant_s, "wander_sd_s": warp.wander_sd_s,
+            "reason": warp.reason, "warp": warp.points(POINTS_WITHIN_S)}
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
@@ -140,7 +161,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]],
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _show(options, protocol, rows)
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
-                   "speed": speed_of(case.flight), "metrics": value["metrics"]} for method, case, value in done]
+                   "speed": speed_of(case.flight), "clock": options.clock, "metrics": value["metrics"]}
+                  for method, case, value in done]
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
+    from ..harness.clocks import OnClock
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
+AS_RECORDED = "as-recorded"
+CLOCKS = (AS_RECORDED, "offset", "retimed")
 PATH = click.Path(path_type=Path)
 Case = TypeVar("Case")
 """One recording as a protocol uses it."""
@@ -39,7 +42,7 @@ class Options:
     seed: int = 0
     columns: Path | None = None
     quiet: bool = False
-    clock: str = "as-recorded"
+    clock: str = AS_RECORDED
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
     started: float = field(default_factory=time.time)
@@ -123,17 +126,23 @@ class Options:
     def on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
                  judges_estimator: bool = False) -> tuple[list[Flight], dict[str, Audit]]:
         """Flights and audits as seen with ``--clock``; says for how many recordings it could be identified."""
+        result = self.see_on_clock(flights, audits, judges_estimator)
+        return result.flights, result.audits
+
+    def see_on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
+                     judges_estimator: bool = False) -> OnClock:
+        """``on_clock`` with what was taken out of each recording."""
         from ..harness.clocks import on_clock
 
         result = on_clock(flights, audits, self.clock, judges_estimator, self.store, self.jobs, self.scheduler,
                           self.progress)
         self.failed += result.failed
-        if self.clock != "as-recorded":
+        if self.clock != AS_RECORDED:
             found = [warp for warp in result.warps.values() if warp is not None]
             moving = sum(warp.moving for warp in found)
             self.say(f"clock {self.clock}: {len(found)} of {len(result.warps)} recordings"
                      + (f", {moving} with a moving error, the others by a constant" if self.clock == "retimed" else ""))
-        return result.flights, result.audits
+        return result
 
     def selected(self, asked: Sequence[str], known: Sequence[str],
                  select: Callable[[str], list[Case]]) -> Iterator[tuple[str, list[Case]]]:
@@ -261,7 +270,7 @@ OPTIONS: dict[str, Callable] = {
                               help="Dask scheduler of a cluster instead of --jobs."),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
                          help="Seed of everything random."),
-    "clock": click.option("--clock", type=click.Choice(["as-recorded", "offset", "retimed"]), default="as-recorded",
+    "clock": click.option("--clock", type=click.Choice(CLOCKS), default=AS_RECORDED,
                           show_default=True,
                           help="Take the constant or the moving time error out of the vehicle's streams first (uses "
                                "the motion capture of the whole flight; every row says so)."),

@@ -5,17 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ..errors import NanobenchError
 from .audit import audit_body, show_audits
-from .options import Options, shared_options
-
-if TYPE_CHECKING:
-    from ..audit import Audit
-    from ..flight import Flight
+from .options import CLOCKS, Options, shared_options
 
 OUT = Path("results")
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
@@ -24,35 +20,37 @@ PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 
 @click.command()
 @shared_options("clock")
+@click.option("--clock", "clock_name", type=click.Choice(CLOCKS),
+              help="Clean rows of all tasks on this clock. Default: as recorded, and the logged estimates of Task 3 on "
+                   "each clock, every row with its own. The published protocols are always as recorded.")
 @click.option("--practice", is_flag=True, help="Simulate practice flights (SYNTHETIC) even if there are recordings.")
-def run(options: Options, practice: bool) -> int:
+def run(options: Options, clock_name: str | None, practice: bool) -> int:
     """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).
 
     Reads --data, else the recordings in the default places; when there are none it simulates practice flights, and
     everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was. --json holds
     all result files in one: audit, estimate, control, sysid.
     """
-    results = main_job(options, practice)
+    results = main_job(options, practice, clock_name)
     if options.json is not None:
         options.write_json(options.envelope("run", results))
     return options.exit_code()
 
 
-def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, Any]]:
+def main_job(options: Options, practice: bool = False, clock: str | None = None) -> dict[str, dict[str, Any]]:
     """Does it all and gives the content of the result files by name; ``options.out`` is ./results if not set.
 
-    A task for which the recordings do not suffice is listed in ``options.failed``; the others go on.
+    clock: that of the clean rows; None: see ``Recordings``. A task for which the recordings do not suffice is listed in
+    ``options.failed``; the others go on.
     """
     from ..harness import write_json
     from ..report import write_report
     from ..sources.discover import default_data
-    from .control import control_body
-    from .estimate import estimate_body
-    from .sysid import sysid_body
+    from .clocks import Recordings, control_on, estimate_on, sysid_on
 
     out = options.out = options.out or OUT
-    stages: dict[str, Callable[[Options, list[Flight], dict[str, Audit]], dict[str, Any]]] = {
-        "estimate": estimate_body, "control": control_body, "sysid": sysid_body}
+    stages: dict[str, Callable[[Recordings], dict[str, Any]]] = {
+        "estimate": estimate_on, "control": control_on, "sysid": sysid_on}
     steps = len(stages) + 3
     if practice or not (options.data or default_data()):
         options.say(f"[1/{steps}] no recordings: practice flights, SYNTHETIC")
@@ -70,12 +68,12 @@ def main_job(options: Options, practice: bool = False) -> dict[str, dict[str, An
         write_json(out / f"{name}.json", results[name])
 
     keep("audit", audit_body(audits, copies), list(options.failed))
-    audited = [flight for flight in flights if flight.name in audits]
+    given = Recordings(options, [flight for flight in flights if flight.name in audits], audits, clock)
     for step, (name, body_of) in enumerate(stages.items(), start=3):
         options.say(f"[{step}/{steps}] {name}")
         before = len(options.failed)
         try:
-            body = body_of(options, audited, audits)
+            body = body_of(given)
         except NanobenchError as error:
             options.failed.append({"item": name, "file": getattr(error, "place", ""), "error": str(error)})
             body = {"rows": []}

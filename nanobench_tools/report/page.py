@@ -15,6 +15,7 @@ from ..audit import Audit
 from ..flight import Flight
 from ..version import __version__
 from . import pictures, words
+from .clock_error import typical
 from .quantities import DASH
 from .recording import payload
 from .rows import tables_of
@@ -22,7 +23,7 @@ from .tables import Column, Score, Table, score_text, write_tables
 
 SECTIONS = (("overview", "Overview"), ("task1", "Task 1"), ("task2", "Task 2"), ("task3", "Task 3"),
             ("audit", "Data audit"), ("flights", "Flights"), ("manifest", "How this was made"))
-SCRIPTS = ("draw.js", "overview.js", "flights.js", "page.js")
+SCRIPTS = ("draw.js", "clock.js", "overview.js", "flights.js", "page.js")
 SUBTITLES = {"task1": "Which physics does it obey?", "task2": "How well was it flown?", "task3": "Where was it really?"}
 
 
@@ -48,8 +49,9 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
         results = {name: without_published(body) for name, body in results.items()}
     tables = tables_of(results, synthetic)
     write_tables(out_dir, tables, label)
-    recordings = [payload(flight, entries.get(flight.name) or by_content.get(flight.provenance.sha256))
-                  for flight in flights]
+    taken_out = ((results.get("estimate") or {}).get("clocks") or {}).get("retimed") or {}
+    recordings = [payload(flight, entries.get(flight.name) or by_content.get(flight.provenance.sha256),
+                          taken_out.get(flight.name)) for flight in flights]
     path = out_dir / "report.html"
     write_bytes(path, render(results, tables, recordings, entries, label).encode(errors="replace"))
     return path
@@ -66,7 +68,8 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
     library = plotly_source()
     overview = {"task1": pictures.task1(results.get("sysid")),
                 "task3": pictures.task3(results.get("estimate"), words.way(bool(label))),
-                "clocks": pictures.clocks(results.get("audit"))}
+                "clocks": pictures.clocks(results.get("audit")),
+                "wander": shown_wander(results.get("estimate"), entries, [r["name"] for r in recordings])}
     return environment.get_template("report.html").render(
         label=label, sections=SECTIONS, subtitles=SUBTITLES, version=__version__, library=library,
         css=_template("report.css"), scripts=[_template(name) for name in SCRIPTS],
@@ -79,6 +82,16 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
         matrix=pictures.fault_matrix(results.get("audit")), recordings=[safe_json(r) for r in recordings],
         names=[r["name"] for r in recordings], default=default_recording(recordings, entries),
         failed=failures(results), manifest=manifest_lines(results))
+
+
+def shown_wander(estimate: Mapping[str, Any] | None, entries: Mapping[str, Mapping[str, Any]],
+                 names: Sequence[str]) -> dict[str, Any]:
+    """Which recording's clock error stands in the section of Task 3."""
+    taken_out = ((estimate or {}).get("clocks") or {}).get("retimed") or {}
+    name = typical({n: entries[n] for n in names if n in entries}, taken_out)
+    if name is None:
+        return {"absent": "No recording at hand has a clock error that was found without the estimated position."}
+    return {"flight": name, "index": list(names).index(name)}
 
 
 def without_published(body: Mapping[str, Any]) -> Mapping[str, Any]:

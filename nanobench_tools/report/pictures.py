@@ -7,7 +7,7 @@ from typing import Any
 
 from .audits import CLOCK_STREAMS, fault_counts, share_clean, share_valid, streams_of, total
 from .quantities import number, shown
-from .rows import CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS
+from .rows import AS_RECORDED, CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock
 from .tables import Score
 
 STEP_S = 0.01
@@ -16,7 +16,7 @@ STEP_S = 0.01
 
 def task1(sysid: Mapping[str, Any] | None) -> dict[str, Any]:
     """Mean error over horizon, one panel per quantity, one line per model; published values as lines of their own."""
-    rows = [r for r in (sysid or {}).get("rows") or [] if r.get("group", "all") == "all"]
+    rows = of_one_clock(r for r in (sysid or {}).get("rows") or [] if r.get("group", "all") == "all")
     truths = list(dict.fromkeys(r.get("truth") for r in rows))
     truth = "onboard" if "onboard" in truths else (truths or [None])[0]
     panels = []
@@ -48,6 +48,8 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
     """ATE of every recording by speed, as published (called ``first``) and corrected; means with intervals where only
     these are known."""
     body = estimate or {}
+    body = {key: [entry for entry in body.get(key) or [] if clock_of(entry) == AS_RECORDED]
+            for key in ("rows", "per_flight")}
     protocols = {r.get("protocol") for r in body.get("rows") or []}
     corrected = CORRECTED if CORRECTED in protocols else "clean"
     method = next((r.get("method") for r in body.get("rows") or [] if r.get("protocol") == PUBLISHED), None)

@@ -13,6 +13,7 @@ import numpy as np
 from .. import so3
 from ..flight import Flight, Span, Stream, mask_of
 from .audits import cut_spans, fault_counts, group_of, share_valid, span_of, streams_of, total
+from .clock_error import clock_error
 from .decimate import at_rate, extreme_rows, pack
 from .quantities import DASH, format_number, number
 
@@ -22,8 +23,10 @@ BUCKETS = 300
 LISTED_FAULTS = 40
 
 
-def payload(flight: Flight, audit: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Everything the page draws of ``flight``; ``audit`` is its entry of audit.json, None when it was not audited."""
+def payload(flight: Flight, audit: Mapping[str, Any] | None,
+            taken_out: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Everything the page draws of ``flight``; ``audit`` is its entry of audit.json, None when it was not audited,
+    ``taken_out`` the clock error in estimate.json that the estimator is judged with."""
     audit = audit or {}
     airborne = [Span(*s) for s in audit.get("airborne") or []]
     return {
@@ -32,6 +35,7 @@ def payload(flight: Flight, audit: Mapping[str, Any] | None) -> dict[str, Any]:
         "span": [round(flight.span.start_s, 3), round(flight.span.end_s, 3)],
         "paths": paths(flight, audit, airborne),
         "errors": errors(flight, audit, airborne),
+        "clock": clock_error(flight, audit, taken_out),
         "timeline": timeline(flight, audit),
         "battery": over_time(flight, audit, {"battery": {"vbat": "battery"}}, 5e-4),
         "motors": over_time(flight, audit, {"motor": {f"m{i}": f"motor {i}" for i in (1, 2, 3, 4)}}, 1e-4),

@@ -27,6 +27,27 @@ CONTROL_METRICS = ("rmse_m", "ade_m", "velocity_rmse_m_s", "heading_deg", "diver
                    "solve_p99_ms")
 SYSID_METRICS = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate_mae_rad_s")
 DATA = Column("data", "Data")
+AS_RECORDED = "as-recorded"
+CLOCK = Column("clock", "Clock")
+CLOCK_METRICS = ("ate_rmse_m", "along_track_rmse_m", "along_track_delay_removed_rmse_m", "across_track_rmse_m",
+                 "delay_s")
+STEPS = (("clean", AS_RECORDED, "cleaned"), ("clean", "offset", "constant offset removed"),
+         ("clean", "retimed", "re-timed"))
+"""(protocol, clock, its name) after the published row."""
+NO_SUCH = "the published protocol has no such metric"
+
+
+def clock_of(row: Mapping[str, Any]) -> str:
+    """The clock of a row; results from before there were several are as recorded."""
+    return str(row.get("clock") or AS_RECORDED)
+
+
+def of_one_clock(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows as recorded, if there are any, else those of the first other clock: never two clocks side by side."""
+    rows = list(rows)
+    clocks = {clock_of(row) for row in rows}
+    chosen = AS_RECORDED if AS_RECORDED in clocks or not rows else clock_of(rows[0])
+    return [row for row in rows if clock_of(row) == chosen]
 
 
 def data_label(synthetic: bool) -> str:
@@ -60,7 +81,7 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         for h in horizons:
             title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
             scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
-    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"), *scores,
+    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"), CLOCK, *scores,
                Column("n_windows", "Windows", "count"), Column("n_flights", "Flights", "count"),
                Column("information", "Given"), DATA)
     groups = [_text(row.get("group")) for row in rows]
@@ -72,16 +93,17 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         model, group, truth = (_text(row.get(key)) for key in ("model", "group", "truth"))
         information = _text(row.get("information"))
         if published := row.get("published"):
-            lines.append((f"{model} (published)", "published table", truth,
+            lines.append((f"{model} (published)", "published table", truth, "",
                           *_horizon_scores(published, {}, horizons, exact=True), None, None, information, "published"))
-        lines.append((model, group, truth, *_horizon_scores(row.get("metrics"), row, horizons),
+        lines.append((model, group, truth, _text(row.get("clock")), *_horizon_scores(row.get("metrics"), row, horizons),
                       _count(row.get("n_windows")), _count(row.get("n_flights")), information, data_label(synthetic)))
         main = len(lines) if group in ("", *TASK1_GROUPS) else main
     note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
     if main < len(lines):
         note += " Further groups are in the CSV file."
-    return Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
-                 note, main).without_empty_columns()
+    table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
+                  note, main).without_empty_columns()
+    return _clock_in_place(table)
 
 
 def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -130,9 +152,10 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """Rows of ``control``: real flights in one table, simulated ones (if any) in another."""
     rows = [{**row, "metrics": row.get("statistics") or row.get("metrics")} for row in control.get("rows", [])]
     scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
-    columns = (Column("protocol", "Protocol"), Column("controller", "Controller"), Column("reference", "Reference"),
-               Column("speed", "Speed"), Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2),
-               Column("n", "n", "count"), *scores, Column("information", "Given"), DATA)
+    columns = (Column("protocol", "Protocol"), CLOCK, Column("controller", "Controller"),
+               Column("reference", "Reference"), Column("speed", "Speed"),
+               Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("n", "n", "count"),
+               *scores, Column("information", "Given"), DATA)
     titles = {"real": ("table_task2", "Task 2: tracking of the onboard controllers on logged flights"),
               "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
     tables = []
@@ -144,16 +167,16 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
                     Score.of(row.get("speed_m_s"), reason="no single reference speed"))
             information = _text(row.get("information"))
             if published := row.get("published"):
-                lines.append(("published table", *head, _count(row.get("published_n")),
+                lines.append(("published table", "", *head, _count(row.get("published_n")),
                               *_scores(published, {}, scores, exact=True), information, "published"))
-            lines.append((_text(row.get("protocol")), *head, _count(row.get("n")),
+            lines.append((_text(row.get("protocol")), _text(row.get("clock")), *head, _count(row.get("n")),
                           *_scores(row.get("metrics"), row, scores), information, data_label(synthetic)))
         dropped = dict.fromkeys(name for row in mine for name in row.get("dropped") or [])
         note = "Mean ± SD over flights and 95 % interval of the mean."
         if dropped:
             note += f" Left out of the published rows, as was published: {', '.join(map(str, dropped))}."
         tables.append(Table(name, title, columns, tuple(lines), note).without_empty_columns())
-    return [_drop_blank(_drop_blank(table, "protocol"), "speed") for table in tables if table.rows]
+    return [_clock_in_place(_drop_blank(_drop_blank(table, "protocol"), "speed")) for table in tables if table.rows]
 
 
 def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
@@ -179,32 +202,80 @@ def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
          [p for p in (PUBLISHED, CORRECTED) if p in protocols], PUBLISHED_METRICS),
         *((f"table_task3_{p.replace('-', '_')}", TITLES.get(p, f"Task 3: {p}"), [p], ESTIMATE_METRICS)
           for p in protocols if p not in (PUBLISHED, CORRECTED))) if chosen]
-    return [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
-            for name, title, chosen, known in sets]
+    tables = [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
+              for name, title, chosen, known in sets]
+    return [task3_clocks(rows, synthetic), *tables]
+
+
+def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """The method the published table is about, else the first that was scored on a moved clock."""
+    found = [row for row in rows if row.get("protocol") == PUBLISHED]
+    found += [row for row in rows if clock_of(row) != AS_RECORDED]
+    return str(found[0].get("method")) if found else None
+
+
+def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
+    """What is a clock and what is the estimator: one method as published, cleaned, with the constant offset removed,
+    and re-timed; empty unless rows of more than one clock are there."""
+    method = logged_method(rows)
+    mine = [row for row in rows if str(row.get("method")) == method]
+    found = {(row.get("protocol"), clock_of(row), _place(row)): row for row in mine}
+    scores = tuple(_score_column(metric) for metric in CLOCK_METRICS)
+    columns = (Column("group", "Flights"), Column("step", "Position estimate"), Column("n", "n", "count"), *scores,
+               Column("n_moving", "Moving error", "count"), CLOCK, DATA)
+    steps = ((PUBLISHED, AS_RECORDED, "by the published protocol" if synthetic else "as published"), *STEPS)
+    lines: list[tuple[Cell, ...]] = []
+    for group in ("all", *(f"{speed}/trefoil" for speed in SPEEDS)):
+        here = [(step, clock, row) for protocol, clock, step in steps if (row := found.get((protocol, clock, group)))]
+        if len({clock for _, clock, _ in here}) < 2:
+            continue
+        name = "all" if group == "all" else f"trefoil, {group.partition('/')[0]}"
+        for step, clock, row in here:
+            why = {**row, "reason": NO_SUCH} if row.get("protocol") == PUBLISHED else row
+            moving = _count(row.get("n_moving")) if clock == "retimed" else None
+            lines.append((name, step, _count(row.get("n")), *_scores(row.get("metrics"), why, scores), moving, clock,
+                          data_label(synthetic)))
+    who = "the onboard EKF" if method == "onboard_ekf" else method
+    first = "by the published protocol" if synthetic else "as published"
+    note = ("Mean ± SD over flights and 95 % interval of the mean. Moving error: flights in which one was confirmed; "
+            "of the others the constant was removed, or nothing where not even that shows. Delay: the one that fits "
+            "the estimated positions best; with it removed, along track holds what moves. Offset and re-timed use the "
+            "motion capture of the whole flight.")
+    return Table("table_task3_clocks", f"Task 3, {who}: {first}, cleaned, constant offset removed, re-timed", columns,
+                 tuple(lines), note).without_empty_columns()
+
+
+def _place(row: Mapping[str, Any]) -> str:
+    """The group of a row in the names of the clean protocol: the published one has speeds of the trefoil alone."""
+    group = _group(row)
+    return f"{group}/trefoil" if row.get("protocol") == PUBLISHED and group in SPEEDS else group
 
 
 def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Sequence[str], synthetic: bool) -> Table:
     """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
     scores = tuple(replace(_score_column(metric), aside=metric not in known) for metric in _metrics(rows, known))
-    columns = (Column("group", "Group"), Column("protocol", "Protocol"), Column("method", "Method"),
+    columns = (Column("group", "Group"), Column("protocol", "Protocol"), CLOCK, Column("method", "Method"),
                Column("n", "n", "count"), *scores, Column("causal", "Causal"), Column("given", "Given", noted=True),
                DATA)
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
     main = 0
-    for row in sorted(rows, key=lambda row: order[_group(row)]):
+    first, said = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
+    for row in sorted(rows, key=lambda row: (clock_of(row) != first, order[_group(row)])):
         causal, method = row.get("causal"), _text(row.get("method"))
         if published := row.get("published"):
-            lines.append((_group(row), "published table", method, _count(row.get("published_n")),
+            lines.append((_group(row), "published table", "", method, _count(row.get("published_n")),
                           *_scores(published, {}, scores, exact=True), "", "", "published"))
-        lines.append((_group(row), _text(row.get("protocol")), method, _count(row.get("n")),
-                      *_scores(row.get("metrics"), row, scores), "" if causal is None else "yes" if causal else "no",
+        lines.append((_group(row), _text(row.get("protocol")), clock_of(row) if said else "", method,
+                      _count(row.get("n")), *_scores(row.get("metrics"), row, scores),
+                      "" if causal is None else "yes" if causal else "no",
                       _text(row.get("given")), data_label(synthetic)))
-        main = len(lines) if "/" not in _group(row) else main
+        main = len(lines) if "/" not in _group(row) and clock_of(row) == first else main
     note = "Mean ± SD over flights and 95 % interval of the mean."
     if any(c.aside for c in scores) or main < len(lines):
-        note += " Further metrics and groups are in the CSV file."
-    return Table(name, title, columns, tuple(lines), note, main).without_empty_columns()
+        further = "metrics, groups and clocks" if len({clock_of(r) for r in rows}) > 1 else "metrics and groups"
+        note += f" Further {further} are in the CSV file."
+    return _clock_in_place(Table(name, title, columns, tuple(lines), note, main).without_empty_columns())
 
 
 def _group(row: Mapping[str, Any]) -> str:
@@ -276,6 +347,20 @@ def _drop_blank(table: Table, key: str) -> Table:
     """Less the column ``key`` when no row has anything in it."""
     i = next(k for k, c in enumerate(table.columns) if c.key == key)
     return table if any(row[i] for row in table.rows) else table.without_column(key)
+
+
+def _clock_in_place(table: Table) -> Table:
+    """Clocks stand among the names of the rows where readers see several, else at the end, and nowhere where no row
+    says one."""
+    i, end = ([c.key for c in table.columns].index(key) for key in ("clock", "data"))
+    clocks = {str(row[i] or "") for row in table.rows[:table.main]} - {""}
+    if len(clocks) > 1:
+        return table
+    if not any(row[i] for row in table.rows):
+        return table.without_column("clock")
+    order = [*range(i), *range(i + 1, end), i, *range(end, len(table.columns))]
+    return replace(table, columns=tuple(table.columns[k] for k in order),
+                   rows=tuple(tuple(row[k] for k in order) for row in table.rows))
 
 
 def _text(value: Any) -> str:

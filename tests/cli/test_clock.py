@@ -52,3 +52,34 @@ def test_the_published_table_is_never_retimed(nanobench, wandering):
     assert code == 2
     assert err.strip().count("\n") <= 1
     assert "--protocol clean only" in err
+
+
+def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nanobench, wandering, tmp_path):
+    code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path / "all", "--jobs", 1, "--quiet")
+    assert code in (0, 1), err  # too few recordings for Task 1
+    body = json.loads((tmp_path / "all" / "estimate.json").read_text())
+    clean = [r for r in body["rows"] if r["protocol"] == "clean" and r["method"] == "onboard_ekf"]
+    assert len(clean) == len({(r["group"], r["clock"]) for r in clean})
+    for clock in ("offset", "retimed"):
+        expected, given = scores(nanobench, wandering, tmp_path / f"{clock}.json", clock)
+        row = next(r for r in clean if (r["group"], r["clock"]) == ("all", clock))
+        assert {name: value["mean"] for name, value in row["metrics"].items()} == expected
+        assert row["given"] == given
+        assert set(body["clocks"][clock]) == set(row["flights"])
+    assert row["n_moving"] == sum(found["moving"] for found in body["clocks"]["retimed"].values()) > 0
+    assert {p["clock"] for p in body["per_flight"]} == {"as-recorded", "offset", "retimed"}
+    page = (tmp_path / "all" / "report.html").read_text()
+    assert "constant offset removed, re-timed" in page
+    assert "re-timed" in (tmp_path / "all" / "table_task3_clocks.tex").read_text()
+    assert "clock" in (tmp_path / "all" / "table_task3_clean.csv").read_text("utf-8-sig").splitlines()[0].split(",")
+
+
+def test_the_main_job_on_one_clock_has_clean_rows_on_it_and_published_ones_as_recorded(nanobench, wandering, tmp_path):
+    code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path, "--jobs", 1, "--quiet", "--clock",
+                             "retimed")
+    assert code in (0, 1), err
+    for name in ("estimate", "control"):
+        rows = json.loads((tmp_path / f"{name}.json").read_text())["rows"]
+        assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"retimed"}
+        assert {r["clock"] for r in rows if r["protocol"] != "clean"} <= {"as-recorded"}
+    assert (tmp_path / "report.html").exists()

@@ -39,6 +39,9 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recording
     assert all("SYNTHETIC" in table.read_text() for table in tables)
     assert all(body["synthetic"] and body["failed"] == [] for body in bodies(tmp_path).values())
     assert all(body["rows"] for name, body in bodies(tmp_path).items() if name != "audit.json")
+    rows = bodies(tmp_path)["estimate.json"]["rows"]
+    assert {r["clock"] for r in rows if r["protocol"] == "as-published"} == {"as-recorded"}
+    assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"as-recorded", "offset", "retimed"}
     titles = [line for line in out.splitlines() if line.startswith(("Task", "SYNTHETIC"))]
     assert all("SYNTHETIC" in line for line in titles)
     assert "3 SYNTHETIC recordings" in err

@@ -26,7 +26,8 @@ def make_flight(name="loop one", streams=("mocap", "estimator", "attitude_qw", "
     estimate[late, 0] += 2.0 * (t[late] - DEAD_S)
     motors = 0.6 + 0.1 * np.sin(angle)[:, None] * [1.0, -1.0, 1.0, -1.0]
     values = {
-        "mocap": (np.hstack([place, level]), ("px", "py", "pz", "qx", "qy", "qz", "qw")),
+        "mocap": (np.hstack([place, level, np.gradient(place, t, axis=0)]),
+                  ("px", "py", "pz", "qx", "qy", "qz", "qw", "vx", "vy", "vz")),
         "estimator": (estimate, ("x", "y", "z")),
         "attitude_qw": (turned, ("qx", "qy", "qz", "qw")),
         "setpoint": (place * 1.05, ("x", "y", "z")),
@@ -76,6 +77,13 @@ def make_results(flights) -> dict[str, dict]:
                                                        "attitude_rmse_deg": summary(None)}},
         {"protocol": "clean", "method": "onboard EKF", "causal": True, "group": "all", "n": 2, "flights": names,
          "given": "all", "metrics": {"ate_rmse_m": summary(0.021, 0.002, 0.02, 0.022), "strange_m": summary(1.5)}}]
+    clocks = {"retimed": {name: {"moving": True, "constant_s": 0.01, "wander_sd_s": 0.03, "reason": "moves",
+                                 "warp": [[2.0, 0.0, 0.002], [6.0, 0.04, 0.002], [18.0, -0.01, 0.004]]}
+                          for name in names}}
+    for clock, ate in (("offset", 0.020), ("retimed", 0.009)):
+        estimate_rows.append({**estimate_rows[2], "clock": clock, "n_moving": 2 if clock == "retimed" else 0,
+                              "metrics": {"ate_rmse_m": summary(ate, 0.002, 0.9 * ate, 1.1 * ate),
+                                          "along_track_delay_removed_rmse_m": summary(ate)}})
     horizon = {"1": 0.001, "10": 0.012, "50": 0.15, "sum": 3.0}
     metrics = {"position_mae_m": horizon, "velocity_mae_m_s": horizon, "attitude_mae_rad": horizon,
                "rate_mae_rad_s": {**horizon, "50": None}}
@@ -93,7 +101,7 @@ def make_results(flights) -> dict[str, dict]:
         for protocol, reference, rmse, heading in (("as-published", "as-published", 0.3, 6.0),
                                                    ("clean", "circle", 0.27, 1.0))]
     return {"audit": envelope("audit", {"flights": [make_entry(f) for f in flights], "copies": [["a", "b"]]}),
-            "estimate": envelope("estimate", {"rows": estimate_rows}),
+            "estimate": envelope("estimate", {"rows": estimate_rows, "clocks": clocks}),
             "sysid": envelope("sysid", {"rows": sysid_rows, "parameters": {
                 "physics": {"mass": {"value": 0.04, "ci95": None, "unit": "kg"}}}}),
             "control": envelope("control", {"rows": control_rows})}

@@ -13,7 +13,7 @@ from nanobench_tools.report import write_report
 
 pytestmark = pytest.mark.browser
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-PICTURES = ("task1", "task3", "clocks", "space", "plane", "errors", "timeline", "battery", "motors")
+PICTURES = ("task1", "wander", "task3", "clocks", "space", "plane", "errors", "clock", "timeline", "battery", "motors")
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
              "--ignore-gpu-blocklist"]
 NASTY = "third <script>alert(1)</script> & \"Ü☃\" 50%"

@@ -126,3 +126,30 @@ def test_files_are_written_and_opened_as_utf8_by_a_spreadsheet(tmp_path):
     assert paths[0].read_bytes().startswith(b"\xef\xbb\xbf")
     assert "Übung ±" in paths[0].read_text("utf-8-sig")
     assert paths[1].read_text().startswith("% T (SYNTHETIC)")
+
+
+def test_clocks_are_columns_and_never_mixed(results):
+    tables = {t.name: t for t in tables_of(results, False)}
+    table = tables["table_task3_clocks"]
+    keys = [c.key for c in table.columns]
+    step, clock, ate, n = (keys.index(k) for k in ("step", "clock", "ate_rmse_m", "n_moving"))
+    assert [(r[step], r[clock], r[ate].mean, r[n]) for r in table.rows] == [
+        ("cleaned", "as-recorded", 0.021, None), ("constant offset removed", "offset", 0.02, None),
+        ("re-timed", "retimed", 0.009, 2)]
+    clean = tables["table_task3_clean"]
+    for shown, clocks in ((clean.for_readers(), {"as-recorded"}), (clean, {"as-recorded", "offset", "retimed"})):
+        at = [c.key for c in shown.columns].index("clock")
+        assert {row[at] for row in shown.rows} == clocks
+    assert "retimed" in to_csv(clean)
+    assert "Clock" in to_latex(table)
+    assert "retimed" in to_latex(table)
+
+
+def test_results_from_before_there_were_clocks_have_no_such_table(results):
+    rows = [r for r in results["estimate"]["rows"] if "clock" not in r]
+    tables = tables_of({"estimate": {"rows": rows}}, False)
+    assert "table_task3_clocks" not in {t.name for t in tables}
+    assert not any(c.key == "clock" for t in tables for c in t.columns)
+    alone = [r for r in results["estimate"]["rows"] if r.get("clock") == "retimed"]
+    table, = tables_of({"estimate": {"rows": alone}}, False)
+    assert len(table.for_readers().rows) == 1

@@ -65,3 +65,29 @@ def test_absent_results_are_said_in_one_sentence():
     for section in (words.task1, words.task2, words.task3):
         assert section({}) == [words.ABSENT]
     assert len(words.overview({})) == 1
+
+
+def test_task3_says_what_is_a_clock_and_which_streams_told(results):
+    text = flat(words.task3(results))
+    assert "largely a clock and not the estimator" in text
+    assert "ATE: 21.0 mm as recorded, 20.0 mm less a constant offset, 9.0 mm re-timed." in text
+    assert "confirmed in 2 of 2 flights" in text
+    assert "no claim of what could be known in flight" in text
+    changed = copy.deepcopy(results)
+    changed["estimate"]["rows"][-1]["metrics"]["ate_rmse_m"]["mean"] = 0.0205
+    assert "largely a clock" not in flat(words.task3(changed))
+    recorded = [r for r in results["estimate"]["rows"] if "clock" not in r]
+    assert "re-timed" not in flat(words.task3({**results, "estimate": {"rows": recorded}}))
+
+
+def test_task1_pairs_models_by_clock_and_never_averages_over_clocks(results):
+    text = flat(words.task1(results))
+    other = copy.deepcopy(results)
+    rows = other["sysid"]["rows"]
+    moved = {**copy.deepcopy(rows[1]), "clock": "retimed"}
+    moved["metrics"]["position_mae_m"]["50"] = 0.135
+    rows.append(moved)
+    said = flat(words.task1(other))
+    assert "physics: position error at h = 50 is 0.1500 m as recorded and 0.1350 m re-timed (10.0 % less)" in said
+    assert "Least position error at h = 50: physics with 0.1500 m" in said
+    assert "re-timed" not in text

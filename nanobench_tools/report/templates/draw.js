@@ -148,5 +148,8 @@ const nanobench = (() => {
   window.addEventListener("beforeprint", () => print(true));
   window.addEventListener("afterprint", () => print(false));
 
-  return { read, escape, short, unpack, narrow, printing, axis, layout, draw, note };
+  // Ticks of a logarithmic axis: all values, or 1, 2 and 5 of each decade where that is too many to be read.
+  const few = values => (values.length <= 6 ? values : values.filter(v => /^[125]e/.test(v.toExponential())));
+
+  return { few, read, escape, short, unpack, narrow, printing, axis, layout, draw, note };
 })();

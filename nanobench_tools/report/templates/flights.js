@@ -2,7 +2,7 @@
 // Pictures of the chosen recording.
 nanobench.flight = (() => {
   const { axis, layout, escape, unpack, narrow } = nanobench;
-  const timed = ["errors", "timeline", "battery", "motors"];
+  const timed = ["errors", "clock", "timeline", "battery", "motors"];
   const left = () => (narrow() ? 58 : 112);
   const styles = c => ({ mocap: [c.mocap, "solid"], estimator: [c.blue, "solid"], setpoint: [c.orange, "dash"] });
 
@@ -202,7 +202,7 @@ nanobench.flight = (() => {
     rows("flight-faults", data.faults.rows.length ? data.faults.rows : [["none", "", "", "", ""]], [3]);
     document.getElementById("faults-note").textContent = data.faults.left_out ? `${data.faults.left_out} more kinds and streams are in audit.json.` : "";
     rows("flight-streams", data.streams, [1, 2, 3, 5]);
-    const steps = { space: space(data, series), plane: plane(data, series), errors: errors(data), timeline: timeline(data),
+    const steps = { space: space(data, series), plane: plane(data, series), errors: errors(data), clock: nanobench.clock(data), timeline: timeline(data),
       battery: overTime(data.battery, "battery [V]", { height: 220, span: data.span, note: "" }),
       motors: overTime(data.motors, "PWM / 65535 [1]", { height: 260, span: data.span, range: [-0.03, 1.05], note: "Share of full duty after the battery compensation." }) };
     return [...Object.entries(steps).map(([id, build]) => () => nanobench.draw(id, build, i)), link];

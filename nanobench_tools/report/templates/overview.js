@@ -22,7 +22,7 @@ nanobench.overview = (() => {
         const tall = (1 - (rows - 1) * gap.y) / rows;
         const x0 = columns === 2 ? 0.07 + column * 0.5 : 0.16;
         const top = 1 - row * (tall + gap.y);
-        const ticks = [...new Set(panel.lines.flatMap(line => line.x))].sort((a, b) => a - b);
+        const ticks = nanobench.few([...new Set(panel.lines.flatMap(line => line.x))].sort((a, b) => a - b));
         out["xaxis" + n] = axis(c, "horizon [s]", { type: "log", domain: [x0, columns === 2 ? x0 + 0.42 : 1], anchor: "y" + n,
           tickvals: ticks, ticktext: ticks.map(String), automargin: false });
         out["yaxis" + n] = axis(c, `${panel.title} [${panel.unit}]`, { type: "log", domain: [top - tall, top], anchor: "x" + n,
@@ -96,7 +96,12 @@ nanobench.overview = (() => {
     };
   }
 
-  const builders = { task1, task3, clocks };
+  // The same picture as in the section of single flights, of the flight that stands for all.
+  function wander(data) {
+    return nanobench.clock(nanobench.read(`data-flight-${data.index}`), `Of the flights with a confirmed moving error the longer half, and of these the one with the median wander. `);
+  }
+
+  const builders = { task1, wander, task3, clocks };
   return data => Object.entries(builders).filter(([id]) => data[id] && !data[id].absent)
     .map(([id, builder]) => () => nanobench.draw(id, builder(data[id])));
 })();

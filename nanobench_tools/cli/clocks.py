@@ -1,0 +1,112 @@
+"""The main job on several clocks: every row says its clock, and those of the published protocols are never moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .options import AS_RECORDED, Options
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+
+MERGED = ("rows", "per_flight")
+"""Lists of a result that hold one part after the other."""
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """All recordings with their audits, and the one clock that was asked for; None: as recorded, and Task 3, whose
+    subject the clock is, on each."""
+
+    options: Options
+    flights: Sequence[Flight]
+    audits: Mapping[str, Audit]
+    clock: str | None = None
+
+
+Part = tuple[str, Callable[[], dict[str, Any]]]
+"""(what it is, what makes its body)."""
+
+
+def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
+    """One body from the ``parts``: their rows one after the other, all else from the first that has it.
+
+    A part that finds nothing to score is left out and said; InputError when that is all of them.
+    """
+    body: dict[str, Any] = {}
+    errors: list[InputError] = []
+    for what, make in parts:
+        try:
+            found = make()
+        except InputError as error:
+            options.say(f"{what} left out: {error}")
+            errors.append(error)
+            continue
+        merged: dict[str, Any] = {key: [*body.get(key, []), *found[key]] for key in MERGED if key in found}
+        if "clocks" in found:
+            merged["clocks"] = {**body.get("clocks", {}), **found["clocks"]}
+        body = {**found, **body, **merged}
+    if errors and len(errors) == len(parts):
+        raise errors[0]
+    return body
+
+
+def estimate_on(given: Recordings) -> dict[str, Any]:
+    """estimate.json. The clock that judges the estimator is read from gyro and accelerometer; on further clocks only
+    what was logged in flight is scored, each distinct recording once."""
+    from ..protocols.selection import distinct
+    from ..protocols.task3 import PROTOCOLS
+    from .estimate import LOGGED, estimate_body
+    from .methods import load_methods
+
+    def recorded(*protocols: str) -> dict[str, Any]:
+        return estimate_body(given.options, given.flights, given.audits, protocols)
+
+    def moved(clock: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        alone = given.clock is not None
+        seen = options.see_on_clock(given.flights if alone else distinct(given.flights)[0], given.audits, True)
+        return estimate_body(options, seen.flights, seen.audits, ("clean",),
+                             None if alone else load_methods("estimators", LOGGED), None, seen.warps, alone)
+
+    return _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"))
+
+
+def control_on(given: Recordings) -> dict[str, Any]:
+    """control.json."""
+    from ..protocols.task2 import PROTOCOLS
+    from .control import control_body
+
+    def recorded(*protocols: str) -> dict[str, Any]:
+        return control_body(given.options, given.flights, given.audits, protocols)
+
+    def moved(clock: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        return control_body(options, *options.on_clock(given.flights, given.audits), ("clean",))
+
+    return _parts(given, PROTOCOLS, recorded, moved)
+
+
+def sysid_on(given: Recordings) -> dict[str, Any]:
+    """sysid.json."""
+    from .sysid import sysid_body
+
+    options = replace(given.options, clock=given.clock or AS_RECORDED)
+    return sysid_body(options, *options.on_clock(given.flights, given.audits))
+
+
+def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., dict[str, Any]],
+           moved: Callable[[str], dict[str, Any]], further: Sequence[str] = ()) -> dict[str, Any]:
+    """All protocols as recorded and ``clean`` on ``further`` clocks; or ``clean`` on the one clock asked for."""
+    if given.clock is None:
+        parts: list[Part] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in further)]
+    else:
+        parts = [(p, partial(recorded, p)) for p in protocols if p != "clean"]
+        clean = partial(recorded, "clean") if given.clock == AS_RECORDED else partial(moved, given.clock)
+        parts.append((f"clean, clock {given.clock}", clean))
+    return join(given.options, parts)
