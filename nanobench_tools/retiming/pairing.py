@@ -85,7 +85,8 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
 def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
                   place: str) -> float:
     """What to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) lies on that of ``a`` (n, k) at
-    ``time_a`` (n,) [s], within a step of 10 ms. InputError with ``place`` when more than one offset fits."""
+    ``time_a`` (n,) [s], within a step of 10 ms. InputError with ``place`` when none fits, or
+    more than one."""
     grids = [np.arange(t[0], t[-1], STEP_S) for t in (time_a, time_b)]
     x, y = (np.linalg.norm(CubicSpline(t, v)(g), axis=1) for g, t, v in
             zip(grids, (time_a, time_b), (a, b), strict=True))
@@ -96,6 +97,9 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
     alike = np.where(enough, correlate(x, y, "full", "fft") / np.sqrt(np.maximum(energy, 1e-12)), -1.0)
     lags = correlation_lags(len(x), len(y), "full")
     best = int(np.argmax(alike))
+    if alike[best] < 0.5 * LIKENESS:
+        raise InputError(place, f"the turning rates are alike nowhere (their magnitudes to {alike[best]:.2f} at best)",
+                         "give recordings of one flight that turns and overlaps by half")
     rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
     if rivals.max() > RIVAL_SHARE * alike[best]:
         raise InputError(place, f"two offsets fit alike: correlation {alike[best]:.2f} and {rivals.max():.2f}",

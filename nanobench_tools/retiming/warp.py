@@ -43,7 +43,7 @@ class ClockWarp:
         return cls(time_s, offset_s, sd_s, body["constant_s"], body["wander_sd_s"], body["moving"], body["lags_s"],
                    body["reason"])
 
-    def points(self, tolerance_s: float = 0.0005) -> tuple[tuple[float, float, float], ...]:
+    def points(self, tolerance_s: float = 0.001) -> tuple[tuple[float, float, float], ...]:
         """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
         Douglas and Peucker 1973); empty when nothing moves."""
         if not self.moving or len(self.time_s) < 2:
