@@ -85,7 +85,8 @@ class GreyBox:
         lower, upper = np.where(free, lower, model.values), np.where(free, upper, model.values)
         problem = Problem(model, data, free, lower, upper, priors(model), nuisances, _share(cuts), self.threads,
                           progress=self.progress)
-        solution = solve(problem)
+        solution, unseen = without_effect(solve(problem))
+        problem = solution.problem
         self.solution_, self.data_ = solution, data
         ci95 = bootstrap(solution, self.seed)
         parameters = {name: {"value": float(v), "ci95": None if ci95 is None or name not in ci95 else list(ci95[name]),
@@ -97,7 +98,9 @@ class GreyBox:
         flown = None if _held_rate(model) else flies(self.model_, data)
         self.result_ = FitResult(self.name, self.adapt, self.parameters_, len(data), len(set(data.flight.tolist())),
                                  solution.steps, solution.cost, self._trouble(solution, flown), flown,
-                                 tuple(not_identified(solution, ci95)),
+                                 (*(f"{name} ends at {solution.model.parameters[name]:g}, where it has no effect, and "
+                                    "is held there: these flights do not show it" for name in unseen),
+                                  *not_identified(solution, ci95)),
                                  tuple(f"{' + '.join(p.names)} = {p.mean:.3g} +- {p.sd:.2g} ({p.source})"
                                        for p in problem.priors),
                                  tuple(f"{n.name}: {n.sentence}" for n in nuisances),
@@ -145,6 +148,21 @@ class GreyBox:
     def _check(self) -> None:
         if not hasattr(self, "predictor_"):
             raise UsageError("this model is not fitted yet; call fit(flights) first")
+
+
+def without_effect(solution: Solution) -> tuple[Solution, list[str]]:
+    """A fit without the parameters that ended on a bound at which they do nothing, and their names. On any other bound
+    it stays, and is no result."""
+    unseen: list[str] = []
+    while solution.on_bound:
+        model, problem = solution.model, solution.problem
+        neutral = {slot.name: slot.parameter.neutral for slot in model.slots}
+        idle = [name for name in solution.on_bound if model.parameters[name] == neutral[name]]
+        if not idle:
+            break
+        unseen += idle
+        solution = solve(replace(problem, model=model, free=problem.free & ~np.isin(model.names, idle)))
+    return solution, unseen
 
 
 def nuisances_of(adapt: str) -> tuple[Nuisance, ...]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
+from ..physics.vehicle import BOUNDS
 from .methods import load_methods
 from .options import PATH, Options, shared_options
 from .show import data_word, show_left_out
@@ -44,6 +45,9 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     """
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
     predictors = load_methods("predictors", (*DEFAULT_METHODS, *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
