@@ -198,11 +198,13 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
                 "The position error is largely a clock and not the estimator: ")
         head += ("the stamps of the vehicle's streams wander against those of the motion capture, and a moving vehicle "
                  "turns a late stamp into an error along its track. ")
-    across = course("across_track_rmse_m")
+    across, delay = course("across_track_rmse_m"), course("delay_s")
     lines: Words = [f"{head}Means over {_count(int(number(before.get('n')) or 0), 'distinct flight')}:",
                     [f"ATE: {course('ate_rmse_m')}.",
                      f"Along the track, best constant delay removed: {course('along_track_delay_removed_rmse_m')}.",
-                     *([f"Across the track, where a clock hardly shows: {across}."] if across else [])]]
+                     *([f"Across the track, where a clock hardly shows: {across}."] if across else []),
+                     *([f"Best constant delay: {delay}; what re-timing leaves of it is the estimator's own."]
+                       if delay else [])]]
     moving = number(after.get("n_moving"))
     if moving is not None:
         lines.append(f"A moving error was confirmed in {moving:.0f} of {after.get('n')} flights. Gyro and "

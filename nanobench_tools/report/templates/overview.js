@@ -31,9 +31,9 @@ nanobench.overview = (() => {
           const colour = palette[rank(line.name) % palette.length];
           traces.push({ x: line.x, y: line.y, xaxis: "x" + n, yaxis: "y" + n, name: escape(line.name), mode: "lines+markers",
             line: { color: colour, width: 2, dash: line.published ? "dot" : "solid" },
-            marker: { size: 8, color: colour, symbol: symbols[rank(line.name) % symbols.length] + (line.published ? "-open" : "") },
-            error_y: { type: "data", symmetric: false, array: line.high.map((v, k) => v - line.y[k]),
-              arrayminus: line.low.map((v, k) => line.y[k] - v), color: colour, thickness: 1.5, width: 3, visible: !line.published },
+            marker: { size: 8, maxdisplayed: 8, color: colour, symbol: symbols[rank(line.name) % symbols.length] + (line.published ? "-open" : "") },
+            error_y: { type: "data", symmetric: false, array: line.high.map((v, k) => (v > line.y[k] ? v - line.y[k] : null)),
+              arrayminus: line.low.map((v, k) => (v < line.y[k] ? line.y[k] - v : null)), color: colour, thickness: 1.5, width: 3, visible: !line.published },
             hovertemplate: `${escape(line.name)}<br>%{x} s: %{y:.3g} ${panel.unit}<extra></extra>`, legendgroup: line.name });
         }
       });
