@@ -22,7 +22,7 @@ from .data import Cut, FitWindows, cases_of, cut, gather
 from .flies import Flight as Flown
 from .flies import flies
 from .gains import learn_gains
-from .intervals import bootstrap, not_identified
+from .intervals import bootstrap, not_identified, profile
 from .ladder import FULL, HEAVY
 from .nuisance import SCALE, TILT, TRIMS, terms_of
 from .predictor import GreyBoxPredictor
@@ -83,7 +83,8 @@ class GreyBox:
         fixed = held(model) + (tuple(n for n in model.names if n.startswith("inertia.")) if _held_rate(model) else ())
         free = np.array([name not in fixed for name in model.names])
         lower, upper = np.where(free, lower, model.values), np.where(free, upper, model.values)
-        problem = Problem(model, data, free, lower, upper, priors(model), nuisances, _share(cuts), self.threads,
+        soft = tuple(p for p in priors(model) if any(name not in fixed for name in p.names))
+        problem = Problem(model, data, free, lower, upper, soft, nuisances, _share(cuts), self.threads,
                           progress=self.progress)
         solution, unseen = without_effect(solve(problem))
         problem = solution.problem
@@ -144,6 +145,11 @@ class GreyBox:
         if not count:
             raise UsageError("no window of clean flight to score")
         return {name: multi_horizon(np.asarray(total) / count) for name, total in sums.items()}
+
+    def profile(self, name: str, values: Sequence[float]) -> list[dict[str, float]]:
+        """Profile likelihood of one parameter, see ``intervals.profile``."""
+        self._check()
+        return profile(self.solution_, name, values)
 
     def _check(self) -> None:
         if not hasattr(self, "predictor_"):

@@ -18,6 +18,13 @@ SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 """The rungs of the main job."""
 
 
+NOTES = {"none": "",
+         "inputs": "simulator.toml holds the mean thrust and trim of the training flights; the row sets both from the "
+                   "half second of inputs before each window",
+         "past": "simulator.toml holds the mean thrust and trim of the training flights; the row learns them, and the "
+                 "tilt, from the two seconds before each window"}
+
+
 def rungs(names: Sequence[str] | None = None) -> list[Rung]:
     """The rungs named, or all."""
     return [rung for rung in LADDER if names is None or rung.name in names]
@@ -34,7 +41,8 @@ def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> di
                           "mass_kg": mass_kg},
             "simulator": {term: {k: _plain(v) for k, v in values.items()}
                           for term, values in model.model_.as_dict().items()},
-            "result": model.result_.to_json(), "summary": model.result_.summary(), "uses": rung.sentence}
+            "simulator_note": NOTES[rung.adapt], "result": model.result_.to_json(),
+            "summary": model.result_.summary(), "uses": rung.sentence}
 
 
 def predictor_of(value: Mapping[str, Any]) -> GreyBoxPredictor:

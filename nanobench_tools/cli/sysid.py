@@ -95,7 +95,9 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show_fits(options, fits, best)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
-            "best": best, "simulator": _write_simulator(options, fits, best), "split": chosen.note,
+            "best": best, "simulator": _write_simulator(options, fits, best),
+            "simulator_note": fits[best][1]["simulator_note"] if best is not None and best in fits else "",
+            "split": chosen.note,
             "fits": {name: value["result"] for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
@@ -153,6 +155,7 @@ def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str
         options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1]['uses']})" if best in fits else ""))
     if best is not None and best in fits:
         options.show(escape(fits[best][1]["summary"]))
+        options.show(escape(fits[best][1]["simulator_note"]))
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:

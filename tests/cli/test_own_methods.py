@@ -66,7 +66,7 @@ def test_an_own_estimator_is_scored(way, recordings, tmp_path):
 
 def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("predictors")
-    done = nanobench("sysid", "--method", name, "--data", recordings, "--json", "s.json", "--jobs", 1,
+    done = nanobench("sysid", "--method", name, "--fit", "none", "--data", recordings, "--json", "s.json", "--jobs", 1,
                      path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "s.json").read_text())["rows"]

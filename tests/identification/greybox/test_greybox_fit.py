@@ -69,6 +69,16 @@ def test_what_flights_do_not_show_is_held_where_it_does_nothing():
     assert "NO RESULT" in other.result_.summary()
 
 
+def test_a_model_whose_rate_is_held_is_fitted_too():
+    """Its inertia is no estimate, so the prior of the inertia must not drown the errors."""
+    rung = next(r for r in LADDER if r.name == "fit_drag")
+    found = GreyBox(rung.terms).fit_cuts(cuts_of(made_windows(true_model())))
+    assert found.result_.steps > 5
+    slope = np.polyval(np.polyder(np.array([0.0037, 0.02, 0.01])), 2.9)
+    c = found.model_.values_of("thrust_voltage")["c"]
+    assert np.polyval(np.polyder(np.array(c[::-1])), 2.9) == pytest.approx(slope, rel=0.3)
+
+
 def test_result_draws_itself(fitted):
     pytest.importorskip("plotly")
     assert len(fitted.result_.plot().data) > 5
