@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
-DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS}
+RECKONING = ("error_state_ekf", "strapdown")
+DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
+                   "blackout": RECKONING + FLOORS}
 """Scored when nothing else is asked for."""
 
 GIVEN_CLOCK = {"offset": "; stamps less the flight's constant offset, found off-line",
@@ -33,11 +35,13 @@ POINTS_WITHIN_S = 1e-3
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
 
+ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10, 20))
+
 
 @click.command()
 @shared_options()
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
-              help="as-published, as-published-corrected or clean; may repeat. Default: all.")
+              help="as-published, as-published-corrected, clean or blackout; may repeat. Default: all but blackout.")
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
               help="Estimator to score instead of the default ones; may repeat.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
@@ -46,7 +50,9 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     """Task 3: where was it? Scores of state estimators against motion capture.
 
     as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
-    clean every distinct flight. --out DIR holds trajectories/<method>/<flight>.tum and trajectories/truth.
+    clean every distinct flight. blackout gives poses until t0, every 5 s, and none afterwards, and scores where the
+    vehicle is said to be 1, 5, 10 and 20 s later (windows in the JSON). --out DIR holds
+    trajectories/<method>/<flight>.tum and trajectories/truth.
     """
     from ..protocols.task3 import check_protocol
 
@@ -59,10 +65,10 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     if folders:
         scored, protocols = scored or [], protocols or ("clean",)
     if options.clock != AS_RECORDED:
-        if set(protocols) - {"clean"}:
-            raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published table was made "
-                             "as recorded")
-        protocols = ("clean",)
+        if set(protocols) - {"clean", "blackout"}:
+            raise UsageError(f"--clock {options.clock} goes with --protocol clean and blackout only: the published "
+                             "table was made as recorded")
+        protocols = protocols or ("clean",)
     seen = options.see_on_clock(flights, audits, judges_estimator=True)
     body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps)
     return options.finish("estimate", body)
@@ -92,11 +98,17 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
 
     rows: list[dict[str, Any]] = []
     per_flight: list[dict[str, Any]] = []
+    windows: list[dict[str, Any]] = []
     written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
     for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
         work = [(method, case) for method in chosen for case in cases]
+        if protocol == task3.BLACKOUT:
+            scored, ends = _score_blackout(options, work)
+            rows += scored
+            windows += ends
+            continue
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
         scored, single = _score(options, protocol, work, options.out if trajectories and protocol == written else None)
         rows += scored
@@ -104,6 +116,8 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     left_out = show_left_out(options, flights, rows, audits, task3.NEEDED, failed)
     body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
+    if windows:
+        body["windows"] = windows
     if options.clock != AS_RECORDED:
         used = {name for row in rows for name in row["flights"]}
         taken_out = {name: warp for name, warp in (warps or {}).items() if name in used}
@@ -165,7 +179,31 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]],
                   for method, case, value in done]
 
 
-def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) -> None:
+def _score_blackout(options: Options,
+                    work: Sequence[tuple[Any, Case]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The rows of the protocol, shown, and its windows [{flight, method, clock, t0_s, h_s, end_m, error_m}]."""
+    from ..harness import make_item
+    from ..protocols import blackout
+
+    items = [make_item(blackout.score, {"case": case, "method": method}, f"blackout {method.name} {case.flight.name}",
+                       file=case.flight.provenance.path) for method, case in work]
+    values = options.run(items, "blackout").values
+    done = [(method, case, values[item.key]) for (method, case), item in zip(work, items, strict=True)
+            if item.key in values]
+    rows = []
+    for name in dict.fromkeys(method.name for method, _, _ in done):
+        mine = [(method, case, value) for method, case, value in done if method.name == name]
+        rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed)
+    for row in rows:
+        row["clock"] = options.clock
+        row["given"] += GIVEN_CLOCK.get(options.clock, "")
+    _show(options, "blackout", rows, ENDS)
+    return rows, [{"flight": case.flight.name, "method": method.name, "clock": options.clock, **window}
+                  for method, case, value in done for window in value["windows"]]
+
+
+def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
+          columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
     """The groups of the published table, or all and the speeds; families are in the files."""
     lines = []
     for row in rows:
@@ -176,7 +214,7 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]]) ->
         if published := row.get("published"):
             lines.append(([row["group"], "(published)", str(row["published_n"])], published))
     title = (f"Task 3, {protocol}: {data_word(options)} data, clock {options.clock}, mean ± SD over n flights, "
-             "95 % interval of the mean ATE")
-    options.show(score_table(title, ("group", "method", "n"), COLUMNS, lines))
+             f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
+    options.show(score_table(title, ("group", "method", "n"), columns, lines))
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
         options.show(one_line(given))

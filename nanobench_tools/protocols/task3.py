@@ -34,6 +34,10 @@ from .tables import group_order, groups_of, summaries
 from .usable import MOCAP, POSE, cut_by, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
+BLACKOUT = "blackout"
+"""Same recordings as ``clean``, scored otherwise (``blackout``); only when asked for, since it takes a run per t0."""
+
+KNOWN = (*PROTOCOLS, BLACKOUT)
 STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 """The streams the task is about."""
 
@@ -68,8 +72,8 @@ class Case:
 
 def check_protocol(name: str) -> None:
     """UsageError that lists the protocols there are."""
-    if name not in PROTOCOLS:
-        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(PROTOCOLS)}")
+    if name not in KNOWN:
+        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(KNOWN)}")
 
 
 def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
@@ -79,9 +83,9 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     """
     check_protocol(protocol)
     fit = usable(flights, audits, NEEDED)
-    cases = _clean(fit, audits) if protocol == "clean" else _published(fit, audits, protocol)
+    cases = _clean(fit, audits) if protocol in ("clean", BLACKOUT) else _published(fit, audits, protocol)
     if not cases:
-        what = "trefoil recording" if protocol != "clean" else "flight"
+        what = "flight" if protocol in ("clean", BLACKOUT) else "trefoil recording"
         place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
         cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], NEEDED))}
         if cuts and len(cuts) == len(fit):
