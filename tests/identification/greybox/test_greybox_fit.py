@@ -131,6 +131,16 @@ def test_ablation_names_are_unique_and_classes_are_not_mixed():
     assert [rung.name for rung in LADDER if rung.information == "past"] == ["fit_observed"]
 
 
+def test_without_casadi_nothing_is_fitted_and_one_line_says_so(monkeypatch, capsys):
+    from nanobench_tools.cli import sysid
+    from nanobench_tools.cli.options import Options
+
+    monkeypatch.setattr(sysid.importlib.util, "find_spec", lambda name: None)
+    assert sysid.fitted(Options(), ["a case"], "short", 0.04) == {}
+    assert capsys.readouterr().err.count("\n") == 1
+    assert sysid.fitted(Options(), [], "none", 0.04) == {}
+
+
 @pytest.mark.real
 def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data):
     from identification.greybox.data import cases_of
