@@ -101,7 +101,7 @@ class GreyBox:
                                  solution.steps, solution.cost, self._trouble(solution, flown), flown,
                                  (*(f"{name} ends at {solution.model.parameters[name]:g}, where it has no effect, and "
                                     "is held there: these flights do not show it" for name in unseen),
-                                  *not_identified(solution, ci95)),
+                                  *not_identified(solution, ci95), *self._not_learnt()),
                                  tuple(f"{' + '.join(p.names)} = {p.mean:.3g} +- {p.sd:.2g} ({p.source})"
                                        for p in problem.priors),
                                  tuple(f"{n.name}: {n.sentence}" for n in nuisances),
@@ -120,6 +120,11 @@ class GreyBox:
         features = np.concatenate([made.features(c.windows) for c in cuts])
         gains, self.ridge_ = learn_gains(problem, shared, features, nuisances)
         return replace(made, gains=gains)
+
+    def _not_learnt(self) -> list[str]:
+        if self.adapt == "none" or np.isfinite(self.ridge_):
+            return []
+        return ["what differs between flights: too few flights to leave one out, every window gets the mean"]
 
     def _trouble(self, solution: Solution, flown: Flown | None) -> str:
         data = self.data_
