@@ -162,7 +162,7 @@ def test_sysid(call, folder, tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "says"), [
-    (["estimate", "--protocol", "blackout"], "unknown protocol 'blackout'; known: as-published"),
+    (["estimate", "--protocol", "brownout"], "unknown protocol 'brownout'; known: as-published"),
     (["estimate", "--method", "nonsense"], "unknown name 'nonsense' among estimators; known:"),
     (["estimate", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
     (["estimate", "--method", "json:loads"], "is none of the estimators"),
