@@ -24,6 +24,8 @@ def bodies(folder: Path) -> dict:
     found = {name: json.loads((folder / name).read_text()) for name in FILES if name.endswith(".json")}
     for body in found.values():
         body.pop("manifest")
+        if body.get("simulator"):
+            body["simulator"] = Path(body["simulator"]).name
     return found
 
 
