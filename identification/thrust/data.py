@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
@@ -16,13 +17,17 @@ from .flown import NEEDED, Flown, fly
 from .stand import Stand, is_stand, read_stand
 
 STREAMS = tuple(NEEDED)
+Case = tuple[Flight, Sequence[Span]]
+"""A flight with its clean airborne spans."""
+
+AnyFile = TypeVar("AnyFile", Stand, Flown)
 
 
 @dataclass
-class Rows:
+class Rows(Generic[AnyFile]):
     """What can be fitted or scored. reasons: by name of the recordings that cannot."""
 
-    files: list[Stand] | list[Flown] = field(default_factory=list)
+    files: list[AnyFile] = field(default_factory=list)
     reasons: dict[str, str] = field(default_factory=dict)
 
 
@@ -32,9 +37,10 @@ def sort_out(flights: Iterable[Flight]) -> tuple[list[Flight], list[Flight]]:
     return [f for f in flights if is_stand(f)], [f for f in flights if not is_stand(f)]
 
 
-def stand_rows(recordings: Sequence[Flight]) -> Rows:
+def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
     """Series that can be fitted; of byte-identical files the first."""
-    found, seen = Rows(), {}
+    found: Rows[Stand] = Rows()
+    seen: dict[str, str] = {}
     for recording in recordings:
         try:
             stand = read_stand(recording)
@@ -50,10 +56,10 @@ def stand_rows(recordings: Sequence[Flight]) -> Rows:
 
 
 def cases_of(flights: Sequence[Flight],
-             audits: Mapping[str, Audit]) -> tuple[list[tuple[Flight, tuple[Span, ...]]], dict[str, str]]:
+             audits: Mapping[str, Audit]) -> tuple[list[Case], dict[str, str]]:
     """(flights with their clean airborne spans, reasons of those without)."""
     reasons = {entry["flight"]: entry["reason"] for entry in left_out(flights, (), audits, NEEDED)}
-    cases = []
+    cases: list[Case] = []
     for flight in usable(flights, audits, NEEDED):
         audit = audits[flight.name]
         spans = intersect_spans(flown_spans(flight, audit.airborne), audit.clean_for(STREAMS))
@@ -63,9 +69,9 @@ def cases_of(flights: Sequence[Flight],
     return cases, reasons
 
 
-def flown_rows(cases: Sequence[tuple[Flight, Sequence[Span]]], delay_s: float) -> Rows:
+def flown_rows(cases: Sequence[Case], delay_s: float) -> Rows[Flown]:
     """Flights at one delay of the inputs."""
-    found = Rows()
+    found: Rows[Flown] = Rows()
     for flight, spans in cases:
         try:
             found.files.append(fly(flight, spans, delay_s))
@@ -74,7 +80,7 @@ def flown_rows(cases: Sequence[tuple[Flight, Sequence[Span]]], delay_s: float) -
     return found
 
 
-def fit_to_fly(cases: Sequence[tuple[Flight, Sequence[Span]]]) -> list[tuple[Flight, Sequence[Span]]]:
+def fit_to_fly(cases: Sequence[Case]) -> list[Case]:
     """The cases that give rows at any delay."""
     good = {f.name for f in flown_rows(cases, 0.0).files}
     return [case for case in cases if case[0].name in good]

@@ -18,11 +18,12 @@ def battery_resistance(stand: Stand, seed: int = 0) -> dict[str, Any] | None:
     without voltage or current. The interval draws blocks of rows."""
     if stand.battery_V is None or stand.current_A is None or np.ptp(stand.current_A) < 0.1:
         return None
+    voltage = stand.battery_V
     taken = np.cumsum(stand.current_A) / np.sum(np.abs(stand.current_A))
     columns = np.stack([np.ones(len(stand)), -stand.current_A, -taken], axis=1)
 
     def resistance(rows: np.ndarray) -> float:
-        return float(np.linalg.lstsq(columns[rows], stand.battery_V[rows], rcond=None)[0][1])
+        return float(np.linalg.lstsq(columns[rows], voltage[rows], rcond=None)[0][1])
 
     blocks = np.array_split(np.arange(len(stand)), min(BLOCKS, len(stand)))
     rng = np.random.default_rng(seed)

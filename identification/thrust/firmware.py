@@ -34,7 +34,7 @@ LEGACY = PropellerSet("legacy", "legacy propellers",
                       0.012817578393224994, 0.12)
 
 
-def motor_voltage(thrust_N: np.ndarray, c: Sequence[float], kind: type = np.float64) -> np.ndarray:
+def motor_voltage(thrust_N: np.ndarray, c: Sequence[float] | np.ndarray, kind: type = np.float64) -> np.ndarray:
     """Voltage u V [V] at which the cubic ``c`` gives ``thrust_N`` (...), as the firmware solves it.
 
     Only for cubics that rise everywhere (one real root); others give nan. The vehicle computes with
@@ -48,7 +48,7 @@ def motor_voltage(thrust_N: np.ndarray, c: Sequence[float], kind: type = np.floa
     return np.cbrt(q + root) + np.cbrt(q - root) + p
 
 
-def constants(c: Sequence[float], thrust_min_N: float, thrust_max_N: float, comment: str) -> str:
+def constants(c: Sequence[float] | np.ndarray, thrust_min_N: float, thrust_max_N: float, comment: str) -> str:
     """Lines for ``platform_defaults_cf2.h`` [N, V]; ``comment`` says where they are from."""
     names = [f"#define VMOTOR2THRUST{k} {value:.12g}f" for k, value in enumerate(c)]
     return "\n".join([f"// {comment}", *names, f"#define THRUST_MIN {thrust_min_N:.6g}f  // N per motor",

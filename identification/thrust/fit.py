@@ -7,13 +7,14 @@ that cannot be a motor says so in ``trouble`` and is never chosen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from .maps import FROM_ELSEWHERE, Map
+from .maps import FROM_ELSEWHERE, Map, Numbers
 from .stand import STEADY_V, Stand
 
 AT_BOUND = 2e-3
@@ -42,7 +43,7 @@ class Fit:
     trouble: str = ""
     shape: tuple[float, ...] = field(default=())
 
-    def predict(self, u: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    def predict(self, u: ArrayLike, voltage: ArrayLike) -> np.ndarray:
         """Thrust [N] of a motor at PWM ratio ``u`` and battery ``voltage`` [V], broadcast against each other."""
         u, voltage = np.asarray(u, float), np.asarray(voltage, float)
         found = self.map.thrust(self.values, u, voltage)
@@ -61,7 +62,7 @@ def solve(columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple
     return found, float(np.sum((scaled @ found - target * root) ** 2)), condition
 
 
-def fit_stands(candidate: Map, stands: Sequence[Stand], weights: Sequence[float] | None = None,
+def fit_stands(candidate: Map, stands: Sequence[Stand], weights: Numbers | None = None,
                start: Sequence[float] | None = None) -> Fit:
     """The map fitted to all rows of ``stands`` that spin; ``weights`` one per file (default all 1; a bootstrap counts a
     file as often as it was drawn). ``start``: shape values to search from, once."""
@@ -96,12 +97,13 @@ def fit_stands(candidate: Map, stands: Sequence[Stand], weights: Sequence[float]
     return Fit(candidate, values, trouble or no_motor(fit, u, (lowest, highest)), fit.shape)
 
 
-def prior_cost(candidate: Map, shape: Sequence[float]) -> float:
+def prior_cost(candidate: Map, shape: Numbers) -> float:
     """Minus twice the log of the priors of the shape, up to a constant."""
     return sum(((x - s.prior[0]) / s.prior[1]) ** 2 for s, x in zip(candidate.shape, shape, strict=True) if s.prior)
 
 
-def search(candidate: Map, cost, start: Sequence[float] | None = None) -> tuple[np.ndarray, str]:
+def search(candidate: Map, cost: Callable[[np.ndarray], float],
+           start: Sequence[float] | None = None) -> tuple[np.ndarray, str]:
     """(shape values of the smallest cost, what is wrong with them)."""
     if not candidate.shape:
         return np.empty(0), ""
@@ -110,12 +112,9 @@ def search(candidate: Map, cost, start: Sequence[float] | None = None) -> tuple[
     starts = [np.asarray(start, float)] if start is not None else [
         np.clip(first + share * (high - low), low + 0.05 * (high - low), high - 0.05 * (high - low))
         if share else first for share in STARTS]
-    best = None
-    for x0 in starts:
-        found = minimize(cost, x0, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
-                         options={"xatol": 1e-4, "fatol": 1e-6, "maxfev": 600})
-        if best is None or found.fun < best.fun:
-            best = found
+    found = [minimize(cost, x0, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
+                      options={"xatol": 1e-4, "fatol": 1e-6, "maxfev": 600}) for x0 in starts]
+    best = min(found, key=lambda result: result.fun)
     for s, x, width in zip(candidate.shape, best.x, high - low, strict=True):
         if min(x - s.low, s.high - x) < AT_BOUND * width:
             return best.x, f"{s.name} sits on its bound {x:.4g}" + (f" {s.unit}" if s.unit != "1" else "")

@@ -22,7 +22,7 @@ from nanobench_tools.units import GRAVITY_M_S2
 
 from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 from .flown import EVERY, RATE_HZ, Flown, fly, join
-from .maps import MAPS, Map
+from .maps import MAPS, Map, Numbers
 
 LEVEL_SD = 0.15
 NOISE_SD = 0.10
@@ -66,7 +66,7 @@ class FlightModel:
         acts = "; inflow, warm motors (inputs of the last 5 s), unequal motors (of the last 20 s)"
         return self.map.equation + (acts if self.effects else "")
 
-    def design(self, shape: Sequence[float], flown: Flown) -> np.ndarray:
+    def design(self, shape: Numbers, flown: Flown) -> np.ndarray:
         """(k, n) columns of specific force m/s^2."""
         columns = self.map.design(shape, flown.u, flown.battery_V[:, None]).sum(axis=2) / self.mass_kg
         return np.concatenate([columns, effect_columns(flown)]) if self.effects else columns
@@ -113,7 +113,7 @@ def models(mass_kg: float) -> dict[str, FlightModel]:
     return {m.name: m for m in found}
 
 
-def fit_flights(model: FlightModel, flights: Sequence[Flown], weights: Sequence[float] | None = None,
+def fit_flights(model: FlightModel, flights: Sequence[Flown], weights: Numbers | None = None,
                 start: Sequence[float] | None = None) -> FlightFit:
     """The model fitted to all rows of ``flights``; ``weights``: how often each counts (a bootstrap)."""
     candidate = model.map

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
@@ -63,8 +64,14 @@ class Flown:
     def __len__(self) -> int:
         return len(self.force)
 
+    @property
+    def voltage(self) -> np.ndarray:
+        """(n,) V; the name of the same in a stand series."""
+        return self.battery_V
+
     def rows(self, keep: slice | np.ndarray) -> Flown:
-        return replace(self, **{name: getattr(self, name)[keep] for name in ROWS})
+        part: dict[str, Any] = {name: getattr(self, name)[keep] for name in ROWS}
+        return replace(self, **part)
 
 
 ROWS = ("time_s", "u", "battery_V", "force", "climb", "across2", "heat", "trim")
@@ -72,7 +79,8 @@ ROWS = ("time_s", "u", "battery_V", "force", "climb", "across2", "heat", "trim")
 
 def join(flights: Sequence[Flown]) -> Flown:
     """Rows of all ``flights``, laid end to end under the name of the first."""
-    return replace(flights[0], **{name: np.concatenate([getattr(f, name) for f in flights]) for name in ROWS})
+    whole: dict[str, Any] = {name: np.concatenate([getattr(f, name) for f in flights]) for name in ROWS}
+    return replace(flights[0], **whole)
 
 
 def fly(flight: Flight, spans: Sequence[Span], delay_s: float = 0.0) -> Flown:

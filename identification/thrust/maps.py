@@ -39,7 +39,8 @@ class Shape:
     prior: tuple[float, float] | None = None
 
 
-Columns = Callable[[Sequence[Any], Any, Any, Ops], Sequence[Any]]
+Numbers = Sequence[float] | np.ndarray
+Columns = Callable[[Any, Any, Any, Ops], Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Map:
         """How many numbers are fitted."""
         return 0 if self.fixed is not None else len(self.linear) + len(self.shape)
 
-    def design(self, shape: Sequence[float], u: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    def design(self, shape: Numbers, u: np.ndarray, voltage: np.ndarray) -> np.ndarray:
         """(k, ...) columns over u (...) and voltage (...)."""
         found = self.columns(shape, u, voltage, NUMPY)
         return np.stack([np.broadcast_to(c, np.broadcast_shapes(np.shape(u), np.shape(voltage))) for c in found])

@@ -7,18 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .data import cases_of, fit_to_fly, flown_rows, load, sort_out, stand_rows
+from .data import Rows, cases_of, fit_to_fly, flown_rows, load, sort_out, stand_rows
 from .export import Exported, casadi_function, export, flight_terms
 from .fit import Fit
 from .flight_fit import EFFECTS, FlightFit, effect_columns, find_delay
+from .flown import Flown
 from .inverse import Inverse, invert
-from .stand import MOTORS
+from .stand import MOTORS, Stand
 from .study import DRAWS, File, Study, errors, study, target
 
 Source = Flight | str | Path
@@ -47,6 +49,7 @@ class ThrustModel:
         if stands and flown:
             raise UsageError("stand series and flights are fitted apart: give either")
         self.delay_s_ = 0.0
+        rows: Rows[Stand] | Rows[Flown]
         if stands:
             rows = stand_rows(stands)
             self.left_out_ = rows.reasons
@@ -88,7 +91,7 @@ class ThrustModel:
         if not isinstance(found, FlightFit) or not found.model.effects:
             return 1.0
         values = np.array([found.values[n] if n not in ("k_z", "k_h") else 0.0 for n, _ in EFFECTS])
-        acting = np.concatenate([values @ effect_columns(f) for f in self.study_.train])
+        acting = np.concatenate([values @ effect_columns(f) for f in self.study_.train if isinstance(f, Flown)])
         return float(1.0 + acting.mean() / GRAVITY_M_S2)
 
     @property
@@ -96,7 +99,7 @@ class ThrustModel:
         """{name: {value, ci95, unit}} of the map in use."""
         return self.study_.parameters()[self.best_]
 
-    def predict(self, pwm: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    def predict(self, pwm: ArrayLike, voltage: ArrayLike) -> np.ndarray:
         """Thrust [N] of one motor at PWM ratio 0..1 and battery voltage [V], broadcast; hovering, motors warm."""
         u = np.asarray(pwm, float)
         if u.size and (np.nanmax(u) > 1.0 + 1e-9 or np.nanmin(u) < 0.0):
@@ -133,6 +136,7 @@ class ThrustModel:
     def _files(self, sources: Iterable[Source]) -> Sequence[File]:
         flights, audits = load(sources)
         stands, flown = sort_out(flights)
+        rows: Rows[Stand] | Rows[Flown]
         rows = (stand_rows(stands) if self.kind_ == "stand"
                 else flown_rows(cases_of(flown, audits)[0], self.delay_s_))
         if not rows.files:
@@ -143,7 +147,7 @@ class ThrustModel:
     def export(self) -> Exported:
         """Terms for a simulator.toml and constants for the firmware."""
         u = np.concatenate([f.u.ravel() for f in self.study_.train])
-        volts = np.concatenate([f.battery_V if self.kind_ == "flight" else f.voltage for f in self.study_.train])
+        volts = np.concatenate([f.voltage for f in self.study_.train])
         found = self.study_.fits[self.best_]
         more = flight_terms(found.values) if isinstance(found, FlightFit) and found.model.effects else ()
         return export(self.fit_, (float(u.min()), float(u.max())), (float(volts.min()), float(volts.max())),

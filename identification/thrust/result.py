@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.flight import Flight, Span
-
-from .data import fit_to_fly, flown_rows
+from .data import Case, fit_to_fly, flown_rows
 from .electrical import battery_resistance, motor_constants
 from .fit import Fit
 from .flight_fit import find_delay
@@ -19,7 +17,7 @@ from .stand import Stand
 from .study import Study, study
 from .tables import Scored, inverse_table, leave_one_out, pair_with_firmware, points, scored
 
-Cases = Sequence[tuple[Flight, Sequence[Span]]]
+Cases = Sequence[Case]
 DRAWN_THRUSTS = 9
 
 
@@ -95,7 +93,7 @@ def _part(kind: str, found: Study, results: Sequence[Scored], note: str, mass_kg
         return part
     model = ThrustModel(mass_kg=mass_kg, seed=seed).use(found)
     exported = model.export()
-    volts = np.concatenate([f.battery_V if kind == "flight" else f.voltage for f in found.train])
+    volts = np.concatenate([f.voltage for f in found.train])
     low, high = (float(np.quantile(volts, q)) for q in (0.02, 0.98)) if np.isfinite(volts).all() else (4.0, 4.0)
     voltages = sorted({round(float(v), 2) for v in np.linspace(low, high, 5)})
     most = float(model.predict(1.0, voltages[-1]))

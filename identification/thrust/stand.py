@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -64,10 +65,8 @@ class Stand:
             return float("nan")
         return float(self.thrust_N @ self.rotor2 / (self.rotor2 @ self.rotor2))
 
-    def rows(self, keep: np.ndarray) -> Stand:
-        from dataclasses import replace
-
-        part = {name: None if (value := getattr(self, name)) is None else value[keep]
+    def rows(self, keep: slice | np.ndarray) -> Stand:
+        part: dict[str, Any] = {name: None if (value := getattr(self, name)) is None else value[keep]
                 for name in ("u", "battery_V", "thrust_N", "rotor2", "current_A")}
         return replace(self, **part)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.stats import t as student
@@ -17,7 +17,7 @@ from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
 from .fit import Fit, fit_stands
 from .flight_fit import FlightFit, FlightModel, fit_flights, models
 from .flown import Flown
-from .maps import MAPS, Map
+from .maps import MAPS, Map, Numbers
 from .stand import Stand
 
 File = Stand | Flown
@@ -54,7 +54,7 @@ def target(file: File) -> np.ndarray:
 
 def predicted(fit: AnyFit, file: File) -> np.ndarray:
     """(n,) the same from a fit."""
-    return fit.predict(file) if isinstance(fit, FlightFit) else fit.predict(file.u, file.voltage)
+    return fit.predict(cast("Flown", file)) if isinstance(fit, FlightFit) else fit.predict(file.u, file.voltage)
 
 
 def errors(fit: AnyFit, file: File) -> np.ndarray:
@@ -62,10 +62,11 @@ def errors(fit: AnyFit, file: File) -> np.ndarray:
     return predicted(fit, file) - target(file)
 
 
-def fit_any(candidate: Map | FlightModel, files: Sequence[File], weights: Sequence[float] | None = None,
+def fit_any(candidate: Map | FlightModel, files: Sequence[File], weights: Numbers | None = None,
             start: Sequence[float] | None = None) -> AnyFit:
-    fitter = fit_flights if isinstance(candidate, FlightModel) else fit_stands
-    return fitter(candidate, files, weights, start)
+    if isinstance(candidate, FlightModel):
+        return fit_flights(candidate, cast("Sequence[Flown]", files), weights, start)
+    return fit_stands(candidate, cast("Sequence[Stand]", files), weights, start)
 
 
 def folds_of(files: Sequence[File]) -> list[tuple[list[File], list[File]]]:

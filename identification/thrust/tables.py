@@ -138,12 +138,11 @@ def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
     says = predicted(fit, few)
     measured = few.force if isinstance(few, Flown) else few.thrust_N
     pwm = few.u.mean(axis=1) if isinstance(few, Flown) else few.u
-    volts = few.battery_V if isinstance(few, Flown) else few.voltage
-    return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(volts, 4),
+    return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(few.voltage, 4),
             "measured": measured, "predicted": says}
 
 
-def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float]) -> dict[str, Any]:
+def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float] | np.ndarray) -> dict[str, Any]:
     """{voltage_V, thrust_N, limit_N, pwm}: PWM ratios (voltage x thrust) of a fitted model, null where the motor
     cannot."""
     found = model.inverse(np.asarray(thrusts)[None, :], np.asarray(voltages)[:, None])

@@ -51,7 +51,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
                  [f for f, known in zip(flights, inside, strict=True) if not known])
     body, found = thrust_body(options, flights, parts, mass_kg)
     if options.out is not None:
-        _write(options, body, found)
+        _write(options, options.out, body, found)
     return options.finish("thrust", body)
 
 
@@ -161,19 +161,19 @@ def _comparable(flight: Flight) -> Flight:
     return flight if whole else flight.without_streams("mocap")
 
 
-def _write(options: Options, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
+def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
     from ..harness.results import plain, write_bytes
     from ..report.thrust import thrust_page
 
-    options.out.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]
     if first.get("toml"):
-        write_bytes(options.out / "terms.toml", first["toml"].encode())
+        write_bytes(out / "terms.toml", first["toml"].encode())
     if first.get("firmware"):
-        write_bytes(options.out / "thrust_firmware.h", first["firmware"].encode())
+        write_bytes(out / "thrust_firmware.h", first["firmware"].encode())
     page = thrust_page(plain(body), options.synthetic)
-    write_bytes(options.out / "thrust.html", page.encode(errors="replace"))
-    options.say(f"{options.out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
+    write_bytes(out / "thrust.html", page.encode(errors="replace"))
+    options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 
 
 def _show(options: Options, part: Part) -> None:
