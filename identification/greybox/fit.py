@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from .flies import Flight as Flown
 from .flies import flies
 from .gains import learn_gains
 from .intervals import bootstrap, not_identified, profile
-from .ladder import FULL, HEAVY
+from .ladder import FULL, HEAVY, Terms
 from .nuisance import SCALE, TILT, TRIMS, terms_of
 from .predictor import GreyBoxPredictor
 from .ranges import bounds, falling_thrust, held, priors
@@ -78,7 +78,7 @@ class GreyBox:
         before = time.perf_counter()
         data = gather(cuts)
         nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
-        model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **self.terms})
+        model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **cast("Terms", self.terms)})
         lower, upper = bounds(model)
         fixed = held(model) + (tuple(n for n in model.names if n.startswith("inertia.")) if _held_rate(model) else ())
         free = np.array([name not in fixed for name in model.names])

@@ -47,7 +47,7 @@ def learn_gains(problem: Problem, shared: np.ndarray, features: np.ndarray,
         by_flight = [_equations(unit[mine], curvature[mine], slope[mine])
                      for mine in (problem.data.flight == f for f in np.unique(problem.data.flight))]
         ridge = min(RIDGES, key=lambda r: _held_out(by_flight, r))
-        gain = _solved(*map(sum, zip(*by_flight, strict=True)), ridge).reshape(gain.shape)
+        gain = _solved(*_added(by_flight), ridge).reshape(gain.shape)
     return spread[:, None] * gain / sizes, ridge
 
 
@@ -62,16 +62,21 @@ def _equations(unit: np.ndarray, curvature: np.ndarray, slope: np.ndarray) -> tu
     return matrix.reshape(count * wide, count * wide), (slope.T @ unit).ravel()
 
 
+def _added(equations: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    matrices, rights = zip(*equations, strict=True)
+    return np.sum(matrices, axis=0), np.sum(rights, axis=0)
+
+
 def _solved(matrix: np.ndarray, right: np.ndarray, ridge: float) -> np.ndarray:
     return -np.linalg.solve(matrix + ridge * np.trace(matrix) / len(matrix) * np.eye(len(matrix)), right)
 
 
 def _held_out(by_flight: Sequence[tuple[np.ndarray, np.ndarray]], ridge: float) -> float:
     """Cost, against no gains at all, of flights that did not give the gains; FOLDS of them at a time are left out."""
-    whole_matrix, whole_right = map(sum, zip(*by_flight, strict=True))
+    whole_matrix, whole_right = _added(by_flight)
     total = 0.0
     for fold in range(min(FOLDS, len(by_flight))):
-        matrix, right = map(sum, zip(*by_flight[fold::FOLDS], strict=True))
+        matrix, right = _added(by_flight[fold::FOLDS])
         gain = _solved(whole_matrix - matrix, whole_right - right, ridge)
         total += float(right @ gain + 0.5 * gain @ matrix @ gain)
     return total

@@ -6,17 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+Terms = Mapping[str, Mapping[str, Any]]
+
 HEAVY = 0.5
 """kg m^2, the largest inertia a vehicle may have: no motor turns it, the rate is held."""
 
-RATE_HELD = {"inertia": {"inertia_kg_m2": (HEAVY,) * 3}}
-THRUST_PWM = {"thrust_pwm": {"c": (0.03, -0.15, 0.25)}}
-THRUST = {"thrust_voltage": {"c": (0.05, -0.0133, 0.0088)}}
-LAG = {"command_delay": {"delay_s": 0.0251}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.03}}
-DRAG = {"drag_linear": {"d": (0.016, 0.016, 0.006)}}
-TURNING = {"inertia": {"inertia_kg_m2": (2.6e-5, 2.6e-5, 3.1e-5)}, "motor_imbalance": {"g": (1.0,) * 4},
+RATE_HELD: Terms = {"inertia": {"inertia_kg_m2": (HEAVY,) * 3}}
+THRUST_PWM: Terms = {"thrust_pwm": {"c": (0.03, -0.15, 0.25)}}
+THRUST: Terms = {"thrust_voltage": {"c": (0.05, -0.0133, 0.0088)}}
+LAG: Terms = {"command_delay": {"delay_s": 0.0251}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.03}}
+DRAG: Terms = {"drag_linear": {"d": (0.016, 0.016, 0.006)}}
+TURNING: Terms = {"inertia": {"inertia_kg_m2": (2.6e-5, 2.6e-5, 3.1e-5)}, "motor_imbalance": {"g": (1.0,) * 4},
            "yaw_torque": {"k_m": 0.002}, "angular_damping": {"d_r": (1e-4, 1e-4, 1e-4)}}
-AIR_MOMENT = {"drag_torque": {"c": -3e-4}}
+AIR_MOMENT: Terms = {"drag_torque": {"c": -3e-4}}
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Rung:
 
     name: str
     sentence: str
-    terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    terms: Terms = field(default_factory=dict)
     adapt: str = "none"
 
     @property
@@ -34,7 +36,7 @@ class Rung:
         return "past" if self.adapt == "past" else "state"
 
 
-FULL = {**THRUST, **LAG, **DRAG, **TURNING, **AIR_MOMENT}
+FULL: Terms = {**THRUST, **LAG, **DRAG, **TURNING, **AIR_MOMENT}
 """inflow, and a prior for drag from the accelerometer, were tried too: whole training flights held out in turn, they
 lower no error."""
 

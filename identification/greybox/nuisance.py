@@ -4,6 +4,7 @@ propeller, a tracker that was put on askew."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from .solve import Nuisance
 
@@ -21,7 +22,7 @@ TILT = (Nuisance("tilt_roll", {"frame_tilt.roll_rad": 1.0}, 0.02, "rad", "thrust
 """Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree
 (NanoBench recordings)."""
 
-NEUTRAL = {"thrust_scale": {"s": 1.0}, "motor_imbalance": {"g": [1.0] * 4},
+NEUTRAL: dict[str, dict[str, Any]] = {"thrust_scale": {"s": 1.0}, "motor_imbalance": {"g": [1.0] * 4},
            "frame_tilt": {"roll_rad": 0.0, "pitch_rad": 0.0}}
 """The terms the directions go through, where they change nothing."""
 

@@ -8,11 +8,12 @@ vehicle differs right now. Nothing later than the start is looked at.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.methods import Windows
+from nanobench_tools.methods import Past, Windows
 from nanobench_tools.physics import Model
 
 from .residuals import HORIZONS, errors, robust
@@ -73,7 +74,7 @@ class Observer:
                piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Curvature (m, K, N, N), slope (m, K, N) of the cost by nuisances, and errors (m, K, 4, 3), of pieces
         (window, piece), each (m,). Horizons beyond the start of the window are meaningless."""
-        past, last, count = windows.past, states.shape[1] - 1, len(self.nuisances)
+        past, last, count = cast("Past", windows.past), states.shape[1] - 1, len(self.nuisances)
         begin = last - STEP * np.arange(1, PIECES + 1)
         ahead = np.minimum(begin[:, None] + np.arange(HORIZONS[-1]), last - 1)
         before = begin[:, None] + np.arange(-WARM, 0)

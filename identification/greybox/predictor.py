@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -52,11 +52,12 @@ class GreyBoxPredictor:
         if windows.past is None:
             raise InputError(f"predictor {self.name}", "windows without the streams before the start",
                              "cut them with past=True")
-        return np.concatenate([Observer(model, self.nuisances_, self.scale).features(windows), found], axis=1)
+        observer = Observer(model, self.nuisances_, cast("np.ndarray", self.scale))
+        return np.concatenate([observer.features(windows), found], axis=1)
 
     def nuisances(self, windows: Windows) -> np.ndarray:
         """Values (n, N) of what differs, per window."""
-        return self.features(windows) @ self.gains.T
+        return self.features(windows) @ cast("np.ndarray", self.gains).T
 
     def predict(self, windows: Windows) -> Prediction:
         """States 1..H steps after the start."""
