@@ -1,0 +1,56 @@
+"""What becomes of a model in another simulator: what it keeps, what it bends, what it loses, what had to be assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..model import Model
+
+
+@dataclass(frozen=True)
+class Account:
+    """{term: sentence}. ``exact``: the same equation; ``commands``: it acts on the commands, before the simulator, and
+    is written beside its parameters; ``approximated``: equal at one point only; ``left_out``: no counterpart.
+    ``assumed``: {quantity: sentence} of numbers the model does not hold."""
+
+    exact: dict[str, str] = field(default_factory=dict)
+    commands: dict[str, str] = field(default_factory=dict)
+    approximated: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+    assumed: dict[str, str] = field(default_factory=dict)
+
+    def lines(self) -> list[str]:
+        """For a comment: one line for everything that is not simply the same."""
+        heads = (("approximated", self.approximated), ("LEFT OUT", self.left_out), ("assumed", self.assumed))
+        return [f"{head}: {name}: {text}" for head, found in heads for name, text in found.items()]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files written for one simulator, and what they can express."""
+
+    files: tuple[Path, ...]
+    account: Account
+
+
+COMMANDS = ("thrust_pwm", "thrust_voltage", "thrust_scale", "motor_imbalance", "saturation", "command_delay")
+"""Effects between a command and the thrust it asks for."""
+
+
+def account(model: Model, simulator: str, exact: Mapping[str, str], approximated: Mapping[str, str],
+            left_out: Mapping[str, str], assumed: Mapping[str, str]) -> Account:
+    """Sorts the terms of a model by what ``simulator`` makes of them; a term that nobody names is left out."""
+    made = Account(assumed=dict(assumed))
+    for term in model.terms:
+        name = term.name
+        if name in COMMANDS:
+            made.commands[name] = term.equation
+        elif name in exact:
+            made.exact[name] = exact[name] or term.equation
+        elif name in approximated:
+            made.approximated[name] = approximated[name]
+        else:
+            made.left_out[name] = left_out.get(name, f"{simulator} has nothing like {term.equation}")
+    return made
