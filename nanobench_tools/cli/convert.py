@@ -1,40 +1,65 @@
-"""``nanobench convert``: recordings into another format."""
+"""``nanobench convert``: recordings into another format, a simulator.toml into other simulators."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import UsageError
-from .options import Options, shared_options
+from .options import PATH, Options, one_line, shared_options
 
 if TYPE_CHECKING:
     from ..flight import Flight
+    from ..physics import Model
+    from ..physics.export import Assumed, Exported
 
 FORMATS = ("nanobench", "parquet", "tum")
+SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
+ALL = "all-simulators"
 
 
 @click.command()
 @shared_options("seed", "clock")
-@click.option("--to", type=click.Choice(FORMATS), default="nanobench", show_default=True,
-              help="CSV with its sheet; a Parquet file per stream, SI units; the mocap trajectory.")
+@click.argument("simulator", required=False, type=PATH, metavar="[SIMULATOR.toml]")
+@click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
+              metavar="FORMAT",
+              help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the mocap "
+                   "trajectory). SIMULATOR.toml: rotorpy, crazyflow (also drone-models), urdf (gym-pybullet-drones), "
+                   f"c, casadi, or {ALL}.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
               help="Motion capture of the same flight recorded on a clock of its own (TUM, or any format that is "
                    "understood): its time is found by the turning rates.")
-def convert(options: Options, to: str, mocap: Path | None) -> int:
-    """Write recordings of any source that is understood in another format, one per recording into --out DIR.
+@click.option("--battery", "battery_V", type=float, metavar="V",
+              help="SIMULATOR.toml: battery voltage at which the greatest thrust is taken. [default: 3.7]")
+@click.option("--k-f", "k_f", type=float, metavar="N_s2/rad2",
+              help="SIMULATOR.toml without thrust_rpm: thrust over rotor speed squared. [default: 2.3e-8]")
+def convert(options: Options, simulator: Path | None, to: str, mocap: Path | None, battery_V: float | None,
+            k_f: float | None) -> int:
+    """Write recordings of any source that is understood in another format, one per recording into --out DIR; or a
+    simulator.toml as parameters of other simulators, saying what each of them cannot express.
 
     \b
     nanobench convert --data log.bin --out csv            an onboard log as CSV with its sheet
     nanobench convert --data log.bin --mocap traj.tum --out csv    the same, with its motion capture
+    nanobench convert simulator.toml --to rotorpy --out DIR        a fitted vehicle for RotorPy
     """
+    if options.out is None:
+        raise UsageError("nanobench convert: --out DIR is needed")
+    if simulator is not None or to not in FORMATS:
+        return _convert_simulator(options, simulator, to, mocap, {"battery_V": battery_V, "k_f": k_f})
+    if battery_V is not None or k_f is not None:
+        raise UsageError("nanobench convert: --battery and --k-f belong to a SIMULATOR.toml")
+    return _convert_recordings(options, to, mocap)
+
+
+def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     from ..harness import make_item, run_items
     from ..sources import load_recordings
 
-    if options.out is None:
-        raise UsageError("nanobench convert: --out DIR is needed")
     flights = options.load()
     if mocap is not None:
         from ..retiming.pairing import with_mocap
@@ -60,3 +85,40 @@ def convert_item(flight: Flight, out_dir: Path, to: str) -> dict:
     from ..export import export
 
     return {"file": str(export(flight, out_dir, to))}
+
+
+def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path | None,
+                       assumed: dict[str, float | None]) -> int:
+    from ..physics.export import Assumed
+    from ..physics.simulator import read_simulator
+
+    if path is None:
+        raise UsageError(f"nanobench convert: --to {to} needs a SIMULATOR.toml")
+    if to in FORMATS:
+        raise UsageError(f"nanobench convert: --to {to} is for recordings; give one of {', '.join(SIMULATORS)}, {ALL}")
+    if mocap is not None or options.data:
+        raise UsageError("nanobench convert: --data and --mocap do not go with a SIMULATOR.toml")
+    given = replace(Assumed(), **{name: value for name, value in assumed.items() if value is not None})
+    found = export_simulators(read_simulator(path), options.out, SIMULATORS if to == ALL else (to,), given)
+    for name, exported in found.items():
+        options.show(f"{name}: {', '.join(one_line(str(file)) for file in exported.files)}")
+        for line in exported.account.lines():
+            options.show(f"  {one_line(line)}")
+    return options.finish("convert", {"to": to, "simulator": str(path), **exported_body(found)})
+
+
+def export_simulators(model: Model, folder: Path | None, targets: Sequence[str] = SIMULATORS,
+                      assumed: Assumed | None = None) -> dict[str, Exported]:
+    """{target: what was written} into ``folder``."""
+    from ..physics.export import export_model
+
+    return {to: export_model(model, to, folder or Path(), assumed) for to in targets}
+
+
+def exported_body(found: dict[str, Exported]) -> dict[str, Any]:
+    """The keys of the result file: ``files``, and what each simulator makes of the model."""
+    from dataclasses import asdict
+
+    return {"files": [str(file) for exported in found.values() for file in exported.files],
+            "simulators": {name: {"files": [str(file) for file in exported.files], **asdict(exported.account)}
+                           for name, exported in found.items()}}

@@ -1,0 +1,72 @@
+"""``nanobench convert SIMULATOR.toml``: one vehicle into other simulators."""
+
+import json
+
+import pytest
+
+from nanobench_tools.cli.convert import ALL, SIMULATORS
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.export import TARGETS
+from nanobench_tools.physics.simulator import write_simulator
+
+TERMS = {"thrust_voltage": {"c": (0.0056, 0.0368, -0.0016)}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.04},
+         "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.0105, 0.0105, 0.0032)}, "drag_torque": {"c": -3e-4}}
+
+
+@pytest.fixture
+def simulator(tmp_path):
+    path = tmp_path / "simulator.toml"
+    write_simulator(Model(Vehicle(), TERMS), path)
+    return path
+
+
+def test_the_verb_offers_what_there_is():
+    assert tuple(TARGETS) == SIMULATORS
+
+
+def test_all_simulators_at_once(nanobench, simulator, tmp_path):
+    out = tmp_path / "out"
+    code, shown, err = nanobench("convert", simulator, "--to", ALL, "--out", out, "--battery", 3.9)
+    assert (code, err) == (0, "")
+    assert "urdf:" in shown
+    assert "LEFT OUT: motor_lag" in shown
+    assert "assumed: battery_V: 3.9 V" in shown
+    body = json.loads((out / "convert.json").read_text())
+    assert sorted(body["simulators"]) == sorted(SIMULATORS)
+    assert "drag_torque" in body["simulators"]["crazyflow"]["left_out"]
+    assert body["simulators"]["c"]["left_out"] == {}
+    assert body["simulator"] == str(simulator)
+    assert [file for file in body["files"] if not (tmp_path / file).is_file()] == []
+
+
+def test_one_simulator_and_nothing_but_json(nanobench, simulator, tmp_path):
+    code, shown, _ = nanobench("convert", simulator, "--to", "urdf", "--out", tmp_path / "out", "--json", "-")
+    assert code == 0
+    assert json.loads(shown)["files"] == [str(tmp_path / "out" / "cf2x.urdf")]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["cf2x.urdf", "convert.json"]
+
+
+@pytest.mark.parametrize(("arguments", "hint"), [
+    (("--to", "rotorpy", "--out", "o"), "--to rotorpy needs a SIMULATOR.toml"),
+    (("SIM", "--out", "o"), "--to nanobench is for recordings; give one of rotorpy"),
+    (("SIM", "--to", "rotorpy"), "--out DIR is needed"),
+    (("SIM", "--to", "gazebo", "--out", "o"), "gazebo"),
+    (("absent.toml", "--to", "c", "--out", "o"), "absent.toml: cannot be read"),
+    (("SIM", "--to", "rotorpy", "--out", "o", "--data", "x"), "--data and --mocap do not go with"),
+    (("SIM", "--to", "rotorpy", "--out", "o", "--battery", "0"), "assumed battery_V: 0.0; give a number from 1 to 60"),
+    (("SIM", "--to", "rotorpy", "--out", "o", "--battery", "1.5"), "cannot hover"),
+    (("--battery", "3.7", "--out", "o"), "--battery and --k-f belong to a SIMULATOR.toml")])
+def test_bad_usage_is_one_line(nanobench, simulator, arguments, hint, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = nanobench("convert", *(simulator if a == "SIM" else a for a in arguments))
+    assert (code, out) == (2, "")
+    assert hint in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_wrong_line_of_the_file_is_named(nanobench, simulator, tmp_path):
+    simulator.write_text(simulator.read_text().replace("k_m = 0.006", "k_m = -0.006"))
+    code, _, err = nanobench("convert", simulator, "--to", "rotorpy", "--out", tmp_path / "o")
+    assert code == 2
+    assert "key k_m" in err
