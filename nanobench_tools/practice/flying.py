@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,12 +72,14 @@ def flight_rngs(seed: int, index: int, count: int) -> list[np.random.Generator]:
 
 
 def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | None = None, seed: int = 0, *,
-        indices: Sequence[int] | None = None, spread: float = 1.0, events: Sequence[Events] | None = None) -> Flown:
+        indices: Sequence[int] | None = None, spread: float = 1.0, events: Sequence[Events] | None = None,
+        physics: Callable[[Vehicles, np.ndarray, np.ndarray], Plant] = Plant) -> Flown:
     """Flies ``specs[i]`` with flight number ``indices[i]`` (default 0, 1, ...) of ``seed``, all behind one controller.
 
     vehicles: n of them, drawn from the table when None. ``spread`` scales the differences between flights and the
     errors of the estimator; 0 is a perfect vehicle (sensor noise stays). The controller sees the estimate, the gyro
-    and the measured battery, and, unless its ``information`` is ``preview``, references as flown.
+    and the measured battery, and, unless its ``information`` is ``preview``, references as flown. ``physics`` makes the
+    plant from vehicles, where they stand (n, 3) m and yaw (n,) rad.
     Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape,
     InputError when a command is not a number or lies outside 0..1.
     """
@@ -96,7 +98,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     ticks = timeline.ticks
     if vehicles is None:
         vehicles = draw_vehicles(list(draw), spread)
-    plant = Plant(vehicles, start, yaw)
+    plant = physics(vehicles, start, yaw)
     estimator = OnboardEstimator(plant, list(error), ticks, STEP_S, spread)
     gusts = np.stack([correlated_noise(r, ticks, 3, GUST_S) for r in air], axis=-1) * vehicles.disturbance_m_s2
     flicker = np.stack([correlated_noise(r, ticks, 4, FLICKER_S) for r in air], axis=-1) * vehicles.thrust_noise

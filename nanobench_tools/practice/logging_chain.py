@@ -33,7 +33,8 @@ class LoggingChain:
     offset_s, drift, wander_sd_s: error of the vehicle's stamps (positive = late): constant, per second, and standard
     deviation of a sawtooth common to all streams; tail_s: lowest and highest length of the continued end (0, 0: none);
     lost_frames: mean number of gaps in the motion capture, of 20-40 ms; mocap: its noise; tilt_deg: lowest and
-    highest angle between the tracked body frame and the IMU.
+    highest angle between the tracked body frame and the IMU, about a random axis; tilt_rad: in its place the rotation
+    vector (x, y, z) from the IMU's body frame to the tracked one, the same in every flight.
     """
 
     loss: tuple[float, float] = (0.05, 0.22)
@@ -47,6 +48,7 @@ class LoggingChain:
     lost_frames: float = 2.0
     mocap: MocapNoise = ROOM_NOISE
     tilt_deg: tuple[float, float] = (1.0, 3.0)
+    tilt_rad: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.loss[0] <= self.loss[1] < 0.9 and 0.0 <= self.burst < 1.0):
@@ -104,6 +106,8 @@ def record(flown: Flown, flight: int, chain: LoggingChain, rngs: list[np.random.
     rows = np.arange(first, time[-1], TICK_S)[:-1]
     keep = _frames(room, len(rows), chain.lost_frames)
     tilt = np.radians(room.uniform(*chain.tilt_deg)) * _direction(room)
+    if chain.tilt_rad is not None:
+        tilt = np.asarray(chain.tilt_rad, float)
     rows = rows[keep]
     position, quaternion = _pose_at(flown, flight, ticks, rows)
     seen = mocap_values(rows, position, quaternion, tilt, chain.mocap, room)

@@ -153,11 +153,13 @@ FAMILIES: dict[str, Family] = {
 
 @dataclass(frozen=True)
 class PathSpec:
-    """A family with all its parameters; ``speed`` is the label slow | medium | fast."""
+    """A family with all its parameters; ``speed`` is the label slow | medium | fast. ``turn``: amplitude [rad] and
+    period [s] of a sinusoidal turning to and fro about the vertical along the path, as no published flight does."""
 
     family: str
     speed: str
     params: Mapping[str, Any]
+    turn: tuple[float, float] = (0.0, 1.0)
 
     @property
     def trajectory_id(self) -> str:
@@ -177,6 +179,11 @@ class PathSpec:
     def at(self, t: np.ndarray) -> PathPoint:
         """t (n,) s from the start of the path."""
         return FAMILIES[self.family].path(np.asarray(t, float), self.params)
+
+    def yaw_at(self, t: np.ndarray) -> np.ndarray:
+        """Heading [rad] (n,) at t (n,) s from the start of the path; 0 at its start."""
+        amplitude, period_s = self.turn
+        return amplitude * np.sin(2.0 * np.pi / period_s * np.asarray(t, float))
 
 
 ID_NAME = {"figure_eight": "figure8"}

@@ -76,9 +76,11 @@ class Timeline:
         self.altitude_m = np.array([s.altitude_m for s in specs])
         self._streamed = np.zeros((3, self.ticks, len(specs), 3))
         self._streamed[0, :, :, 2] = self.altitude_m
+        self._yaw = np.zeros((self.ticks, len(specs)))
         for i, spec in enumerate(specs):
             rows = self.phase[:, i] == PATH
             self._streamed[:, rows, i] = spec.at(t[rows, 0] - events[i].path_start_s)
+            self._yaw[rows, i] = spec.yaw_at(t[rows, 0] - events[i].path_start_s)
         self._from_m = np.zeros((len(specs), 3))
         self._from_yaw = np.zeros(len(specs))
 
@@ -104,7 +106,7 @@ class Timeline:
         p = np.where(col, self._from_m + self.way[tick][:, None] * path, p)
         v = np.where(col, self.way_1_s[tick][:, None] * path, v)
         a = np.where(col, self.way_1_s2[tick][:, None] * path, a)
-        yaw = np.where(planned, self._from_yaw * (1.0 - self.way[tick]), 0.0)
+        yaw = np.where(planned, self._from_yaw * (1.0 - self.way[tick]), self._yaw[tick])
         yaw_rate = np.where(planned, -self._from_yaw * self.way_1_s[tick], 0.0)
         off = phase == OFF
         p[off], v[off], a[off] = position_m[off], 0.0, 0.0

@@ -1,0 +1,41 @@
+"""Commands reach the motors late: a slow bus, a busy radio. What is logged is when they were sent."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Effect
+
+STEP_S = 0.002
+
+
+class CommandDelay(Effect):
+    name = "command_delay"
+    sizes: ClassVar = {"small": "6 ms, below one row of the recording", "medium": "12 ms",
+             "large": "18 ms; at 28 ms the vehicle no longer flies"}
+    wants = ("fast", "lateral", "turning")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        return {"delay_s": {"small": 0.006, "medium": 0.012, "large": 0.018}[size] + STEP_S * int(rng.integers(-1, 2))}
+
+    @staticmethod
+    def arrays(p, airframe):
+        return {"delay_s": p["delay_s"]}
+
+    @staticmethod
+    def term(p, airframe):
+        return {"delay_s": p["delay_s"]}
+
+    def __init__(self, arrays):
+        super().__init__(arrays)
+        self._steps = np.round(self.a["delay_s"] / STEP_S).astype(int)
+        self._sent = np.zeros((int(self._steps.max()) + 1, 4, len(self._steps)))
+        self._count = 0
+
+    def motor(self, motor):
+        depth = len(self._sent)
+        self._sent[self._count % depth] = motor
+        found = self._sent[(self._count - self._steps) % depth, :, np.arange(len(self._steps))].T
+        self._count += 1
+        return found

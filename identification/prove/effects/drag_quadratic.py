@@ -1,0 +1,30 @@
+"""Drag with the square of the air speed, on top of what the simulator knows."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Effect, near
+
+
+class DragQuadratic(Effect):
+    name = "drag_quadratic"
+    sizes: ClassVar = {"small": "0.15 m/s^2 at 1 m/s", "medium": "0.35 m/s^2 at 1 m/s", "large": "0.8 m/s^2 at 1 m/s"}
+    wants = ("fast", "lateral", "slow", "turning")
+    twins = ()
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
+        return {"q": [float(f"{near(rng, rate * share) * airframe.mass_kg:.4g}") for share in (1.0, 1.0, 0.5)]}
+
+    @staticmethod
+    def arrays(p, airframe):
+        return {"q": p["q"]}
+
+    @staticmethod
+    def term(p, airframe):
+        return {"q": p["q"]}
+
+    def force(self, air):
+        return -self.a["q"] * np.abs(air.air_b) * air.air_b

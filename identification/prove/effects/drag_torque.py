@@ -1,0 +1,31 @@
+"""Air against the rotors, which lie off the centre of mass, turns the vehicle up or down as it flies sideways."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from .base import Effect, near
+
+
+class DragTorque(Effect):
+    name = "drag_torque"
+    sizes: ClassVar = {"small": "2 rad/s^2 at 1 m/s", "medium": "5 rad/s^2, what the real vehicle has in all",
+             "large": "12 rad/s^2 at 1 m/s"}
+    wants = ("fast", "lateral", "turning")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        more = -near(rng, {"small": 3.6e-5, "medium": 9e-5, "large": 2.2e-4}[size])
+        absent = bool(rng.uniform() < 0.4)
+        return {"c": float(f"{more + (0.0 if absent else airframe.drag_torque_N_s):.4g}"), "absent": absent}
+
+    @staticmethod
+    def change(airframe, p):
+        return replace(airframe, drag_torque_N_s=p["c"])
+
+    @staticmethod
+    def term(p, airframe):
+        return {"c": p["c"]}
+
+    @staticmethod
+    def concealed(model, p, mean_V):
+        return model.without("drag_torque") if p["absent"] else model

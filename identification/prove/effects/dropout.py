@@ -1,0 +1,36 @@
+"""Foreign: one motor loses strength for moments, at random: a loose contact."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Effect, near
+
+MOST = 120
+"""So many losses are drawn for a flight; they last beyond any of these recordings."""
+
+
+class Dropout(Effect):
+    name = "dropout"
+    foreign = True
+    sizes: ClassVar = {"small": "15 % lost for about 0.12 s, every 1.5 s", "medium": "30 %", "large": "50 %"}
+    wants = ("lateral",)
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        return {"loss": near(rng, {"small": 0.15, "medium": 0.30, "large": 0.50}[size]), "every_s": near(rng, 1.5),
+                "motor": int(rng.integers(4)), "seed": int(rng.integers(2**31))}
+
+    @staticmethod
+    def arrays(p, airframe):
+        rng = np.random.default_rng([p["seed"], p["flight"]])
+        begin = np.cumsum(0.2 + rng.exponential(p["every_s"], MOST))
+        return {"begin": begin, "end": begin + rng.uniform(0.06, 0.18, MOST), "t": 0.0,
+                "loss": [p["loss"] * (i == p["motor"]) for i in range(4)]}
+
+    def asked(self, thrust_N):
+        away = ((self.a["t"] >= self.a["begin"]) & (self.a["t"] < self.a["end"])).any(axis=0)
+        return (1.0 - self.a["loss"] * away) * thrust_N
+
+    def advance(self, dt_s, motor):
+        self.a["t"] = self.a["t"] + dt_s

@@ -1,0 +1,30 @@
+"""Foreign: motors lose strength as they get warm, whatever the voltage."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Effect, near
+
+
+class Heating(Effect):
+    name = "heating"
+    foreign = True
+    sizes: ClassVar = {"small": "5 % of the thrust in the long run", "medium": "9 %", "large": "15 %"}
+    wants = ("charges", "lateral", "vertical")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        return {"loss": near(rng, {"small": 0.05, "medium": 0.09, "large": 0.15}[size]), "time_s": near(rng, 12.0)}
+
+    @staticmethod
+    def arrays(p, airframe):
+        return {"loss": p["loss"], "time_s": p["time_s"], "warm": 0.0}
+
+    def asked(self, thrust_N):
+        return (1.0 - self.a["loss"] * self.a["warm"]) * thrust_N
+
+    def advance(self, dt_s, motor):
+        running = (motor > 0.1).all(axis=0)
+        self.a["warm"] = self.a["warm"] + dt_s / self.a["time_s"] * (running - self.a["warm"])
+        self.a["warm"] = np.clip(self.a["warm"], 0.0, 1.0)

@@ -1,0 +1,29 @@
+"""Another inertia about roll and pitch than the simulator's table; yaw stays, where only k_m / J_z could be seen."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from .base import Effect, either, near
+
+
+class Inertia(Effect):
+    name = "inertia"
+    sizes: ClassVar = {"small": "15 % about one axis or both", "medium": "30 %", "large": "60 % (or 40 % less)"}
+    wants = ("lateral", "fast")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        way = either(rng)
+        share = near(rng, {"small": 0.15, "medium": 0.30, "large": 0.60 if way > 0.0 else 0.40}[size])
+        axes = ((True, True), (True, False), (False, True))[int(rng.integers(3))]
+        j = airframe.inertia_kg_m2
+        new = [float(f"{x * (1.0 + way * share * on):.5g}") for x, on in zip(j, (*axes, False), strict=True)]
+        return {"inertia_kg_m2": new}
+
+    @staticmethod
+    def change(airframe, p):
+        return replace(airframe, inertia_kg_m2=tuple(p["inertia_kg_m2"]))
+
+    @staticmethod
+    def term(p, airframe):
+        return {"inertia_kg_m2": p["inertia_kg_m2"]}

@@ -1,0 +1,27 @@
+"""Another mass than the simulator's, at the place of the centre of mass: inertia stays."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from .base import Effect, either, near
+
+
+class Mass(Effect):
+    name = "mass"
+    sizes: ClassVar = {"small": "2 % of the weight: 0.8 g, a marker set", "medium": "5 %: 2 g, a deck",
+                        "large": "12 %: 4.7 g"}
+    wants = ("lateral", "vertical")
+    twins = ("thrust_scale",)
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        share = near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng)
+        return {"m": float(f"{airframe.mass_kg * (1.0 + share):.5g}")}
+
+    @staticmethod
+    def change(airframe, p):
+        return replace(airframe, mass_kg=p["m"])
+
+    @staticmethod
+    def term(p, airframe):
+        return {"m": p["m"]}

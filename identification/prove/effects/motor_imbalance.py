@@ -1,0 +1,31 @@
+"""Motors of unequal strength: a chipped propeller, a worn bearing."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Effect
+
+
+class MotorImbalance(Effect):
+    name = "motor_imbalance"
+    sizes: ClassVar = {"small": "the worst motor 2 % off", "medium": "5 %", "large": "10 %"}
+    wants = ("lateral", "vertical", "turning")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        g = rng.standard_normal(4)
+        g -= g.mean()
+        g *= {"small": 0.02, "medium": 0.05, "large": 0.10}[size] / np.abs(g).max()
+        return {"g": [float(x) for x in np.round(1.0 + g, 5)]}
+
+    @staticmethod
+    def arrays(p, airframe):
+        return {"g": p["g"]}
+
+    @staticmethod
+    def term(p, airframe):
+        return {"g": p["g"]}
+
+    def asked(self, thrust_N):
+        return self.a["g"] * thrust_N

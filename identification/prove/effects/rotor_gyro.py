@@ -1,0 +1,32 @@
+"""Rotors resist the turning of their axes. Only the sum over both senses of rotation counts, small in steady flight."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from ..airframe import SPIN
+from .base import Effect, near
+
+
+class RotorGyro(Effect):
+    name = "rotor_gyro"
+    sizes: ClassVar = {"small": "1e-7 kg m^2, five times a real propeller of this size", "medium": "5e-7",
+                        "large": "2e-6"}
+    wants = ("spinning", "fast", "turning")
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        return {"J_r": -near(rng, {"small": 1e-7, "medium": 5e-7, "large": 2e-6}[size])}
+
+    @staticmethod
+    def arrays(p, airframe):
+        return {"J": p["J_r"]}
+
+    @staticmethod
+    def term(p, airframe):
+        return {"J_r": p["J_r"]}
+
+    def moment(self, air):
+        momentum = self.a["J"] * sum(s * omega for s, omega in zip(SPIN, air.rotor, strict=True))
+        x, y, _ = air.rate
+        return np.stack([-y * momentum, x * momentum, np.zeros_like(momentum)])

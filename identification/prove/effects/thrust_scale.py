@@ -1,0 +1,25 @@
+"""All motors weaker or stronger by one factor: worn propellers, thin air."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from .base import Effect, either, near
+
+
+class ThrustScale(Effect):
+    name = "thrust_scale"
+    sizes: ClassVar = {"small": "2 % of the thrust, as between propeller sets", "medium": "5 %", "large": "12 %"}
+    wants = ("lateral", "vertical")
+    twins = ("mass",)
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        return {"s": near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng) + 1.0}
+
+    @staticmethod
+    def change(airframe, p):
+        return replace(airframe, curve_N_V=tuple(p["s"] * c for c in airframe.curve_N_V))
+
+    @staticmethod
+    def term(p, airframe):
+        return {"s": p["s"]}

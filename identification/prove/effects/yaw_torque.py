@@ -1,0 +1,26 @@
+"""The rotors' drag turns the vehicle more or less than the simulator believes."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from .base import Effect, either, near
+
+
+class YawTorque(Effect):
+    name = "yaw_torque"
+    sizes: ClassVar = {"small": "20 % of k_m", "medium": "35 %", "large": "60 %"}
+    wants = ("turning", "lateral")
+    twins = ("inertia",)
+
+    @staticmethod
+    def draw(size, rng, airframe):
+        share = near(rng, {"small": 0.20, "medium": 0.35, "large": 0.60}[size]) * either(rng)
+        return {"k_m": float(f"{airframe.yaw_arm_m * (1.0 + share):.5g}")}
+
+    @staticmethod
+    def change(airframe, p):
+        return replace(airframe, yaw_arm_m=p["k_m"])
+
+    @staticmethod
+    def term(p, airframe):
+        return {"k_m": p["k_m"]}

@@ -1,0 +1,87 @@
+"""What a case is made from: flights, a vehicle, what is concealed, what is innocent, what is wrong with the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from nanobench_tools.practice.references import PathSpec
+
+from .airframe import Airframe
+
+OUTCOMES = {"null": "none", "single": "named", "twin": "named", "pair": "named", "change": "named",
+            "fault": "data_fault", "foreign": "unknown"}
+"""Kind of a case -> the outcome a diagnosis should come to.
+
+null: the simulator is right; single: one effect concealed; twin: one of a group that is easily confused, on flights
+that separate it; pair: two at once; change: an effect in some flights only; fault: the simulator is right and the data
+are wrong; foreign: an effect that no term describes.
+"""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect and its parameters (``Effect.draw``); ``flights`` are numbers of those it acts in, None means all."""
+
+    effect: str
+    size: str
+    parameters: Mapping[str, Any]
+    flights: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class DataFault:
+    """``nanobench_tools.practice.inject`` kind with its size and options, in flights of these numbers."""
+
+    kind: str
+    size: float | None
+    options: Mapping[str, Any]
+    flights: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class FlightSpec:
+    """Where to fly behind which onboard controller (``pid`` | ``mellinger``), with how much charge (share) at start."""
+
+    path: PathSpec
+    controller: str
+    charge: float
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """What is never physics. disturbance_m_s2: standard deviation of the air's force (correlated over 0.5 s);
+    thrust_noise: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry; loss: lowest and
+    highest share of packets lost; imu_tilt_rad: rotation vector from the vehicle to the frame of the logged IMU."""
+
+    disturbance_m_s2: float = 0.04
+    thrust_noise: float = 0.015
+    clock_wander_s: float = 0.0
+    clock_offset_s: float = 0.0
+    loss: tuple[float, float] = (0.03, 0.15)
+    lost_frames: float = 2.0
+    imu_tilt_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class CaseSpec:
+    """All that decides a case; the same spec gives the same recordings, alone or beside others.
+
+    ``seed`` and ``index`` feed the random numbers of the flights. ``airframe`` is what the simulator believes;
+    ``concealed`` effects are missing from it, ``known`` ones stand in it with their true values. ``note`` says in
+    words what is special.
+    """
+
+    name: str
+    kind: str
+    seed: int
+    index: int
+    airframe: Airframe
+    flights: tuple[FlightSpec, ...]
+    concealed: tuple[Hidden, ...] = ()
+    known: tuple[Hidden, ...] = ()
+    faults: tuple[DataFault, ...] = ()
+    nuisance: Nuisance = field(default_factory=Nuisance)
+    engine: str = "practice"
+    note: str = ""

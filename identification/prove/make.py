@@ -1,0 +1,250 @@
+"""From specs to recordings: flies all flights of many cases at once, logs them, writes what a diagnosis may see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import UsageError
+from nanobench_tools.flight import Flight, Provenance
+from nanobench_tools.physics.model import Model
+from nanobench_tools.physics.simulator import dumps, write_simulator
+from nanobench_tools.practice.flights import EPOCH_S, SECONDS_APART, SEED_SECONDS
+from nanobench_tools.practice.flying import Flown, flight_rngs, fly
+from nanobench_tools.practice.inject import INJECTIONS
+from nanobench_tools.practice.logging_chain import LoggingChain, record
+from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.sources.nanobench import write_nanobench
+
+from .airframe import Airframe
+from .effects import EFFECTS
+from .effects.frame_tilt import FrameTilt
+from .engine import Acting, Engine, vehicles_of
+from .kinds import OUTCOMES, CaseSpec, Hidden
+
+PLACES = 16
+"""Flight j of case i has the random numbers of number 16 i + j of the seed."""
+AT_ONCE = 120
+"""Flights flown in one batch: three times as long as five flights take, for 24 times as many."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """flights and ``simulator`` are what a diagnosis is given; ``corrected`` is the simulator that knows all that terms
+    can say (of the flights an effect acts in), ``truth`` a JSON-able dict: see ``truth_of``."""
+
+    name: str
+    spec: CaseSpec
+    flights: list[Flight]
+    simulator: Model
+    corrected: Model
+    truth: dict[str, Any]
+
+
+def make_case(spec: CaseSpec) -> Case:
+    """One case; the same as out of ``make_cases``, which is faster for many."""
+    return make_cases([spec])[0]
+
+
+def make_cases(specs: Sequence[CaseSpec]) -> list[Case]:
+    """Cases in the order of their specs. Flights of one seed and engine fly together, at most AT_ONCE of them."""
+    found: dict[int, Case] = {}
+    for group in _groups(specs):
+        if specs[group[0]].engine != "practice":
+            from .engine_rotorpy import fly_cases
+        else:
+            fly_cases = _fly_cases
+        flown = fly_cases([specs[i] for i in group])
+        row = 0
+        for i in group:
+            found[i] = _case(specs[i], flown, row)
+            row += len(specs[i].flights)
+    return [found[i] for i in range(len(specs))]
+
+
+def _groups(specs: Sequence[CaseSpec]) -> list[list[int]]:
+    """Numbers of specs that fly together."""
+    groups: list[list[int]] = []
+    key, flights = None, 0
+    for i in sorted(range(len(specs)), key=lambda i: (specs[i].engine, specs[i].seed, i)):
+        spec = specs[i]
+        if (spec.engine, spec.seed) != key or flights + len(spec.flights) > AT_ONCE:
+            key, flights = (spec.engine, spec.seed), 0
+            groups.append([])
+        groups[-1].append(i)
+        flights += len(spec.flights)
+    return groups
+
+
+def _acts_in(hidden: Hidden, flight: int) -> bool:
+    return hidden.flights is None or flight in hidden.flights
+
+
+def true_airframes(spec: CaseSpec) -> list[Airframe]:
+    """The airframe of every flight, with the effects that change it."""
+    found = []
+    for j in range(len(spec.flights)):
+        airframe = spec.airframe
+        for hidden in (*spec.known, *spec.concealed):
+            if _acts_in(hidden, j):
+                airframe = EFFECTS[hidden.effect].change(airframe, hidden.parameters)
+        found.append(airframe)
+    return found
+
+
+def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
+    """All effects with hooks of cases whose flights stand one after the other in a batch, those of a kind joined."""
+    parts: dict[str, list[tuple[int, dict]]] = {}
+    row = 0
+    for spec in specs:
+        for j in range(len(spec.flights)):
+            for hidden in (*spec.known, *spec.concealed):
+                arrays = EFFECTS[hidden.effect].arrays({**hidden.parameters, "flight": j}, spec.airframe)
+                if arrays is not None and _acts_in(hidden, j):
+                    parts.setdefault(hidden.effect, []).append((row, arrays))
+            row += 1
+    return [(np.array([row for row, _ in found]), EFFECTS[name].acting([(a, 1) for _, a in found]))
+            for name in EFFECTS if (found := parts.get(name))]
+
+
+def _fly_cases(specs: Sequence[CaseSpec]) -> Flown:
+    """All flights of the cases, one after the other, with the practice engine."""
+    places = [(spec, j) for spec in specs for j in range(len(spec.flights))]
+    airframes = [a for spec in specs for a in true_airframes(spec)]
+    numbers = [PLACES * spec.index + j for spec, j in places]
+    seed = specs[0].seed
+    vehicles = vehicles_of(airframes, [np.random.default_rng([seed, n, 5]) for n in numbers],
+                           charge_at_start=[spec.flights[j].charge for spec, j in places],
+                           disturbance_m_s2=[spec.nuisance.disturbance_m_s2 for spec, _ in places],
+                           thrust_noise=[spec.nuisance.thrust_noise for spec, _ in places])
+    effects = effects_of(specs)
+    return fly(OnboardFleet([spec.flights[j].controller for spec, j in places]),
+               [spec.flights[j].path for spec, j in places], vehicles, seed, indices=numbers,
+               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects))
+
+
+def _chain(spec: CaseSpec) -> LoggingChain:
+    n = spec.nuisance
+    tracked = [FrameTilt.tracked(h.parameters) for h in (*spec.known, *spec.concealed) if h.effect == FrameTilt.name]
+    return LoggingChain(loss=n.loss, wander_sd_s=n.clock_wander_s, offset_s=n.clock_offset_s,
+                        lost_frames=n.lost_frames, tilt_deg=(0.0, 0.0), tilt_rad=tracked[0] if tracked else None)
+
+
+def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
+    """The case whose flights stand in ``flown`` from ``row`` on."""
+    flights, volts = [], []
+    chain = _chain(spec)
+    turn = so3.conjugate(so3.exp(np.array(spec.nuisance.imu_tilt_rad)))
+    for j in range(len(spec.flights)):
+        imu = flown.messages["imu"][:, row + j].copy()
+        imu[:, :3], imu[:, 3:] = so3.rotate(turn, imu[:, :3]), so3.rotate(turn, imu[:, 3:])
+        messages = {**flown.messages, "imu": imu[:, None]}
+        messages = {name: m if name == "imu" else m[:, row + j:row + j + 1] for name, m in messages.items()}
+        alone = replace(flown, truth={k: v[:, row + j:row + j + 1] for k, v in flown.truth.items()}, messages=messages,
+                        timeline=_One(flown.timeline, row + j))
+        number = PLACES * spec.index + j
+        recorded = record(alone, 0, chain, flight_rngs(spec.seed, number, 9)[6:])
+        path = spec.flights[j].path
+        metadata = {"trajectory_type": path.family, "trajectory_id": path.trajectory_id, "category": "prove",
+                    "repetition": 1, "crazyflie_id": "simulated", "firmware_version": "simulated",
+                    "params": dict(path.params), "synthetic": True, "family": path.family, "speed": path.speed,
+                    "reference_speed_m_s": float(path.params["speed_mps"]), "duration_s": path.duration_s}
+        epoch = EPOCH_S + SEED_SECONDS * (spec.seed % 100) + SECONDS_APART * number + 0.5
+        flights.append(Flight(f"flight_{j + 1}", recorded.streams, metadata,
+                              Provenance(f"flight_{j + 1}.csv", "", "prove", synthetic=True), epoch_s=epoch))
+        airborne = flown.truth["position_m"][:, row + j, 2] > 0.15
+        volts.append(flown.truth["battery_V"][airborne, row + j, 0])
+    simulator, corrected = simulators(spec, float(np.mean(np.concatenate(volts))))
+    flights, faults = _with_faults(spec, flights)
+    return Case(spec.name, spec, flights, simulator, corrected, truth_of(spec, simulator, corrected, faults))
+
+
+class _One:
+    """The part of a timeline that ``record`` looks at, for one of its flights."""
+
+    def __init__(self, timeline: Any, flight: int) -> None:
+        self.events = (timeline.events[flight],)
+
+
+def simulators(spec: CaseSpec, mean_V: float) -> tuple[Model, Model]:
+    """(what is given, what knows everything that terms can say); mean_V battery voltage in the air."""
+    simulator = spec.airframe.model()
+    for hidden in spec.known:
+        simulator = EFFECTS[hidden.effect].informed(simulator, hidden.parameters, spec.airframe)
+    corrected = simulator
+    for hidden in spec.concealed:
+        corrected = EFFECTS[hidden.effect].informed(corrected, hidden.parameters, spec.airframe)
+    for hidden in spec.concealed:
+        simulator = EFFECTS[hidden.effect].concealed(simulator, hidden.parameters, mean_V)
+    return simulator, corrected
+
+
+def _with_faults(spec: CaseSpec, flights: list[Flight]) -> tuple[list[Flight], list[dict[str, Any]]]:
+    """Flights with the faults of the data in them, and what was done."""
+    done = []
+    for number, fault in enumerate(spec.faults):
+        injection = INJECTIONS[fault.kind]
+        for j in fault.flights:
+            rng = np.random.default_rng([spec.seed, PLACES * spec.index + j, 11, number])
+            given = {} if fault.size is None else {"size": fault.size}
+            flights[j], found = injection.function(flights[j], rng, **given, **fault.options)
+            done.append({"flight": flights[j].name, "kind": found.kind, "stream": found.stream,
+                         "columns": list(found.columns), "start_s": found.start_s, "end_s": found.end_s,
+                         "size": found.size, "unit": found.unit})
+    return flights, done
+
+
+def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What the verdict is compared with.
+
+    case, kind, outcome; effects: [{term, size, foreign, flights (names), twins, parameters: {flat name: {value, unit,
+    believed (None where the simulator lacks it)}}, drawn}]; known: names of effects the simulator has right; faults;
+    nuisance; engine; note; corrected: simulator.toml of the simulator that knows.
+    """
+    believed, units = simulator.parameters, dict(zip(corrected.names, corrected.units, strict=True))
+    names = [f"flight_{j + 1}" for j in range(len(spec.flights))]
+    effects = []
+    for hidden in spec.concealed:
+        effect = EFFECTS[hidden.effect]
+        drawn = {k: v for k, v in hidden.parameters.items() if k != "seed"}
+        parameters = {} if effect.foreign else {
+            name: {"value": value, "unit": units[name], "believed": _believed(spec.airframe, believed, name)}
+            for name, value in corrected.parameters.items() if name.startswith(f"{hidden.effect}.")}
+        effects.append({"term": hidden.effect, "size": hidden.size, "meaning": effect.sizes[hidden.size],
+                        "foreign": effect.foreign, "twins": list(effect.twins), "parameters": parameters,
+                        "drawn": drawn, "flights": names if hidden.flights is None else
+                        [names[j] for j in hidden.flights]})
+    n = spec.nuisance
+    return {"case": spec.name, "kind": spec.kind, "outcome": OUTCOMES[spec.kind], "effects": effects,
+            "known": [hidden.effect for hidden in spec.known], "faults": list(faults), "engine": spec.engine,
+            "note": spec.note, "corrected": dumps(corrected),
+            "nuisance": {"disturbance_m_s2": n.disturbance_m_s2, "thrust_noise": n.thrust_noise,
+                         "clock_wander_s": n.clock_wander_s, "clock_offset_s": n.clock_offset_s,
+                         "imu_tilt_rad": list(n.imu_tilt_rad)}}
+
+
+def _believed(airframe: Airframe, believed: dict[str, float], name: str) -> float | None:
+    """What the simulator says of a parameter: its term, or for mass and inertia the vehicle's table."""
+    if name in believed:
+        return believed[name]
+    if name == "mass.m":
+        return airframe.mass_kg
+    if name.startswith("inertia."):
+        return airframe.inertia_kg_m2[int(name[-2])]
+    return None
+
+
+def write_case(case: Case, folder: Path | str, *, suffix: str = ".csv.xz") -> Path:
+    """``folder/flights/*.csv.xz`` with their sheets and ``folder/simulator.toml``; nothing of the truth."""
+    folder = Path(folder)
+    if suffix not in (".csv", ".csv.gz", ".csv.xz"):
+        raise UsageError(f"suffix {suffix!r}; known: .csv, .csv.gz, .csv.xz")
+    for flight in case.flights:
+        write_nanobench(flight, folder / "flights" / f"{flight.name}{suffix}")
+    write_simulator(case.simulator, folder / "simulator.toml")
+    return folder

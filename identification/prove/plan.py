@@ -1,0 +1,158 @@
+"""Which cases there are: quotas of kinds, a grid of effects and sizes, flights that let them show. All from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .airframe import Airframe, draw_airframe
+from .effects import EFFECTS, FOREIGN, KNOWN, SIZES
+from .effects.thrust_voltage import CHARGES
+from .kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
+from .routes import draw_flights
+
+QUOTAS = {"null": 0.30, "single": 0.24, "twin": 0.12, "pair": 0.10, "fault": 0.07, "change": 0.02, "foreign": 0.15}
+"""Share of each kind of case."""
+SIZE_SHARES = {"single": (0.34, 0.33, 0.33), "twin": (0.0, 0.5, 0.5), "pair": (0.0, 0.5, 0.5),
+               "change": (0.0, 0.5, 0.5), "foreign": (0.2, 0.4, 0.4)}
+"""Of small, medium and large; what must be told from a twin or from a partner is not small."""
+TWINS = (("mass", "thrust_scale"), ("motor_lag", "command_delay"), ("wind", "force_world", "frame_tilt"),
+         ("drag_linear", "drag_quadratic", "drag_rotor"), ("motor_imbalance", "com_offset"),
+         ("ground_effect", "thrust_scale"), ("inflow", "drag_linear"), ("thrust_voltage", "thrust_scale"))
+"""Groups that are confused with each other; every member is concealed on flights that all of them want."""
+CHANGES = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
+"""What may happen between two flights of a day."""
+INNOCENT = ("plain", "falling voltage", "low flights", "big tilts", "turning", "rich simulator", "slow", "restless air")
+KNOWN_IN_RICH = ("motor_imbalance", "com_offset", "inflow", "ground_effect", "wind", "force_world", "drag_quadratic",
+                 "angular_damping", "command_delay", "frame_tilt")
+"""Effects with hooks of their own, which a simulator may have right."""
+FAULTS: tuple[tuple[str, float | None, dict[str, Any], bool], ...] = (
+    ("unit", None, {"case": 0}, True), ("unit", None, {"case": 3}, True), ("unit", None, {"case": 5}, True),
+    ("sign", None, {"stream": "imu", "column": "gyro_x"}, True),
+    ("sign", None, {"stream": "imu", "column": "acc_y"}, True),
+    ("clock_offset", 0.05, {}, True), ("clock_offset", 0.10, {}, True), ("dead_stream", 6.0, {}, False),
+    ("spike", 1.0, {}, False), ("axis_swap", None, {"stream": "imu", "pair": ("gyro_x", "gyro_y")}, True),
+    ("quaternion_order", None, {"stream": "mocap"}, True), ("mocap_jump", 0.1, {}, False), ("gap", 2.0, {}, False),
+    ("clock_drift", 0.005, {}, True), ("frozen_stream", 2.0, {}, False), ("unit", None, {"case": 10}, True),
+    ("saturated_sensor", 0.4, {}, False), ("mocap_occlusion", 2.0, {"how": "interpolate"}, False))
+"""Kind, size, options of ``practice.inject``; whether the whole logging setup is wrong (all flights) or one flight."""
+
+
+def plan_cases(n: int, seed: int = 0) -> list[CaseSpec]:
+    """n cases, the same for the same arguments. Names say nothing: ``case_000`` ... in an order that is shuffled."""
+    rng = np.random.default_rng([seed, 101])
+    kinds = _kinds(n, rng)
+    decks: dict[str, list] = {}
+    specs = []
+    for index, kind in enumerate(kinds):
+        case_rng = np.random.default_rng([seed, 102, index])
+        specs.append(_case(f"case_{index:03d}", kind, seed, index, case_rng, decks, rng))
+    return specs
+
+
+def _kinds(n: int, rng: np.random.Generator) -> list[str]:
+    """Quotas by largest remainder, shuffled."""
+    exact = {kind: share * n for kind, share in QUOTAS.items()}
+    count = {kind: int(x) for kind, x in exact.items()}
+    for kind in sorted(exact, key=lambda k: count[k] - exact[k])[:n - sum(count.values())]:
+        count[kind] += 1
+    kinds = [kind for kind, many in count.items() for _ in range(many)]
+    return [kinds[i] for i in rng.permutation(len(kinds))]
+
+
+def _deal(decks: dict[str, list], name: str, cards: Callable[[], Sequence], rng: np.random.Generator) -> Any:
+    """The next card of a shuffled deck, which is made anew when it is empty: everything comes before anything twice."""
+    if not decks.get(name):
+        fresh = list(cards())
+        decks[name] = [fresh[i] for i in rng.permutation(len(fresh))]
+    return decks[name].pop()
+
+
+def _nuisance(rng: np.random.Generator, restless: bool = False) -> Nuisance:
+    """Air and flicker differ between cases; the telemetry clock wanders in half, an IMU is tilted in a fifth."""
+    wanders = bool(rng.uniform() < 0.5)
+    tilt = np.zeros(3)
+    if rng.uniform() < 0.2:
+        way = rng.standard_normal(3)
+        tilt = np.radians(rng.uniform(0.3, 1.2)) * way / np.linalg.norm(way)
+    high = float(rng.uniform(0.01, 0.2))
+    return Nuisance(
+        disturbance_m_s2=float(f"{0.09 if restless else rng.uniform(0.02, 0.06):.3g}"),
+        thrust_noise=float(f"{rng.uniform(0.008, 0.02):.3g}"),
+        clock_wander_s=float(f"{rng.uniform(0.008, 0.03):.3g}") if wanders else 0.0,
+        clock_offset_s=float(f"{rng.uniform(-0.01, 0.03):.3g}") if wanders else 0.0,
+        loss=(0.3 * high, high), lost_frames=float(rng.integers(0, 5)),
+        imu_tilt_rad=(float(tilt[0]), float(tilt[1]), float(tilt[2])))
+
+
+def _hidden(name: str, size: str, rng: np.random.Generator, airframe: Airframe,
+            flights: tuple[int, ...] | None = None) -> Hidden:
+    return Hidden(name, size, EFFECTS[name].draw(size, rng, airframe), flights)
+
+
+def _size(kind: str, rng: np.random.Generator) -> str:
+    return SIZES[int(rng.choice(3, p=SIZE_SHARES[kind]))]
+
+
+def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator, decks: dict[str, list],
+          deal_rng: np.random.Generator) -> CaseSpec:
+    airframe = draw_airframe(rng)
+    wants: list[str] = []
+    charges = None
+    concealed: tuple[Hidden, ...] = ()
+    known: tuple[Hidden, ...] = ()
+    faults: tuple[DataFault, ...] = ()
+    note = ""
+    if kind == "null":
+        note = _deal(decks, kind, lambda: INNOCENT, deal_rng)
+        wants = {"low flights": ["low", "vertical"], "big tilts": ["fast"], "turning": ["turning", "spinning"],
+                 "falling voltage": ["charges", "lateral"], "slow": ["slow"],
+                 "rich simulator": ["turning", "vertical", "low"]}.get(note, [])
+        charges = (0.2, 1.0) if note == "falling voltage" else None
+        if note == "rich simulator":
+            names = rng.choice(KNOWN_IN_RICH, size=3, replace=False)
+            known = tuple(_hidden(str(x), ("medium", "large")[int(rng.integers(2))], rng, airframe) for x in names)
+    elif kind == "single":
+        effect, size = _deal(decks, kind, lambda: [(e, s) for e in KNOWN for s in SIZES], deal_rng)
+        concealed = (_hidden(effect, size, rng, airframe),)
+    elif kind == "twin":
+        group, effect = _deal(decks, kind, lambda: [(g, e) for g in TWINS for e in g], deal_rng)
+        wants = [w for e in group for w in EFFECTS[e].wants]
+        note = "told from " + ", ".join(e for e in group if e != effect)
+        concealed = (_hidden(effect, _size(kind, rng), rng, airframe),)
+    elif kind == "pair":
+        first = _deal(decks, kind, lambda: [e for e in KNOWN if e != "rotor_gyro"], deal_rng)
+        others = [e for e in KNOWN if e not in (first, "rotor_gyro") and not any({e, first} <= set(g) for g in TWINS)
+                  and e not in EFFECTS[first].twins]
+        concealed = tuple(_hidden(e, _size(kind, rng), rng, airframe) for e in (first, str(rng.choice(others))))
+    elif kind == "foreign":
+        effect = _deal(decks, kind, lambda: FOREIGN, deal_rng)
+        concealed = (_hidden(effect, _size(kind, rng), rng, airframe),)
+    elif kind == "change":
+        effect = _deal(decks, kind, lambda: CHANGES, deal_rng)
+    for hidden in concealed:
+        wants += [w for w in EFFECTS[hidden.effect].wants if w not in wants]
+        if hidden.effect == "thrust_voltage":
+            charges = CHARGES[hidden.size]
+    if "full" in wants and "charges" in wants:  # what is seen at full batteries only is seen there
+        wants.remove("full")
+    count = int(rng.integers(5, 7)) if len(concealed) > 1 or kind in ("twin", "change") else None
+    flights = draw_flights(rng, wants, count=count, **({} if charges is None else {"charges": charges}))
+    if kind == "change":
+        late = tuple(range(int(rng.integers(len(flights) - 2, len(flights))), len(flights)))
+        concealed = (_hidden(effect, _size(kind, rng), rng, airframe, late),)
+        note = "from one flight on"
+    if kind == "fault":
+        faults = (_fault(_deal(decks, kind, lambda: FAULTS, deal_rng), rng, flights),)
+    nuisance = _nuisance(rng, note == "restless air")
+    if any(f.kind.startswith("clock") for f in faults):
+        nuisance = Nuisance(nuisance.disturbance_m_s2, nuisance.thrust_noise)
+    return CaseSpec(name, kind, seed, index, airframe, flights, concealed, known, faults, nuisance, note=note)
+
+
+def _fault(card: tuple, rng: np.random.Generator, flights: Sequence[FlightSpec]) -> DataFault:
+    kind, size, options, everywhere = card
+    some = tuple(range(len(flights))) if everywhere else (int(rng.integers(len(flights))),)
+    return DataFault(kind, size, options, some)

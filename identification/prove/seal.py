@@ -1,0 +1,40 @@
+"""Truth kept apart from the cases: its hash is written before anything is diagnosed, its text read only afterwards."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.harness.results import plain, write_bytes
+
+
+def text_of(truths: Sequence[Mapping[str, Any]]) -> bytes:
+    """One JSON list, keys sorted, so that equal truths have equal bytes."""
+    return (json.dumps(plain(list(truths)), sort_keys=True, indent=1, allow_nan=False) + "\n").encode()
+
+
+def seal(truths: Sequence[Mapping[str, Any]]) -> str:
+    """SHA-256 of the truths."""
+    return hashlib.sha256(text_of(truths)).hexdigest()
+
+
+def write_truth(truths: Sequence[Mapping[str, Any]], path: Path | str) -> str:
+    """Write the truths, whole or not at all; returns their seal."""
+    write_bytes(Path(path), text_of(truths))
+    return seal(truths)
+
+
+def open_truth(path: Path | str, sealed: str) -> list[dict[str, Any]]:
+    """The truths of a file; raises InputError when they are not those of the seal."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}", "give the file with the truth") from None
+    if hashlib.sha256(data).hexdigest() != sealed:
+        raise InputError(str(path), "its hash is not the one written before the run", "the truth was changed: run anew")
+    return json.loads(data)
