@@ -14,14 +14,18 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
 
-MERGED = ("rows", "per_flight")
+MERGED = ("rows", "per_flight", "windows")
 """Lists of a result that hold one part after the other."""
+
+SIMULATOR_RETIMED = "simulator_retimed.toml"
+OF_ONE_CLOCK = ("best", "parameters", "simulator", "simulator_note", "fits")
+"""What sysid.json says about the models as they were fitted on one clock."""
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """All recordings with their audits, and the one clock that was asked for; None: as recorded, and Task 3, whose
-    subject the clock is, on each."""
+    """All recordings with their audits, and the one clock that was asked for; None: as recorded, and on
+    further clocks what a clock changes much: logged estimates, dead reckoning, prediction."""
 
     options: Options
     flights: Sequence[Flight]
@@ -60,8 +64,8 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
     """estimate.json. The clock that judges the estimator is read from gyro and accelerometer; on further clocks only
     what was logged in flight is scored, each distinct recording once."""
     from ..protocols.selection import distinct
-    from ..protocols.task3 import PROTOCOLS
-    from .estimate import LOGGED, estimate_body
+    from ..protocols.task3 import BLACKOUT, PROTOCOLS
+    from .estimate import LOGGED, RECKONING, estimate_body
     from .methods import load_methods
 
     def recorded(*protocols: str) -> dict[str, Any]:
@@ -74,7 +78,15 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
         return estimate_body(options, seen.flights, seen.audits, ("clean",),
                              None if alone else load_methods("estimators", LOGGED), None, seen.warps, alone)
 
-    return _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"))
+    def reckoned(clock: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        seen = options.see_on_clock(distinct(given.flights)[0], given.audits, True)
+        return estimate_body(options, seen.flights, seen.audits, (BLACKOUT,), load_methods("estimators", RECKONING),
+                             None, seen.warps, False)
+
+    clocks = (AS_RECORDED, "retimed") if given.clock is None else (given.clock,)
+    further: list[Part] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
+    return _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
 
 
 def control_on(given: Recordings) -> dict[str, Any]:
@@ -93,20 +105,36 @@ def control_on(given: Recordings) -> dict[str, Any]:
 
 
 def sysid_on(given: Recordings) -> dict[str, Any]:
-    """sysid.json."""
-    from .sysid import sysid_body
+    """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
+    clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
+    in ``by_clock``."""
+    from ..protocols.selection import distinct
+    from .sysid import SIMULATOR, sysid_body
 
-    options = replace(given.options, clock=given.clock or AS_RECORDED)
-    return sysid_body(options, *options.on_clock(given.flights, given.audits))
+    alone = given.clock is not None
+    found: dict[str, dict[str, Any]] = {}
+
+    def on(clock: str, simulator: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        flights = given.flights if alone or clock == AS_RECORDED else distinct(given.flights)[0]
+        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits), simulator=simulator)
+        return found[clock]
+
+    files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}
+    body = join(given.options, [(f"clock {clock}", partial(on, clock, name)) for clock, name in files.items()])
+    first, *others = found
+    return {**body, "clock": first, "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
 
 
 def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., dict[str, Any]],
-           moved: Callable[[str], dict[str, Any]], further: Sequence[str] = ()) -> dict[str, Any]:
-    """All protocols as recorded and ``clean`` on ``further`` clocks; or ``clean`` on the one clock asked for."""
+           moved: Callable[[str], dict[str, Any]], clocks: Sequence[str] = (),
+           further: Sequence[Part] = ()) -> dict[str, Any]:
+    """All protocols as recorded and ``clean`` on more ``clocks``, or ``clean`` on the one clock asked for; then the
+    ``further`` parts."""
     if given.clock is None:
-        parts: list[Part] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in further)]
+        parts: list[Part] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in clocks)]
     else:
         parts = [(p, partial(recorded, p)) for p in protocols if p != "clean"]
         clean = partial(recorded, "clean") if given.clock == AS_RECORDED else partial(moved, given.clock)
         parts.append((f"clean, clock {given.clock}", clean))
-    return join(given.options, parts)
+    return join(given.options, [*parts, *further])

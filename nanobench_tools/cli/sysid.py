@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..protocols.task1 import Case, Split
 
+SIMULATOR = "simulator.toml"
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
          ("rate_mae_rad_s", "rate rad/s"))
@@ -63,9 +64,9 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
-               mass_kg: float = 0.04085) -> dict[str, Any]:
+               mass_kg: float = 0.04085, simulator: str = SIMULATOR) -> dict[str, Any]:
     """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
-    models to fit (``all``, ``short``, ``none``)."""
+    models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best."""
     from ..harness import make_item
     from ..protocols import task1
 
@@ -95,7 +96,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show_fits(options, fits, best)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
-            "best": best, "simulator": _write_simulator(options, fits, best),
+            "best": best, "simulator": _write_simulator(options, fits, best, simulator),
             "simulator_note": fits[best][1]["simulator_note"] if best is not None and best in fits else "",
             "split": chosen.note,
             "fits": {name: value["result"] for name, (_, value) in fits.items()},
@@ -127,8 +128,9 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float)
             for rung, item in zip(chosen, items, strict=True) if item.key in values}
 
 
-def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None) -> str | None:
-    """The best model as simulator.toml in ``--out``, or beside ``--json``; its path. Its trim is the mean of the
+def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None,
+                     name: str) -> str | None:
+    """The best model as file ``name`` in ``--out``, or beside ``--json``; its path. Its trim is the mean of the
     training flights."""
     if best is None or best not in fits:
         return None
@@ -141,8 +143,8 @@ def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], bes
         return None
     predictor, value = fits[best]
     folder.mkdir(parents=True, exist_ok=True)
-    write_simulator(Model(predictor.vehicle, value["simulator"]), folder / "simulator.toml")
-    return str(folder / "simulator.toml")
+    write_simulator(Model(predictor.vehicle, value["simulator"]), folder / name)
+    return str(folder / name)
 
 
 def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None) -> None:

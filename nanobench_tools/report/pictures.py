@@ -7,7 +7,7 @@ from typing import Any
 
 from .audits import CLOCK_STREAMS, fault_counts, share_clean, share_valid, streams_of, total
 from .quantities import number, shown
-from .rows import AS_RECORDED, CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock
+from .rows import AS_RECORDED, CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock, one_truth
 from .tables import Score
 
 STEP_S = 0.01
@@ -17,12 +17,11 @@ STEP_S = 0.01
 def task1(sysid: Mapping[str, Any] | None) -> dict[str, Any]:
     """Mean error over horizon, one panel per quantity, one line per model; published values as lines of their own."""
     rows = of_one_clock(r for r in (sysid or {}).get("rows") or [] if r.get("group", "all") == "all")
-    truths = list(dict.fromkeys(r.get("truth") for r in rows))
-    truth = "onboard" if "onboard" in truths else (truths or [None])[0]
+    rows = one_truth(rows)
     panels = []
     for metric in SYSID_METRICS:
         lines = []
-        for row in (r for r in rows if r.get("truth") == truth):
+        for row in rows:
             for name, body, published in ((str(row.get("model")), row.get("metrics"), False),
                                           (f"{row.get('model')}, published", row.get("published"), True)):
                 intervals = {} if published else (row.get("ci95") or {}).get(metric) or {}
@@ -41,7 +40,7 @@ def task1(sysid: Mapping[str, Any] | None) -> dict[str, Any]:
             panels.append({"title": how.title, "unit": how.unit, "lines": lines})
     if not panels:
         return {"absent": "No Task 1 results to draw."}
-    return {"panels": panels, "truth": truth}
+    return {"panels": panels, "truth": rows[0].get("truth"), "clock": clock_of(rows[0])}
 
 
 def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> dict[str, Any]:

@@ -21,7 +21,9 @@ ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_
                     "nis")
 """What the page shows of an estimate; everything else is in the CSV files."""
 
-TITLES = {"clean": "Task 3: every distinct recording, clean and airborne"}
+BLACKOUT = "blackout"
+TITLES = {"clean": "Task 3: every distinct recording, clean and airborne",
+          BLACKOUT: "Task 3: dead reckoning after the last pose"}
 CONTROL_METRICS = ("rmse_m", "ade_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent", "lag_s",
                    "rmse_lag_removed_m", "contour_rmse_m", "z_bias_m", "worst_decile_m", "saturated_percent",
                    "solve_p99_ms")
@@ -59,7 +61,7 @@ def tables_of(results: Mapping[str, Mapping[str, Any]], synthetic: bool) -> list
     """Every table the results allow, in the order of the page; a result that is absent makes none."""
     tables: list[Table] = []
     if sysid := results.get("sysid"):
-        tables += [task1(sysid, synthetic), *task1_parameters(sysid, synthetic)]
+        tables += [task1(sysid, synthetic), task1_clocks(sysid, synthetic), *task1_parameters(sysid, synthetic)]
     if thrust := results.get("thrust"):
         tables.append(thrust_maps(thrust, synthetic))
     if control := results.get("control"):
@@ -86,24 +88,53 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
                Column("information", "Given"), DATA)
     groups = [_text(row.get("group")) for row in rows]
     rank = {group: (_rank(group, TASK1_GROUPS), groups.index(group)) for group in groups}
-    rows = sorted(rows, key=lambda row: (rank[_text(row.get("group"))], _text(row.get("truth")) != "onboard"))
+    first = clock_of(of_one_clock(rows)[0]) if rows else AS_RECORDED
+    rows = sorted(rows, key=lambda row: (clock_of(row) != first, rank[_text(row.get("group"))],
+                                         _text(row.get("truth")) != "onboard"))
     lines: list[tuple[Cell, ...]] = []
     main = 0
     for row in rows:
         model, group, truth = (_text(row.get(key)) for key in ("model", "group", "truth"))
         information = _text(row.get("information"))
-        if published := row.get("published"):
+        if (published := row.get("published")) and clock_of(row) == first:
             lines.append((f"{model} (published)", "published table", truth, "",
                           *_horizon_scores(published, {}, horizons, exact=True), None, None, information, "published"))
         lines.append((model, group, truth, _text(row.get("clock")), *_horizon_scores(row.get("metrics"), row, horizons),
                       _count(row.get("n_windows")), _count(row.get("n_flights")), information, data_label(synthetic)))
-        main = len(lines) if group in ("", *TASK1_GROUPS) else main
+        main = len(lines) if group in ("", *TASK1_GROUPS) and clock_of(row) == first else main
     note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
     if main < len(lines):
-        note += " Further groups are in the CSV file."
+        further = "groups and clocks" if any(clock_of(row) != first for row in rows) else "groups"
+        note += f" Further {further} are in the CSV file."
     table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
                   note, main).without_empty_columns()
     return _clock_in_place(table)
+
+
+def task1_clocks(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Every model on each clock, error at the last horizon over all test windows; empty unless there are several."""
+    rows = [r for r in one_truth(sysid.get("rows", [])) if r.get("group", "all") == "all"]
+    last = [h for h in _horizons(rows) if h.isdigit()][-1:]
+    columns = (Column("model", "Model"), CLOCK, *(_score_column(metric) for metric in SYSID_METRICS),
+               Column("n_windows", "Windows", "count"), Column("information", "Given"), DATA)
+    order = list(dict.fromkeys(_text(row.get("model")) for row in rows))
+    several = len({clock_of(row) for row in rows}) > 1 and last
+    lines: tuple[tuple[Cell, ...], ...] = tuple(
+        (_text(row.get("model")), clock_of(row), *_horizon_scores(row.get("metrics"), row, last),
+         _count(row.get("n_windows")), _text(row.get("information")), data_label(synthetic))
+        for row in sorted(rows, key=lambda row: order.index(_text(row.get("model")))) if several)
+    return Table("table_task1_clocks", f"Task 1, before and after re-timing: error after {''.join(last)} steps",
+                 columns, lines,
+                 "Mean over windows with its 95 % interval. Fitted models were fitted to the training flights on the "
+                 "same clock. Re-timed: the moving error of the clock is taken out of the vehicle's streams, off-line, "
+                 "from the motion capture of the whole flight.").without_empty_columns()
+
+
+def one_truth(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Rows of Task 1 judged by the truth the published table used, or by the only one there is."""
+    truths = list(dict.fromkeys(r.get("truth") for r in rows))
+    chosen = "onboard" if "onboard" in truths else (truths or [None])[0]
+    return [r for r in rows if r.get("truth") == chosen]
 
 
 def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -119,11 +150,22 @@ def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str
 
 def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """Fitted or stated parameters with their intervals, if there are any."""
-    columns = (Column("model", "Model"), Column("parameter", "Parameter"), Column("unit", "Unit"), DATA,
+    columns = (Column("model", "Model"), Column("parameter", "Parameter"), Column("unit", "Unit"), CLOCK, DATA,
                Column("value", "Value", "score", decimals=4))
-    lines = [(model, name, _text(body.get("unit")), data_label(synthetic), Score.of(body))
-             for model, parameters in (sysid.get("parameters") or {}).items() for name, body in _scalars(parameters)]
-    return [Table("table_task1_parameters", "Task 1: parameters of the models", columns, tuple(lines))] if lines else []
+
+    def rows(clock: str, models: Mapping[str, Any]) -> list[tuple[Cell, ...]]:
+        return [(model, name, _text(body.get("unit")), clock, data_label(synthetic), Score.of(body))
+                for model, parameters in models.items() for name, body in _scalars(parameters)]
+
+    lines = rows(_text(sysid.get("clock")), sysid.get("parameters") or {})
+    others = [line for clock, found in (sysid.get("by_clock") or {}).items()
+              for line in rows(clock, found.get("parameters") or {})]
+    if not lines:
+        return []
+    note = "Those fitted on another clock are in the CSV file." if others else ""
+    table = Table("table_task1_parameters", "Task 1: parameters of the models", columns, (*lines, *others), note,
+                  len(lines))
+    return [_clock_in_place(table)]
 
 
 def _scalars(parameters: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[str, Mapping[str, Any]]]:
@@ -254,14 +296,22 @@ def _place(row: Mapping[str, Any]) -> str:
 def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Sequence[str], synthetic: bool) -> Table:
     """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
     scores = tuple(replace(_score_column(metric), aside=metric not in known) for metric in _metrics(rows, known))
-    columns = (Column("group", "Group"), Column("protocol", "Protocol"), CLOCK, Column("method", "Method"),
+    one = len({row.get("protocol") for row in rows}) == 1
+    columns = (Column("group", "Group"), Column("protocol", "Protocol", aside=one), CLOCK, Column("method", "Method"),
                Column("n", "n", "count"), *scores, Column("causal", "Causal"), Column("given", "Given", noted=True),
                DATA)
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
     main = 0
     first, said = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
-    for row in sorted(rows, key=lambda row: (clock_of(row) != first, order[_group(row)])):
+    # what the clock does to dead reckoning is the point of its table: both stand on the page, group by group
+    together = any(row.get("protocol") == BLACKOUT for row in rows)
+
+    def place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+        other = clock_of(row) != first
+        return (order[_group(row)], _text(row.get("method")), other) if together else (other, order[_group(row)])
+
+    for row in sorted(rows, key=place):
         causal, method = row.get("causal"), _text(row.get("method"))
         if published := row.get("published"):
             lines.append((_group(row), "published table", "", method, _count(row.get("published_n")),
@@ -270,7 +320,7 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
                       _count(row.get("n")), *_scores(row.get("metrics"), row, scores),
                       "" if causal is None else "yes" if causal else "no",
                       _text(row.get("given")), data_label(synthetic)))
-        main = len(lines) if "/" not in _group(row) and clock_of(row) == first else main
+        main = len(lines) if "/" not in _group(row) and (together or clock_of(row) == first) else main
     note = "Mean ± SD over flights and 95 % interval of the mean."
     if any(c.aside for c in scores) or main < len(lines):
         further = "metrics, groups and clocks" if len({clock_of(r) for r in rows}) > 1 else "metrics and groups"

@@ -7,7 +7,7 @@ from typing import Any
 
 from .audits import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
-from .rows import AS_RECORDED, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock
+from .rows import AS_RECORDED, BLACKOUT, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock, one_truth
 
 Results = Mapping[str, Mapping[str, Any]]
 Words = list[str | list[str]]
@@ -65,22 +65,24 @@ def task1(results: Results) -> Words:
     everything = [r for r in rows if r.get("group", "all") == "all"]
     mine = of_one_clock(everything)
     last = _last_horizon(mine)
-    ranked = _ranked(_one_truth(mine), last)
+    ranked = _ranked(one_truth(mine), last)
     if ranked:
         best_value, best = ranked[0]
         naive = next((v for v, r in ranked if "naive" in str(r.get("model"))), None)
-        text = (f"Least position error at h = {last}: {best.get('model')} with {_show('position_mae_m', best_value)}")
+        on_clock = ", as recorded" if len({clock_of(r) for r in everything}) > 1 else ""
+        text = (f"Least position error at h = {last}{on_clock}: {best.get('model')} with "
+                f"{_show('position_mae_m', best_value)}")
         if naive is not None and best_value < naive:
             text += f", against {_show('position_mae_m', naive)} of a model that stands still"
         lines.append(text + ".")
-    points = [point for row in _one_truth(mine) for point in _published_task1(row)]
+    points = [point for row in one_truth(mine) for point in _published_task1(row)]
     return [*lines, *([points] if points else []), *_retimed_task1(everything, last), *_notes(sysid, "split")]
 
 
 def _retimed_task1(rows: Sequence[Mapping[str, Any]], last: str | None) -> Words:
     """What re-timing does to each model; nothing unless both clocks are there."""
     scores = {(r.get("model"), clock_of(r)): _mean(((r.get("metrics") or {}).get("position_mae_m") or {}).get(last))
-              for r in _one_truth(rows)}
+              for r in one_truth(rows)}
     points: list[str] = []
     for (model, clock), after in scores.items():
         before = scores.get((model, AS_RECORDED))
@@ -169,7 +171,23 @@ def task3(results: Results, synthetic: bool = False) -> Words:
         lines.append("The attitude error of the published protocol is a difference between degrees and radians, with "
                      "the pitch of the firmware (nose up positive) against that of the motion capture (nose down "
                      "positive); the corrected one is in one unit and one sign.")
-    return [*lines, *_clock_task3(rows, synthetic), *_notes(estimate)]
+    return [*lines, *_clock_task3(rows, synthetic), *_retimed_blackout(rows), *_notes(estimate)]
+
+
+def _retimed_blackout(rows: Sequence[Mapping[str, Any]]) -> Words:
+    """What re-timing does to dead reckoning; nothing unless both clocks are there."""
+    found = {(r.get("method"), clock_of(r)): r.get("metrics") or {} for r in rows
+             if (r.get("protocol"), r.get("group")) == (BLACKOUT, "all")}
+    points: list[str] = []
+    for (method, clock), after in found.items():
+        before = found.get((method, AS_RECORDED), {})
+        ends = [(h, f"end_error_{h}s_m") for h in (1, 5, 10) if clock == "retimed"]
+        course = [f"{_show(metric, a)} as recorded and {_show(metric, b)} re-timed {h} s later" for h, metric in ends
+                  if (a := _mean(before.get(metric))) and (b := _mean(after.get(metric)))]
+        if course:
+            points.append(f"{method}: {', '.join(course)}.")
+    return ["Dead reckoning: poses up to a moment and none afterwards; how far off the vehicle is then said to be, "
+            "mean over flights, before and after the moving error of the clock is taken out:", points] if points else []
 
 
 def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
@@ -277,6 +295,8 @@ def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any], fo
 
 def _percent(change: float) -> str:
     """A change as a person says it: 9 % less."""
+    if abs(change) < 0.0005:
+        return "unchanged"
     return f"{format_number(100.0 * abs(change), 1)} % {'less' if change < 0 else 'more'}"
 
 
@@ -299,13 +319,6 @@ def _times(before: float, after: float) -> str:
 def _ranked(rows: Sequence[Mapping[str, Any]], horizon: str | None) -> list[tuple[float, Mapping[str, Any]]]:
     found = [(_mean(((r.get("metrics") or {}).get("position_mae_m") or {}).get(horizon)), r) for r in rows]
     return sorted(((v, r) for v, r in found if v is not None), key=lambda pair: pair[0])
-
-
-def _one_truth(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Rows judged by the truth the published table used, or by the only one there is."""
-    truths = list(dict.fromkeys(r.get("truth") for r in rows))
-    chosen = "onboard" if "onboard" in truths else (truths or [None])[0]
-    return [r for r in rows if r.get("truth") == chosen]
 
 
 def _last_horizon(rows: Sequence[Mapping[str, Any]]) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from identification.greybox import study
 from nanobench_tools.cli.main import main
 from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.sources.nanobench_writer import write_nanobench
@@ -22,6 +23,12 @@ def recordings(tmp_path_factory):
 def own_cache(tmp_path_factory, monkeypatch):
     """Nothing is read from or left in the cache of the user."""
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def one_fit(monkeypatch):
+    """Of the models that are fitted when nothing else is asked for only the quickest: each takes seconds."""
+    monkeypatch.setattr(study, "SHORT", study.SHORT[:1])
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ def test_the_published_table_is_never_retimed(nanobench, wandering):
     assert "the published table was made as recorded" in err
 
 
-def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nanobench, wandering, tmp_path):
+def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nanobench, one_fit, wandering, tmp_path):
     code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path / "all", "--jobs", 1, "--quiet")
     assert code in (0, 1), err  # too few recordings for Task 1
     body = json.loads((tmp_path / "all" / "estimate.json").read_text())
@@ -68,18 +68,27 @@ def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nan
         assert set(body["clocks"][clock]) == set(row["flights"])
     assert row["n_moving"] == sum(found["moving"] for found in body["clocks"]["retimed"].values()) > 0
     assert {p["clock"] for p in body["per_flight"]} == {"as-recorded", "offset", "retimed"}
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--method", "error_state_ekf",
+                             "--clock", "retimed", "--json", tmp_path / "b.json", "--jobs", 1, "--quiet")
+    assert code == 0, err
+    verb = json.loads((tmp_path / "b.json").read_text())
+    reckoned = [r for r in body["rows"] if (r["protocol"], r["method"]) == ("blackout", "error_state_ekf")]
+    assert [r for r in reckoned if r["clock"] == "retimed"] == verb["rows"]
+    assert {r["clock"] for r in reckoned} == {w["clock"] for w in body["windows"]} == {"as-recorded", "retimed"}
     page = (tmp_path / "all" / "report.html").read_text()
+    assert "Dead reckoning:" in page
     assert "constant offset removed, re-timed" in page
     assert "re-timed" in (tmp_path / "all" / "table_task3_clocks.tex").read_text()
     assert "clock" in (tmp_path / "all" / "table_task3_clean.csv").read_text("utf-8-sig").splitlines()[0].split(",")
 
 
-def test_the_main_job_on_one_clock_has_clean_rows_on_it_and_published_ones_as_recorded(nanobench, wandering, tmp_path):
+def test_the_main_job_on_one_clock_moves_clean_rows_and_no_published_ones(nanobench, one_fit, wandering, tmp_path):
     code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path, "--jobs", 1, "--quiet", "--clock",
                              "retimed")
     assert code in (0, 1), err
     for name in ("estimate", "control"):
         rows = json.loads((tmp_path / f"{name}.json").read_text())["rows"]
-        assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"retimed"}
-        assert {r["clock"] for r in rows if r["protocol"] != "clean"} <= {"as-recorded"}
+        moved = ("clean", "blackout")
+        assert {r["clock"] for r in rows if r["protocol"] in moved} == {"retimed"}
+        assert {r["clock"] for r in rows if r["protocol"] not in moved} <= {"as-recorded"}
     assert (tmp_path / "report.html").exists()

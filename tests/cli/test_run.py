@@ -13,9 +13,13 @@ import pytest
 
 from nanobench_tools.cli import run as run_module
 from nanobench_tools.harness.store import Store
+from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flights as practice
 
-COMMAND = str(Path(sys.executable).with_name("nanobench"))
+COMMAND = [sys.executable, "-c", "import sys; from identification.greybox import study; study.SHORT = study.SHORT[:1]; "
+           "from nanobench_tools.cli.main import main; sys.exit(main())"]
+"""The main job with the quickest of its fits only, in a process of its own."""
+
 FILES = ("audit.json", "estimate.json", "control.json", "sysid.json", "report.html")
 
 
@@ -24,8 +28,9 @@ def bodies(folder: Path) -> dict:
     found = {name: json.loads((folder / name).read_text()) for name in FILES if name.endswith(".json")}
     for body in found.values():
         body.pop("manifest")
-        if body.get("simulator"):
-            body["simulator"] = Path(body["simulator"]).name
+        for on_clock in (body, *body.get("by_clock", {}).values()):
+            if on_clock.get("simulator"):
+                on_clock["simulator"] = Path(on_clock["simulator"]).name
     return found
 
 
@@ -44,12 +49,26 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recording
     rows = bodies(tmp_path)["estimate.json"]["rows"]
     assert {r["clock"] for r in rows if r["protocol"] == "as-published"} == {"as-recorded"}
     assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"as-recorded", "offset", "retimed"}
+    assert {r["clock"] for r in rows if r["protocol"] == "blackout"} == {"as-recorded", "retimed"}
     titles = [line for line in out.splitlines() if line.startswith(("Task", "SYNTHETIC"))]
     assert all("SYNTHETIC" in line for line in titles)
     assert "3 SYNTHETIC recordings" in err
+    assert "Task 1, before and after re-timing" in page
+    sysid = json.loads((tmp_path / "sysid.json").read_text())
+    assert {r["clock"] for r in sysid["rows"]} == {"as-recorded", "retimed"}
+    assert len({(r["model"], r["truth"], r["group"], r["clock"]) for r in sysid["rows"]}) == len(sysid["rows"])
+    assert (sysid["clock"], list(sysid["by_clock"])) == ("as-recorded", ["retimed"])
+    files = []
+    for found in (sysid, sysid["by_clock"]["retimed"]):  # what is said stands in the file that is named
+        model, said = read_simulator(found["simulator"]), found["parameters"][found["best"]]
+        assert model.values[model.names.index("thrust_voltage.c[0]")] == pytest.approx(
+            said["thrust_voltage.c[0]"]["value"], rel=1e-6)
+        files.append(Path(found["simulator"]))
+    assert [file.name for file in files] == ["simulator.toml", "simulator_retimed.toml"]
+    assert files[0].read_text() != files[1].read_text()
 
 
-def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(nanobench, recordings, tmp_path):
+def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(nanobench, one_fit, recordings, tmp_path):
     odd, data = [b"a\xff[red]x[", b"b[bold]\nof two lines", b"c"], tmp_path / "data"
     data.mkdir()
     for name, path in zip(odd, sorted(recordings.glob("*.csv")), strict=True):
@@ -72,7 +91,7 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, tmp_path)
     env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
 
     def command(out):
-        return [COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
+        return [*COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
 
     whole = subprocess.run(command("whole"), env=env, capture_output=True, text=True, timeout=200)
     assert (whole.returncode, whole.stdout, whole.stderr) == (0, "", "")
@@ -95,7 +114,7 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, tmp_path)
     assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
 
 
-def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_path, monkeypatch):
+def test_without_recordings_it_simulates_practice_flights_once(nanobench, one_fit, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("NANOBENCH_DATA", raising=False)
     monkeypatch.setattr(run_module, "PRACTICE_SEEDS", 1)
@@ -115,7 +134,7 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_pa
     assert next(iter(made)).stat().st_size > 100
 
 
-def test_a_task_the_recordings_do_not_suffice_for_is_listed_and_the_others_go_on(nanobench, recordings, tmp_path):
+def test_a_task_without_enough_recordings_is_listed_and_the_others_go_on(nanobench, one_fit, recordings, tmp_path):
     code, _, err = nanobench("run", "--data", next(recordings.glob("*circle*.csv")), "--out", tmp_path, "--jobs", 1)
     assert code == 1
     assert [line for line in err.splitlines() if line.startswith("failed: sysid: ")]
@@ -125,7 +144,7 @@ def test_a_task_the_recordings_do_not_suffice_for_is_listed_and_the_others_go_on
 
 
 @pytest.mark.real
-def test_real_recordings_are_never_called_synthetic(nanobench, real_data, tmp_path):
+def test_real_recordings_are_never_called_synthetic(nanobench, one_fit, real_data, tmp_path):
     places = sorted((real_data / "nanobench").rglob("*trefoil_slow_rep1*")) + sorted(
         (real_data / "nanobench").rglob("*circle_medium_rep*"))
     data = [word for place in places if place.is_file() for word in ("--data", place)]

@@ -128,6 +128,28 @@ def test_files_are_written_and_opened_as_utf8_by_a_spreadsheet(tmp_path):
     assert paths[1].read_text().startswith("% T (SYNTHETIC)")
 
 
+def test_task1_shows_one_clock_and_beside_it_a_table_of_both(results):
+    assert "table_task1_clocks" not in {t.name for t in tables_of(results, False)}
+    rows = results["sysid"]["rows"]
+    both = [{**row, "clock": clock} for clock in ("as-recorded", "retimed") for row in rows]
+    mass = {"physics": {"mass": {"value": 0.041, "ci95": None, "unit": "kg"}}}
+    sysid = {**results["sysid"], "rows": both, "clock": "as-recorded", "by_clock": {"retimed": {"parameters": mass}}}
+    tables = {t.name: t for t in tables_of({"sysid": sysid}, False)}
+
+    def cells(name, *keys):
+        table = tables[name].for_readers()
+        at = [[c.key for c in table.columns].index(key) for key in keys]
+        return [tuple(row[i] for i in at) for row in table.rows]
+
+    assert cells("table_task1_clocks", "model", "clock") == [
+        (model, clock) for model in ("naive", "physics") for clock in ("as-recorded", "retimed")]
+    assert cells("table_task1", "model", "clock") == [
+        ("naive", "as-recorded"), ("physics (published)", ""), ("physics", "as-recorded")]
+    assert len(tables["table_task1"].rows) == 5  # the others in the CSV file, the published one once
+    assert [value.mean for value, in cells("table_task1_parameters", "value")] == [0.04]
+    assert [row[-1].mean for row in tables["table_task1_parameters"].rows] == [0.04, 0.041]
+
+
 def test_clocks_are_columns_and_never_mixed(results):
     tables = {t.name: t for t in tables_of(results, False)}
     table = tables["table_task3_clocks"]

@@ -89,5 +89,5 @@ def test_task1_pairs_models_by_clock_and_never_averages_over_clocks(results):
     rows.append(moved)
     said = flat(words.task1(other))
     assert "physics: position error at h = 50 is 0.1500 m as recorded and 0.1350 m re-timed (10.0 % less)" in said
-    assert "Least position error at h = 50: physics with 0.1500 m" in said
+    assert "Least position error at h = 50, as recorded: physics with 0.1500 m" in said
     assert "re-timed" not in text
