@@ -28,7 +28,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
     "simulate": ("Write practice flights through the whole logging chain.",
                  "nanobench simulate --flights 20 --out practice"),
-    "convert": ("Recordings into another format.", "nanobench convert --data LOGS --to parquet --out DIR"),
+    "convert": ("Recordings or a simulator.toml into another format.",
+                "nanobench convert --data LOGS --to parquet --out DIR"),
     "report": ("One HTML page from the result files of a folder.", "nanobench report --out results"),
 }
 """Verb -> one line of help, an example. Help is printed from here, so that no verb is loaded for it."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import UsageError
+from ..errors import NanobenchError, UsageError
 from ..physics.vehicle import BOUNDS
+from .convert import SIMULATORS, export_simulators
 from .methods import load_methods
 from .options import PATH, Options, shared_options
 from .show import data_word, show_left_out
@@ -131,7 +132,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float)
 def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None,
                      name: str) -> str | None:
     """The best model as file ``name`` in ``--out``, or beside ``--json``; its path. Its trim is the mean of the
-    training flights."""
+    training flights. For other simulators it goes into a folder beside it."""
     if best is None or best not in fits:
         return None
     from ..physics import Model
@@ -143,7 +144,15 @@ def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], bes
         return None
     predictor, value = fits[best]
     folder.mkdir(parents=True, exist_ok=True)
-    write_simulator(Model(predictor.vehicle, value["simulator"]), folder / name)
+    model = Model(predictor.vehicle, value["simulator"])
+    write_simulator(model, folder / name)
+    others = folder / Path(name).stem.replace("simulator", "simulators", 1)
+    for target in SIMULATORS:
+        try:
+            export_simulators(model, others, (target,))
+        except NanobenchError as error:  # a model that this one cannot take is still a result
+            options.say(f"not written for {target}: {error}")
+    options.say(f"{folder / name}, and for {', '.join(SIMULATORS)} in {others}")
     return str(folder / name)
 
 
