@@ -6,6 +6,10 @@ Every model sees the inputs delayed by one number, found on the training flights
 PWM trade) is found with a free level per flight, of 0.15 m/s^2 SD: vehicles, batteries and so masses differ between
 flights, and a difference of mean between two flights says nothing about the voltage law. The coefficients then follow
 from all rows of all training flights; a test flight gets nothing of its own.
+
+Balanced models know one thing more of a flight: that it flies. Over the last seconds in the air the thrust was, on
+average, the weight, so the thrust that the map gives to the inputs of these seconds says by how much the map is off
+for this vehicle, battery and air. Only inputs of the past are used, no accelerometer (``balanced.py``).
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from nanobench_tools.flight import Flight, Span
 from nanobench_tools.physics.vehicle import BOUNDS
 from nanobench_tools.units import GRAVITY_M_S2
 
+from .balanced import balance, fit_balanced
 from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 from .flown import EVERY, RATE_HZ, Flown, fly, join
 from .maps import MAPS, Map, Numbers
@@ -43,18 +48,37 @@ IN_FLIGHT = ("thrust_pwm", "thrust_voltage", "switched_motor")
 
 SUFFIX = "_in_flight"
 
+BALANCED = "_balanced"
+
+BALANCING = ("thrust_pwm", "thrust_voltage", "dc_motor", "switched_motor")
+"""Maps that are also scaled to the weight a flight carried."""
+
+GIVEN = {"": "inputs and battery now", SUFFIX: "inputs and battery, velocity; inputs of the last 20 s",
+         BALANCED: "inputs and battery; those of the last seconds in the air"}
+"""What a prediction is made from, by kind of model."""
+
 
 @dataclass(frozen=True)
 class FlightModel:
-    """A map, with or without the effects, for a vehicle of ``mass_kg``."""
+    """A map, alone, with the effects, or balanced on the weight, for a vehicle of ``mass_kg``."""
 
     map: Map
     effects: bool
     mass_kg: float
+    balanced: bool = False
+
+    @property
+    def kind(self) -> str:
+        return SUFFIX if self.effects else BALANCED if self.balanced else ""
 
     @property
     def name(self) -> str:
-        return self.map.name + (SUFFIX if self.effects else "")
+        return self.map.name + self.kind
+
+    @property
+    def given(self) -> str:
+        """What a prediction is made from."""
+        return GIVEN[self.kind]
 
     @property
     def size(self) -> int:
@@ -64,7 +88,8 @@ class FlightModel:
     def uses(self) -> str:
         """What the model uses, for its row."""
         acts = "; inflow, warm motors (inputs of the last 5 s), unequal motors (of the last 20 s)"
-        return self.map.equation + (acts if self.effects else "")
+        carries = "; scaled to the weight it carried on the inputs of the last 5 s in the air"
+        return self.map.equation + (acts if self.effects else carries if self.balanced else "")
 
     def design(self, shape: Numbers, flown: Flown) -> np.ndarray:
         """(k, n) columns of specific force m/s^2."""
@@ -95,7 +120,14 @@ class FlightFit:
 
     def predict(self, flown: Flown) -> np.ndarray:
         """Specific force along body z (n,) m/s^2."""
-        return np.array([self.values[n] for n in self.model.names]) @ self.model.design(self.shape, flown)
+        found = np.array([self.values[n] for n in self.model.names]) @ self.model.design(self.shape, flown)
+        if not self.model.balanced:
+            return found
+        return found * balance(self.carried(flown.lift[:, :4], flown.lift[:, 4]), flown.lift[:, 5])
+
+    def carried(self, u: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
+        """Specific force (n,) m/s^2 of four motors at PWM ratios (n, 4) and voltages (n,), by the map alone."""
+        return self.fit.predict(u, battery_V[:, None]).sum(axis=1) / self.model.mass_kg
 
 
 def effect_columns(flown: Flown) -> np.ndarray:
@@ -110,6 +142,7 @@ def models(mass_kg: float) -> dict[str, FlightModel]:
         raise UsageError(f"mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
     found = [FlightModel(m, False, mass_kg) for m in MAPS.values()]
     found += [FlightModel(MAPS[name], True, mass_kg) for name in IN_FLIGHT]
+    found += [FlightModel(MAPS[name], False, mass_kg, balanced=True) for name in BALANCING]
     return {m.name: m for m in found}
 
 
@@ -129,6 +162,9 @@ def fit_flights(model: FlightModel, flights: Sequence[Flown], weights: Numbers |
     target = np.concatenate([f.force for f in flights])
     row_weights = np.concatenate([np.full(len(f), c) for f, c in zip(flights, counts, strict=True)])
     found, _, condition = solve(columns, target, row_weights)
+    if model.balanced:
+        weight = EVERY / RATE_HZ / CORRELATION_S / NOISE_SD**2
+        shape, found, trouble = fit_balanced(candidate, model.mass_kg, flights, counts, shape, found, weight)
     values = dict(zip(model.names, map(float, found), strict=True))
     values |= {s.name: float(x) for s, x in zip(candidate.shape, shape, strict=True)}
     if not trouble and condition > WORST_CONDITION:

@@ -33,6 +33,12 @@ HEAT_S = 5.0
 error of whole training flights held out in turn (5 folds of the Task 1 training flights; trim 5 to 40 s, heat 2.5 to
 30 s); test flights had no say."""
 
+LIFT_S = 5.0
+"""Time constant of the memory of what carried the vehicle. Training flights held out in turn: 3 to 10 s do as well."""
+
+CLIMB_OFF_S = 0.5
+"""After the start of the air that is left out of that memory: it leaves the ground."""
+
 NEEDED = {"imu": ("acc_z",), "motor": ("m1", "m2", "m3", "m4"), "battery": ("vbat",)}
 FEWEST_ROWS = 60
 """Three seconds at 20 Hz."""
@@ -45,7 +51,8 @@ class Flown:
     """n rows at 20 Hz. u (n, 4) PWM ratio, delayed by ``delay_s``; battery_V (n,); force (n,) body-z specific force
     m/s^2; climb (n,) body-z velocity m/s; across2 (n,) its square across, m^2/s^2; heat (n,) mean square motor voltage
     remembered over 5 s, V^2; trim (n, 3) roll, pitch, yaw imbalance of the inputs remembered over 20 s, as shares;
-    time_s (n,). moving: whether a velocity was known."""
+    lift (n, 6) PWM ratios and voltage, means of the last seconds in the air, and of how many [s] they are; time_s (n,).
+    moving: whether a velocity was known; epoch_s: Unix time of the recording, 0 if unknown."""
 
     name: str
     path: str
@@ -59,7 +66,9 @@ class Flown:
     across2: np.ndarray
     heat: np.ndarray
     trim: np.ndarray
+    lift: np.ndarray
     moving: bool
+    epoch_s: float = 0.0
 
     def __len__(self) -> int:
         return len(self.force)
@@ -74,7 +83,7 @@ class Flown:
         return replace(self, **part)
 
 
-ROWS = ("time_s", "u", "battery_V", "force", "climb", "across2", "heat", "trim")
+ROWS = ("time_s", "u", "battery_V", "force", "climb", "across2", "heat", "trim", "lift")
 
 
 def join(flights: Sequence[Flown]) -> Flown:
@@ -114,7 +123,7 @@ def fly(flight: Flight, spans: Sequence[Span], delay_s: float = 0.0) -> Flown:
     memory = _remembered(motor, voltage)[pick]
     return Flown(flight.name, place, flight.provenance.sha256, delay_s, grid[pick], smooth[:, :4], smooth[:, 4],
                  smooth[:, 5], smooth[:, 8], smooth[:, 6] ** 2 + smooth[:, 7] ** 2, memory[:, 0], memory[:, 1:],
-                 velocity is not None)
+                 _carried(grid, spans, motor, voltage)[pick], velocity is not None, flight.epoch_s)
 
 
 def _settled(flight: Flight, grid: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
@@ -157,6 +166,20 @@ def _remembered(motor: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     mean = 4.0 * np.maximum(slow.mean(axis=1), 0.02)
     return np.column_stack([heat, (three + four - one - two) / mean, (one + four - two - three) / mean,
                             (one + three - two - four) / mean])
+
+
+def _carried(grid: np.ndarray, spans: Sequence[Span], motor: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    """(n, 6): means of the four motors and the voltage over clean rows in the air so far, the last LIFT_S counting
+    most, and of how many seconds they are. Rows where there are none yet have 0 s."""
+    first = min(span.start_s for span in spans) + CLIMB_OFF_S
+    inside = np.zeros(len(grid))
+    for span in spans:
+        inside[(grid >= max(span.start_s, first)) & (grid <= span.end_s)] = 1.0
+    columns = np.column_stack([motor, voltage, np.ones(len(grid))]) * inside[:, None]
+    keep = float(np.exp(-1.0 / (RATE_HZ * LIFT_S)))
+    remembered = lfilter([1.0 - keep], [1.0, -keep], columns, axis=0)
+    count = remembered[:, -1:]
+    return np.hstack([remembered[:, :-1] / np.where(count > 0.0, count, 1.0), LIFT_S * count])
 
 
 def _low_pass(values: np.ndarray, constant_s: float) -> np.ndarray:

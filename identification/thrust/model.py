@@ -86,8 +86,13 @@ class ThrustModel:
 
     @property
     def scale_(self) -> float:
-        """Factor on the map for motors as warm and as unequal as in the mean of the training flights; 1 for stands."""
+        """Factor on the map for motors as warm and as unequal, or for the weight carried, as in the mean of the
+        training flights; 1 for stands."""
         found = self.study_.fits[self.best_]
+        if isinstance(found, FlightFit) and found.model.balanced:
+            flown = [f for f in self.study_.train if isinstance(f, Flown)]
+            return float(np.mean(np.concatenate([f.force for f in flown]))
+                         / np.mean(np.concatenate([found.carried(f.u, f.battery_V) for f in flown])))
         if not isinstance(found, FlightFit) or not found.model.effects:
             return 1.0
         values = np.array([found.values[n] if n not in ("k_z", "k_h") else 0.0 for n, _ in EFFECTS])

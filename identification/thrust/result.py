@@ -11,7 +11,9 @@ import numpy as np
 from .data import Case, fit_to_fly, flown_rows
 from .electrical import battery_resistance, motor_constants
 from .fit import Fit
-from .flight_fit import find_delay
+from .flight_fit import FlightModel, find_delay
+from .intervals import in_turn
+from .levels import level_rows
 from .model import ThrustModel
 from .stand import Stand
 from .study import Study, study
@@ -77,14 +79,27 @@ def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str
     others = flown_rows(test, delay)
     found = study(flown.files, mass_kg, seed)
     results = [*scored(found, flown.files, "train"), *(scored(found, others.files, "test") if others.files else [])]
+    for name in dict.fromkeys((found.best, _plain_best(found))):
+        if name is not None and others.files:
+            results += level_rows(found, name, others.files, "test")
     part = _part("flight", found, results, note, mass_kg, seed)
     for row in part.rows:
         row["uses"] += f"; inputs delayed by {delay:.2f} s"
         row["clock"] = clock
-    part.body |= {"delay_s": delay, "clock": clock, "mass_kg": mass_kg,
+    held = {name: in_turn(score.errors, len(found.train), found.sessions) for name, score in found.scores.items()}
+    part.body |= {"delay_s": delay, "sessions": found.sessions, "held_out_coverage95": held,
+                  "best_without_memory": _plain_best(found), "clock": clock, "mass_kg": mass_kg,
                   "against_firmware": pair_with_firmware(part.per_file, str(found.best))}
     part.reasons = flown.reasons | others.reasons
     return part
+
+
+def _plain_best(found: Study) -> str | None:
+    """The best, by held-out training flights, of the maps that are given the inputs of the moment alone."""
+    plain = {name: score.rms for name, score in found.scores.items()
+             if isinstance(model := found.candidates[name], FlightModel) and not model.kind and model.map.fixed is None
+             and not found.fits[name].trouble}
+    return min(plain, key=plain.__getitem__) if plain else None
 
 
 def _part(kind: str, found: Study, results: Sequence[Scored], note: str, mass_kg: float, seed: int) -> Part:

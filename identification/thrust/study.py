@@ -11,12 +11,12 @@ from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
-from scipy.stats import t as student
 
 from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
 from .fit import Fit, fit_stands
 from .flight_fit import FlightFit, FlightModel, fit_flights, models
 from .flown import Flown
+from .intervals import half_width, sessions, widened
 from .maps import MAPS, Map, Numbers
 from .stand import Stand
 
@@ -39,7 +39,6 @@ ONE_FILE_SHARE = 0.025
 cannot show any: motors and stands of one type differ by that (public stand series: 2 to 4 %)."""
 
 DRAWS = 100
-PROBABILITY = 0.95
 DRAWN_ROWS = 3000
 
 
@@ -99,7 +98,8 @@ def held_out(candidate: Map | FlightModel, folds: Sequence[tuple[list[File], lis
 @dataclass(frozen=True)
 class Study:
     """Everything found on one training set. fits and scores by name of model; best: the chosen one, None if no fit is a
-    result; half_width: of the prediction interval, N or m/s^2; draws: values of refits to drawn files."""
+    result; half_width: of the prediction interval, N or m/s^2; draws: values of refits to drawn files; sessions: how
+    many the files are of."""
 
     train: tuple[File, ...]
     candidates: Mapping[str, Map | FlightModel]
@@ -108,6 +108,16 @@ class Study:
     best: str | None
     half_width: Mapping[str, float]
     draws: Mapping[str, tuple[Mapping[str, float], ...]]
+    sessions: int = 1
+
+    @property
+    def folds(self) -> list[tuple[list[File], list[File]]]:
+        """What was fitted to and what was held out, in the order of the held-out errors."""
+        return folds_of(self.train)
+
+    def width_at(self, name: str, file: File) -> float:
+        """Half width of the interval of a row of ``file``: wider where refits to drawn flights disagree."""
+        return widened(self.half_width[name], self.candidates[name], self.draws.get(name, ()), file)
 
     @property
     def flown(self) -> bool:
@@ -135,26 +145,10 @@ def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRA
     spread = float(np.std(np.concatenate([target(f) for f in train])))
     best = choose(fits, scores, NO_WORSE if len(train) > 1 else NO_WORSE_ONE_FILE, spread)
     unseen = ONE_FILE_SHARE * float(np.max(target(train[0]))) if len(train) == 1 else 0.0
-    widths = {name: half_width(score.errors, len(train), unseen) for name, score in scores.items()}
+    groups = sessions([f.epoch_s if isinstance(f, Flown) else 0.0 for f in train])
+    widths = {name: half_width(score.errors, len(train), unseen, groups) for name, score in scores.items()}
     drawn = {name: bootstrap(c, fits[name], train, seed, draws) for name, c in candidates.items()}
-    return Study(tuple(train), candidates, fits, scores, best, widths, drawn)
-
-
-def half_width(found: Sequence[np.ndarray], files: int, unseen: float = 0.0,
-               probability: float = PROBABILITY) -> float:
-    """Half width of the interval for a row of a new file from held-out errors (one array per file): the spread within
-    files, and that of the files' means with as few degrees of freedom as there are files. unseen: SD between files that
-    one file alone is given. nan without errors."""
-    if not found:
-        return float("nan")
-    within = float(np.sqrt(np.mean(np.concatenate([e - e.mean() for e in found]) ** 2)))
-    high = 0.5 + 0.5 * probability
-    if files < 2:
-        pooled = float(np.sqrt(np.mean(np.concatenate(list(found)) ** 2)))
-        return float(student.ppf(high, max(sum(map(len, found)) - 1, 1)) * np.hypot(pooled, unseen))
-    means = np.array([e.mean() for e in found])
-    between = float(np.sqrt(np.mean(means**2) * (1.0 + 1.0 / files)))
-    return float(np.hypot(student.ppf(high, files - 1) * between, student.ppf(high, 10**6) * within))
+    return Study(tuple(train), candidates, fits, scores, best, widths, drawn, groups)
 
 
 def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], seed: int,

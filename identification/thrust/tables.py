@@ -24,8 +24,8 @@ POINTS = 300
 class Scored:
     """Errors of one model on files: [(file, errors (n,))], the fits they came from may differ (held out in turn)."""
 
-    def __init__(self, name: str, split: str, uses: str, status: str) -> None:
-        self.name, self.split, self.uses, self.status = name, split, uses, status
+    def __init__(self, name: str, split: str, uses: str, status: str, given: str = "") -> None:
+        self.name, self.split, self.uses, self.status, self.given = name, split, uses, status, given
         self.files: list[File] = []
         self.errors: list[np.ndarray] = []
         self.widths: list[float] = []
@@ -49,7 +49,12 @@ class Scored:
                 "files": len(self.files), "ci95": None if ends is None else [float(np.sqrt(x)) for x in ends],
                 "bias": float(np.concatenate(self.errors).mean()),
                 "coverage95": inside / float(counts.sum()) if known else None, "status": self.status,
-                "uses": self.uses}
+                "uses": self.uses, "given": self.given,
+                "files_covered90": self._covered_files() if known else None}
+
+    def _covered_files(self) -> float:
+        """Share of the files with nine tenths of their rows inside the interval."""
+        return float(np.mean([np.mean(np.abs(e) <= w) >= 0.9 for e, w in zip(self.errors, self.widths, strict=True)]))
 
     def per_file(self) -> list[dict[str, Any]]:
         """One entry per file."""
@@ -66,10 +71,10 @@ def scored(found: Study, files: Sequence[File], split: str) -> list[Scored]:
 def score(found: Study, name: str, files: Sequence[File], split: str) -> Scored:
     """One model on the files that have what it needs."""
     candidate, fit = found.candidates[name], found.fits[name]
-    result = Scored(name, split, uses(candidate), fit.trouble or "ok")
+    result = Scored(name, split, uses(candidate), fit.trouble or "ok", getattr(candidate, "given", ""))
     for file in files:
         if fit.values and can_predict(candidate, fit, file):
-            result.add(file, errors(fit, file), found.half_width[name])
+            result.add(file, errors(fit, file), found.width_at(name, file))
     return result
 
 

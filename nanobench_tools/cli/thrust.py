@@ -176,6 +176,15 @@ def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence
     options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 
 
+def _given(part: Part) -> dict[str, str]:
+    """What predictions are made from -> the models that have it."""
+    found: dict[str, list[str]] = {}
+    for row in part.rows:
+        if row["given"] and row["model"] not in found.setdefault(row["given"], []):
+            found[row["given"]].append(row["model"])
+    return {given: ", ".join(names) for given, names in found.items()}
+
+
 def _show(options: Options, part: Part) -> None:
     from rich import box
     from rich.table import Table
@@ -202,9 +211,13 @@ def _show(options: Options, part: Part) -> None:
         options.show("No map is a result: none predicts held-out rows better than a constant"
                      + "".join(f"; {n}: {t}" for n, t in part.to_json()["no_result"].items()))
         return
+    held = part.body.get("held_out_coverage95", {}).get(part.best)
     options.show(f"* {part.best}: chosen by training files held out in turn "
                  f"({factor * part.found.scores[part.best].rms:.{digits}f} {unit}); "
-                 f"95 % of a row of a new file within ± {factor * part.found.half_width[part.best]:.{digits}f} {unit}.")
+                 f"95 % of a row of a new file within ± {factor * part.found.half_width[part.best]:.{digits}f} {unit}"
+                 + ("." if held is None else f" (holds {100 * held:.0f} % of training rows held out in turn)."))
+    for given, names in _given(part).items():
+        options.show(f"  given {given}: {names}")
     for name, body in part.found.parameters()[part.best].items():
         interval = body["ci95"]
         options.show(f"  {name} = {body['value']:.5g} {body['unit']}"

@@ -9,7 +9,8 @@ import pytest
 
 from identification.thrust.flight_fit import effect_columns, find_delay, fit_flights, models
 from identification.thrust.flown import Flown, fly
-from identification.thrust.study import errors, half_width, study
+from identification.thrust.intervals import half_width
+from identification.thrust.study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 
@@ -24,7 +25,7 @@ def made_flight(seed: int, level: float = 0.0, noise: float = 0.05, n: int = 600
     u = np.clip(3.0 / battery[:, None] + 0.06 * rng.normal(size=(n, 4)), 0.3, 1.0)
     flown = Flown(f"f{seed}", f"f{seed}.csv", f"f{seed}", 0.05, np.arange(n) / 20.0, u, battery, np.zeros(n),
                   0.3 * rng.normal(size=n), rng.uniform(0.0, 2.0, n), 6.0 * (1.0 - np.exp(-np.arange(n) / 200.0)),
-                  0.03 * rng.normal(size=(n, 3)), True)
+                  0.03 * rng.normal(size=(n, 3)), np.zeros((n, 6)), True)
     force = (KAPPA * (OFFSET + u * (battery[:, None] + DROP)) ** 2).sum(axis=1) / MASS
     force = force + EFFECTS @ effect_columns(flown) + level + noise * rng.normal(size=n)
     return replace(flown, force=force)
