@@ -16,8 +16,8 @@ from nanobench_tools.physics.model import Model
 from nanobench_tools.physics.vehicle import Vehicle
 
 CURVE_N_V = (0.0, 0.03104914, -0.01274291, 0.00478576)
-"""Thrust [N] of a motor as a polynomial of its voltage: the firmware's cubic times 0.95, refitted over 1.2-3.8 V without
-a constant, within 2 mN. It rises everywhere and is zero at rest: no clipping is needed, which a simulator lacks."""
+"""Thrust [N] of a motor as a polynomial of its voltage: the firmware's cubic times 0.95, refitted over 1.2-3.8 V with
+no constant, within 2 mN. It rises everywhere and is zero at rest: no clipping is needed, which a simulator lacks."""
 ARM_M = 0.0325
 SPIN = (-1.0, 1.0, -1.0, 1.0)
 POSITIONS_M = ((ARM_M, -ARM_M), (-ARM_M, -ARM_M), (-ARM_M, ARM_M), (ARM_M, ARM_M))
@@ -57,11 +57,15 @@ def draw_airframe(rng: np.random.Generator) -> Airframe:
     def about(value: float, share: float) -> float:
         return float(f"{value * (1.0 + share * np.clip(rng.standard_normal(), -2.0, 2.0)):.4g}")
 
+    def each(values: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+        x, y, z = values
+        return about(x, share), about(y, share), about(z, share)
+
     base = Airframe()
     scale = about(1.0, 0.03)
     tau = about(base.tau_up_s, 0.1)
     return Airframe(
-        about(base.mass_kg, 0.03), tuple(about(j, 0.06) for j in base.inertia_kg_m2),
+        about(base.mass_kg, 0.03), each(base.inertia_kg_m2, 0.06),
         tuple(float(f"{scale * c:.6g}") for c in base.curve_N_V), about(base.yaw_arm_m, 0.08), tau,
-        float(f"{tau * rng.uniform(1.0, 1.25):.4g}"), tuple(about(d, 0.15) for d in base.drag_N_s_m),
+        float(f"{tau * rng.uniform(1.0, 1.25):.4g}"), each(base.drag_N_s_m, 0.15),
         about(base.drag_torque_N_s, 0.15), about(base.k_f_N_s2, 0.08))

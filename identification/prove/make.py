@@ -19,6 +19,7 @@ from nanobench_tools.practice.flying import Flown, flight_rngs, fly
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.timeline import Timeline
 from nanobench_tools.sources.nanobench import write_nanobench
 
 from .airframe import Airframe
@@ -143,10 +144,9 @@ def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
     for j in range(len(spec.flights)):
         imu = flown.messages["imu"][:, row + j].copy()
         imu[:, :3], imu[:, 3:] = so3.rotate(turn, imu[:, :3]), so3.rotate(turn, imu[:, 3:])
-        messages = {**flown.messages, "imu": imu[:, None]}
-        messages = {name: m if name == "imu" else m[:, row + j:row + j + 1] for name, m in messages.items()}
+        messages = {name: m[:, row + j:row + j + 1] for name, m in flown.messages.items()} | {"imu": imu[:, None]}
         alone = replace(flown, truth={k: v[:, row + j:row + j + 1] for k, v in flown.truth.items()}, messages=messages,
-                        timeline=_One(flown.timeline, row + j))
+                        timeline=Timeline([spec.flights[j].path], [flown.timeline.events[row + j]]))
         number = PLACES * spec.index + j
         recorded = record(alone, 0, chain, flight_rngs(spec.seed, number, 9)[6:])
         path = spec.flights[j].path
@@ -162,13 +162,6 @@ def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
     simulator, corrected = simulators(spec, float(np.mean(np.concatenate(volts))))
     flights, faults = _with_faults(spec, flights)
     return Case(spec.name, spec, flights, simulator, corrected, truth_of(spec, simulator, corrected, faults))
-
-
-class _One:
-    """The part of a timeline that ``record`` looks at, for one of its flights."""
-
-    def __init__(self, timeline: Any, flight: int) -> None:
-        self.events = (timeline.events[flight],)
 
 
 def simulators(spec: CaseSpec, mean_V: float) -> tuple[Model, Model]:

@@ -110,7 +110,7 @@ def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator,
         wants = {"low flights": ["low", "vertical"], "big tilts": ["fast"], "turning": ["turning", "spinning"],
                  "falling voltage": ["charges", "lateral"], "slow": ["slow"],
                  "rich simulator": ["turning", "vertical", "low"]}.get(note, [])
-        charges = (0.2, 1.0) if note == "falling voltage" else None
+        charges = (0.36, 1.0) if note == "falling voltage" else None
         if note == "rich simulator":
             names = rng.choice(KNOWN_IN_RICH, size=3, replace=False)
             known = tuple(_hidden(str(x), ("medium", "large")[int(rng.integers(2))], rng, airframe) for x in names)

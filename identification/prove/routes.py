@@ -42,10 +42,10 @@ def vertical(rng: np.random.Generator) -> PathSpec:
 
 
 def low(rng: np.random.Generator) -> PathSpec:
-    """Between 0.13 and 0.4 m above the ground, at one height or up and down."""
+    """Between 0.15 and 0.5 m above the ground, at one height or up and down."""
     if rng.uniform() < 0.4:
         return path_spec("circle", "slow", speed_m_s=_round(rng.uniform(0.4, 0.6)), radius_m=0.8,
-                         altitude_m=_round(rng.uniform(0.14, 0.18)), duration_s=_duration(rng))
+                         altitude_m=_round(rng.uniform(0.20, 0.24)), duration_s=_duration(rng))
     return path_spec("trefoil", "medium", speed_m_s=_round(rng.uniform(0.45, 0.6)), scale_m=0.8,
                      altitude_m=_round(rng.uniform(0.28, 0.32)), z_amplitude_m=0.12, duration_s=_duration(rng))
 

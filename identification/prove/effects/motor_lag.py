@@ -9,7 +9,7 @@ from .base import Effect, near
 class MotorLag(Effect):
     name = "motor_lag"
     sizes: ClassVar = {"small": "12 ms off (or 15 ms where there should be none)", "medium": "25 ms (30 ms)",
-             "large": "45 ms (50 ms)"}
+             "large": "40 ms (50 ms)"}
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
@@ -17,7 +17,7 @@ class MotorLag(Effect):
         if rng.uniform() < 0.4:
             tau = near(rng, {"small": 0.015, "medium": 0.030, "large": 0.050}[size])
             return {"tau_up_s": tau, "tau_down_s": near(rng, 1.1 * tau), "absent": True}
-        off = near(rng, {"small": 0.012, "medium": 0.025, "large": 0.045}[size])
+        off = near(rng, {"small": 0.012, "medium": 0.025, "large": 0.040}[size])
         up, down = airframe.tau_up_s, airframe.tau_down_s
         way = int(rng.integers(3))  # both slower, only down slower, both faster as far as there is room
         if way == 2 and off < 0.7 * up:

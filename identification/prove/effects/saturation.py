@@ -9,12 +9,12 @@ from .base import Effect
 
 class Saturation(Effect):
     name = "saturation"
-    sizes: ClassVar = {"small": "most thrust 22 % above hover", "medium": "16 %", "large": "12 %"}
+    sizes: ClassVar = {"small": "most thrust 12 % above hover", "medium": "9 %", "large": "6 %"}
     wants = ("full", "fast", "vertical", "turning")
 
     @staticmethod
     def draw(size, rng, airframe):
-        more = 1.0 + {"small": 0.22, "medium": 0.16, "large": 0.12}[size]
+        more = 1.0 + {"small": 0.12, "medium": 0.09, "large": 0.06}[size]
         return {"T_max_N": float(f"{more * airframe.mass_kg * 9.81 / 4.0:.4g}")}
 
     @staticmethod

@@ -9,14 +9,14 @@ from nanobench_tools.physics.model import Model
 
 from .base import Effect
 
-CHARGES = {"small": (0.80, 0.95), "medium": (0.55, 0.97), "large": (0.20, 1.0)}
+CHARGES = {"small": (0.80, 0.95), "medium": (0.55, 0.97), "large": (0.36, 1.0)}
 """Lowest and highest charge at the start of the flights (share)."""
 
 
 class ThrustVoltage(Effect):
     name = "thrust_voltage"
     sizes: ClassVar = {"small": "batteries within 0.1 V at the start: thrust errs by 2 %, mostly sag within flights",
-             "medium": "within 0.3 V: about 3 %", "large": "within 0.5 V: about 5 %"}
+             "medium": "within 0.3 V: about 3 %", "large": "within 0.45 V: about 5 %"}
     wants = ("charges", "lateral")
 
     @staticmethod
