@@ -1,10 +1,13 @@
 """``nanobench convert SIMULATOR.toml``: one vehicle into other simulators."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from nanobench_tools.cli.convert import ALL, SIMULATORS
+from nanobench_tools.cli.options import Options
+from nanobench_tools.cli.sysid import _write_simulator
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.export import TARGETS
 from nanobench_tools.physics.simulator import write_simulator
@@ -63,6 +66,17 @@ def test_bad_usage_is_one_line(nanobench, simulator, arguments, hint, tmp_path, 
     assert hint in err
     assert err.count("\n") == 1
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(("mass_kg", "said"), [(0.04085, ""), (0.5, "not written for urdf: model: cannot hover")])
+def test_sysid_writes_its_best_model_for_all_of_them(mass_kg, said, tmp_path, capsys):
+    best = SimpleNamespace(vehicle=Vehicle(mass_kg=mass_kg)), {"simulator": TERMS}
+    path = _write_simulator(Options(out=tmp_path), {"best": best}, "best", "simulator_retimed.toml")
+    assert path == str(tmp_path / "simulator_retimed.toml")
+    assert said in capsys.readouterr().err
+    written = {file.name for file in (tmp_path / "simulators_retimed").iterdir()}
+    assert {"model.c", "model_step.casadi"} <= written
+    assert (not said) == ({"rotorpy_params.json", "cf2x.urdf", "crazyflow_params.toml"} <= written)
 
 
 def test_a_wrong_line_of_the_file_is_named(nanobench, simulator, tmp_path):

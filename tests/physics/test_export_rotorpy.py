@@ -9,12 +9,13 @@ from __future__ import annotations
 import importlib.util
 import json
 import runpy
+import sys
 
 import numpy as np
 import pytest
 from physics_cases import CURVE, models
 
-from nanobench_tools.errors import InputError
+from nanobench_tools.errors import InputError, MissingExtraError
 from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.adapters.rotorpy import RotorPySimulator
 from nanobench_tools.physics.export import Assumed, export_model
@@ -100,15 +101,14 @@ def test_a_lag_is_the_same_for_small_changes(tmp_path):
     ("inflow", {"k_z": 0.014, "k_h": 0.005}, (1.0, -2.0, 0.5))])
 def test_what_is_approximated_is_equal_at_hover(term, values, air, tmp_path):
     model = Model(Vehicle(input="rpm"), {"thrust_rpm": {"k_f": 2.3e-8}, term: values})
-    there = simulator(model, tmp_path).vehicle
-    hover = np.full(4, np.sqrt(0.04085 * 9.81 / 4.0 / 2.3e-8))
-    state = np.concatenate([[0.0, 0.0, 1.0], air, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], np.zeros(4)])
-    ours = numeric.derivative(model, state[None], np.append(hover, 3.7)[None])[0]
-    found = there.statedot({"x": state[:3], "v": state[3:6], "q": state[6:10], "w": state[10:13], "wind": np.zeros(3),
-                            "rotor_speeds": hover}, {"cmd_motor_speeds": hover}, 0.01)
+    hover = 0.04085 * 9.81 / 4.0
+    state = np.concatenate([[0.0, 0.0, 1.0], air, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], np.full(4, hover)])
+    inputs = np.append(np.full(4, np.sqrt(hover / 2.3e-8)), 3.7)
+    ours = numeric.derivative(model, state[None], inputs[None])[0]
+    found = simulator(model, tmp_path).accelerations(state[None])[0]
     assert np.max(np.abs(ours[3:6])) + np.max(np.abs(ours[10:13])) > 0.1
-    np.testing.assert_allclose(found["vdot"], ours[3:6], atol=1e-12)
-    np.testing.assert_allclose(found["wdot"], ours[10:13], atol=1e-10)
+    np.testing.assert_allclose(found[:3], ours[3:6], atol=1e-12)
+    np.testing.assert_allclose(found[3:], ours[10:13], atol=1e-10)
 
 
 def test_wind_blows_there_too(tmp_path):
@@ -171,11 +171,19 @@ def test_bad_parameters_are_one_line_that_names_the_key(key, value, hint, tmp_pa
     assert "\n" not in str(error.value)
 
 
+def test_without_rotorpy_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rotorpy.vehicles.multirotor", None)
+    with pytest.raises(MissingExtraError, match=r"nanobench\[rotorpy\]"):
+        simulator(Model(Vehicle(input="rpm"), RPM), tmp_path)
+
+
 def test_bad_flights_are_refused(tmp_path):
     there = simulator(Model(Vehicle(input="rpm"), RPM), tmp_path)
     for start, asked, dt_s in ((START[:12], np.zeros((3, 4)), 0.01), (START, np.zeros((3, 3)), 0.01),
                                (START, np.full((3, 4), np.nan), 0.01), (START, np.zeros((3, 4)), 0.0)):
         with pytest.raises(InputError, match="rollout"):
             there.rollout(start, asked, dt_s)
+    with pytest.raises(InputError, match="accelerations"):
+        there.accelerations(START)
     with pytest.raises(InputError, match="cannot be read"):
         RotorPySimulator.from_file(tmp_path / "absent.json")

@@ -101,6 +101,17 @@ class RotorPySimulator:
                                           self.k_f * state["rotor_speeds"] ** 2])
         return states
 
+    def accelerations(self, states: np.ndarray) -> np.ndarray:
+        """states (n, 17) -> derivatives of velocity m/s^2, world, and body rate rad/s^2 (n, 6), rotors as they are."""
+        states = np.asarray(states, float)
+        if states.ndim != 2 or states.shape[1] != len(STATE):
+            raise InputError("accelerations", f"states {states.shape}", f"give (rows, {len(STATE)})")
+        speeds = np.sqrt(np.maximum(states[:, ROTOR], 0.0) / self.k_f)
+        found = [self.vehicle.statedot({"x": s[POSITION], "v": s[VELOCITY], "q": s[QUATERNION], "w": s[RATE],
+                                        "wind": self.wind_m_s, "rotor_speeds": speed}, {"cmd_motor_speeds": speed}, 0.0)
+                 for s, speed in zip(states, speeds, strict=True)]
+        return np.array([[*one["vdot"], *one["wdot"]] for one in found]).reshape(-1, 6)
+
 
 def checked(quad_params: Mapping[str, Any], place: str) -> dict[str, Any]:
     """RotorPy's parameters with arrays where it wants them; raises InputError that names the key."""
