@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import so3
 from ..clock.lags import LagSums, lag_sums
-from .compare import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, Pair, against
+from .compare import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, Pair, against
 from .context import Context
 from .quaternions import ORDERS, quaternion_orders
 from .truth import STEP_S, body_rate
@@ -97,15 +97,7 @@ def setpoint_pair(context: Context) -> Pair | None:
 
 def request_pair(context: Context) -> Pair | None:
     """Attitude asked for by the position loop against that reached, rad."""
-    return against(
-        context,
-        "pid",
-        ("roll", "pitch", "yaw"),
-        lambda truth: truth.euler_rad,
-        (0.3, 3.0),
-        True,
-        prepare=lambda v: np.unwrap(v, axis=0),
-    )
+    return _euler_pair(context, "pid")
 
 
 def mocap_velocity_pair(context: Context) -> Pair | None:
@@ -124,16 +116,13 @@ def mocap_rate_pair(context: Context) -> Pair | None:
 
 def euler_column_pair(context: Context) -> Pair | None:
     """Euler columns of the motion capture against its quaternions, rad."""
-    return against(
-        context,
-        "mocap",
-        ("roll", "pitch", "yaw"),
-        lambda truth: truth.euler_rad,
-        (0.3, 3.0),
-        True,
-        prepare=lambda v: np.unwrap(v, axis=0),
-        reach_s=0.05,
-    )
+    return _euler_pair(context, "mocap", reach_s=0.05)
+
+
+def _euler_pair(context: Context, stream: str, reach_s: float = REACH_S) -> Pair | None:
+    """Euler angles of a stream against those of the motion capture, rad."""
+    return against(context, stream, ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
+                   prepare=lambda v: np.unwrap(v, axis=0), reach_s=reach_s)
 
 
 MakePair = Callable[[Context], Pair | None]
