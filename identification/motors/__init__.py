@@ -1,0 +1,11 @@
+"""Motors identified against measured rotor speed: lag, speed from PWM and voltage, thrust and torque, and what a
+command that is logged fast is worth for the prediction of rotation.
+
+    from identification.motors import identify
+    found = identify(["flights/"], mass_kg=0.037)
+    found.lag.parameters, found.body()["rotation"]
+"""
+
+from .study import Study, identify
+
+__all__ = ["Study", "identify"]

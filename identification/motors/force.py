@@ -1,0 +1,55 @@
+"""Thrust from rotor speed: k_f of T = k_f w^2 from the accelerometer's body-z specific force.
+
+In free flight m a_z = k_f sum w_i^2: only k_f / m is seen, and k_f itself follows from a mass that somebody weighed.
+Both sides are low-passed by averaging over a tenth of a second, which leaves delays of a few milliseconds no say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.metrics.statistics import bootstrap_interval
+
+from .data import Log
+
+AVERAGE_S = 0.1
+ONE_VEHICLE = 1.3
+"""k_f / m of flights of one vehicle agrees within a few per cent; another propeller or load is further away."""
+
+
+@dataclass(frozen=True)
+class Force:
+    """k_f_per_kg [N s^2/rad^2 per kg] pooled, ci95 by drawing flights (None for one), one value per flight."""
+
+    k_f_per_kg: float
+    ci95: tuple[float, float] | None
+    per_flight: tuple[float, ...]
+
+
+def averaged(log: Log, values: np.ndarray, seconds: float = AVERAGE_S) -> np.ndarray:
+    """(blocks, ...) means over pieces of every stretch; what is left at its end is dropped."""
+    size = max(round(seconds / log.row_s), 1)
+    found = []
+    for a, b in log.stretches:
+        count = (b - a) // size
+        part = values[a:a + count * size]
+        found.append(part.reshape(count, size, *values.shape[1:]).mean(axis=1))
+    return np.concatenate(found)
+
+
+def fit_force(logs: Sequence[Log], seed: int = 0) -> Force:
+    """k_f / m of flights, each with the weight of its length."""
+    single, sizes = [], []
+    for log in logs:
+        squares, force = averaged(log, np.sum(log.speed**2, axis=1)), averaged(log, log.force_z)
+        single.append(float(squares @ force / (squares @ squares)))
+        sizes.append(len(squares))
+    return Force(float(np.average(single, weights=sizes)), bootstrap_interval(single, seed), tuple(single))
+
+
+def errors(log: Log, specific_thrust: np.ndarray) -> np.ndarray:
+    """(blocks,) m/s^2: specific thrust (n,) minus measured body-z specific force."""
+    return averaged(log, specific_thrust) - averaged(log, log.force_z)

@@ -1,0 +1,172 @@
+"""``nanobench motors``: motor lag, rotor speed, thrust and torque from logs with measured rotor speed."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import MissingExtraError, UsageError
+from ..physics.vehicle import BOUNDS
+from .options import PATH, Options, one_line, shared_options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from identification.motors import Study
+
+SHOWN = (("roll_pitch_rate_mae_rad_s", "roll, pitch rate rad/s"), ("yaw_rate_mae_rad_s", "yaw rate rad/s"),
+         ("attitude_mae_rad", "attitude rad"))
+
+
+@click.command()
+@shared_options("clock", "jobs", "scheduler")
+@click.option("--train", multiple=True, type=PATH, metavar="PATH", help="Fit to these logs (with --test).")
+@click.option("--test", multiple=True, type=PATH, metavar="PATH", help="Judge on these logs (with --train).")
+@click.option("--mass", "mass_kg", type=float, metavar="KG",
+              help="Mass of the vehicle with battery, for k_f; without it only k_f / m is identified.")
+def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], mass_kg: float | None) -> int:
+    """Motors from logs that hold rotor speed beside the PWM at 200 Hz or more, such as uSD logs with an RPM deck.
+
+    Time constants up and down by simulation against measured speed; speed from PWM and voltage; thrust and moments from
+    speed; and how well rotation is predicted from PWM at the rate of the log, from the same PWM as a radio delivers it,
+    and from measured speed. Whole flights are held out in turn, or --test judges. Flights of one vehicle at a time.
+    --out gets motors.json, motors.html and simulator.toml.
+    """
+    if bool(train) != bool(test):
+        raise UsageError("--train and --test go together")
+    low, high = BOUNDS["mass_kg"]
+    if mass_kg is not None and not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
+    from identification.motors import identify
+    from identification.motors.result import body
+
+    flights = options.load([*train, *test] if train else None)
+    inside = [not train or any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
+    mine = [f for f, known in zip(flights, inside, strict=True) if known]
+    others = [f for f, known in zip(flights, inside, strict=True) if not known]
+    with options.progress.task("motors", 1):
+        study = identify(mine, others if train else None, mass_kg=mass_kg, seed=options.seed)
+        content = body(study, options.seed)
+    for entry in content["left_out"]:
+        options.say(f"left out: {one_line(entry['flight'])}: {one_line(entry['reason'])}")
+    _show(options, content)
+    content["simulator"] = _write(options, study, content)
+    return options.finish("motors", content)
+
+
+def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | None:
+    """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
+    from identification.motors.study import simulator
+
+    from ..harness.results import plain, write_bytes
+    from ..physics.simulator import write_simulator
+    from ..report.motors import motors_page
+
+    beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
+    folder = options.out or beside
+    if folder is None:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    write_simulator(simulator(study), folder / "simulator.toml")
+    if options.out is not None:
+        page = motors_page(plain(content), options.synthetic)
+        write_bytes(options.out / "motors.html", page.encode(errors="replace"))
+        options.say(f"{options.out / 'motors.html'} ({len(page) / 1e6:.1f} MB)")
+    return str(folder / "simulator.toml")
+
+
+def _ms(value: float | None, interval: Any = None) -> str:
+    if value is None:
+        return "-"
+    text = f"{1e3 * value:.1f}"
+    return text if not interval else f"{text} ({1e3 * interval[0]:.1f} .. {1e3 * interval[1]:.1f})"
+
+
+def _show(options: Options, content: Mapping[str, Any]) -> None:
+    _show_lag(options, content)
+    _show_speed(options, content)
+    _show_rotation(options, content)
+
+
+def _table(title: str, heads: list[str]) -> Any:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, head in enumerate(heads):
+        table.add_column(head, justify="left" if i == 0 else "right", no_wrap=i == 0)
+    return table
+
+
+def _show_lag(options: Options, content: Mapping[str, Any]) -> None:
+    part = content["lag"]
+    table = _table(f"Motor lag: {data_word(options)} data, {len(content['test'])} held-out flights, error of rotor "
+                   "speed within seconds", ["model", "up ms", "down ms", "delay ms", "rad/s", "95 %"])
+    for row in part["rows"]:
+        interval = "-" if row["ci95"] is None else " .. ".join(f"{x:.2f}" for x in row["ci95"])
+        name = row["model"] + (" *" if row["model"] == part["best"] else "")
+        table.add_row(name + (" (no result)" if row["trouble"] else ""), *(f"{1e3 * row[k]:.1f}" for k in (
+            "tau_up_s", "tau_down_s", "delay_s")), f"{row['rms_rad_s']:.2f}", interval)
+    options.show(table)
+    both, ends = part["fit"], part["fit"]["ci95"]
+    options.show("Fitted with both: " + ", ".join(
+        f"{name} {_ms(both[key], ends.get(key))} ms" for name, key in (
+            ("up", "tau_up_s"), ("down", "tau_down_s"), ("delay", "delay_s")))
+        + ". The delay is also that of the speed measurement.")
+
+
+def _show_speed(options: Options, content: Mapping[str, Any]) -> None:
+    part, force = content["speed"], content["force"]
+    table = _table(f"Rotor speed from PWM and voltage: {data_word(options)} data, training flights held out in turn",
+                   ["map", "rad/s", "equation", "note"])
+    for row in sorted(part["rows"], key=lambda r: r["rms_rad_s"] if r["rms_rad_s"] is not None else 1e9):
+        table.add_row(row["model"] + (" *" if row["model"] == part["best"] else ""), f"{row['rms_rad_s']:.2f}",
+                      one_line(row["equation"]), one_line(row["trouble"]))
+    options.show(table)
+    options.show(f"Speeds vary by {part['spread_rad_s']:.1f} rad/s (SD). Slope of thrust over motor voltage: "
+                 f"{part['slope_fast_N_per_V']:.4f} N/V from changes within a second, "
+                 f"{part['slope_slow_N_per_V']:.4f} N/V from this map.")
+    value, unit = (force["k_f"], "N s²/rad²") if force["k_f"] is not None else (force["k_f_per_kg"], "N s²/rad² per kg")
+    ends = "" if force["ci95"] is None else f" ({force['ci95'][0]:.4g} .. {force['ci95'][1]:.4g})"
+    options.show(f"Thrust per squared speed: {value:.4g} {unit}{ends}; {force['identified']}. Body-z specific force on "
+                 "held-out flights: " + ", ".join(f"from {r['from']} {r['rms_m_s2']:.3f} m/s²" for r in force["rows"]
+                                                  if r["rms_m_s2"] == r["rms_m_s2"]) + ".")
+    found = content["moments"]
+    explained = {name: value["median"] for name, value in found["explained"].items()}
+    if explained["x"] is not None:
+        options.show(f"Moments from rotor speed: J_x {found['inertia_kg_m2']['x']:.3g}, J_y "
+                     f"{found['inertia_kg_m2']['y']:.3g} kg m² ({found['identified']}); share of angular acceleration "
+                     "explained (3 to 30 Hz): " + ", ".join(f"{n} {100 * v:.0f} %" for n, v in explained.items()) + ".")
+
+
+def _show_rotation(options: Options, content: Mapping[str, Any]) -> None:
+    rows = content["rows"]
+    if not rows:
+        options.show("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
+        return
+    step = 1e3 * content["step_s"]
+    table = _table(f"Rotation predicted on held-out flights: {data_word(options)} data, mean error after 1, 10, 50 "
+                   f"steps of {step:.2f} ms \\[95 % after 10], {rows[0]['n_windows']} windows, "
+                   f"{rows[0]['n_flights']} flights", ["input", *(heading for _, heading in SHOWN)])
+    for row in rows:
+        cells = []
+        for metric, _ in SHOWN:
+            ends = row["ci95"][metric].get("10")
+            cells.append(" ".join(f"{row['metrics'][metric][h]:.3f}" for h in ("1", "10", "50"))
+                         + (f" \\[{ends[0]:.3f}, {ends[1]:.3f}]" if ends else ""))
+        table.add_row(row["input"], *cells)
+    options.show(table)
+    for row in rows:
+        options.show(f"  {row['input']}: {row['words']}" + (f" ({one_line(row['trouble'])})" if row["trouble"] else ""))
+    for entry in content["gains"]:
+        if entry["metric"] == SHOWN[0][0] and entry["h"] == 10:
+            ends = entry["ci95"]
+            options.show(f"{entry['input']}: {abs(entry['less_percent']):.0f} % "
+                         f"{'less' if entry['less_percent'] >= 0.0 else 'more'} error of roll and pitch rate after "
+                         f"{10 * step:.0f} ms than from the radio stream"
+                         + (f" (95 %: {ends[0]:.0f} .. {ends[1]:.0f} % less)" if ends else ""))
