@@ -8,7 +8,8 @@ the ground, the sensors, the onboard controllers and the room are those of the p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -128,9 +129,19 @@ class Engine(Plant):
             effect.advance(dt_s, self.motor[:, rows])
 
 
-def _of(air: Air, rows: np.ndarray | slice) -> Air:
+class _Part:
+    """What the vehicles ``rows`` feel; only what is asked for is picked out."""
+
+    def __init__(self, air: Air, rows: np.ndarray) -> None:
+        self._air, self._rows = air, rows
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        return getattr(self._air, name)[:, self._rows]
+
+
+def _of(air: Air, rows: np.ndarray | slice) -> Any:
     """The vehicles ``rows``."""
-    return air if isinstance(rows, slice) else Air(*(getattr(air, f.name)[:, rows] for f in fields(air)))
+    return air if isinstance(rows, slice) else _Part(air, rows)
 
 
 def vehicles_of(airframes: Sequence[Airframe], rngs: Sequence[np.random.Generator],

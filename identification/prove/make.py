@@ -30,6 +30,10 @@ from .kinds import OUTCOMES, CaseSpec, Hidden
 
 PLACES = 16
 """Flight j of case i has the random numbers of number 16 i + j of the seed."""
+DRAWN_S = 60.0
+"""Disturbances are drawn for so long [s]; no flight here lasts 45 s."""
+TUMBLED = 0.5
+"""Cosine of the tilt [1] below which a flight is called tumbled: nothing that flies here leans by 60 deg."""
 AT_ONCE = 120
 """Flights flown in one batch: three times as long as five flights take, for 24 times as many."""
 
@@ -126,7 +130,7 @@ def _fly_cases(specs: Sequence[CaseSpec]) -> Flown:
     effects = effects_of(specs)
     return fly(OnboardFleet([spec.flights[j].controller for spec, j in places]),
                [spec.flights[j].path for spec, j in places], vehicles, seed, indices=numbers,
-               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects))
+               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects), drawn_s=DRAWN_S)
 
 
 def _chain(spec: CaseSpec) -> LoggingChain:
@@ -138,7 +142,8 @@ def _chain(spec: CaseSpec) -> LoggingChain:
 
 def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
     """The case whose flights stand in ``flown`` from ``row`` on."""
-    flights, volts = [], []
+    flights: list[Flight] = []
+    volts, tumbled = [], []
     chain = _chain(spec)
     turn = so3.conjugate(so3.exp(np.array(spec.nuisance.imu_tilt_rad)))
     for j in range(len(spec.flights)):
@@ -159,9 +164,13 @@ def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
                               Provenance(f"flight_{j + 1}.csv", "", "prove", synthetic=True), epoch_s=epoch))
         airborne = flown.truth["position_m"][:, row + j, 2] > 0.15
         volts.append(flown.truth["battery_V"][airborne, row + j, 0])
+        x, y = flown.truth["quaternion"][:, row + j, :2].T
+        if (1.0 - 2.0 * (x * x + y * y)).min() < TUMBLED:
+            tumbled.append(flights[-1].name)
     simulator, corrected = simulators(spec, float(np.mean(np.concatenate(volts))))
     flights, faults = _with_faults(spec, flights)
-    return Case(spec.name, spec, flights, simulator, corrected, truth_of(spec, simulator, corrected, faults))
+    truth = {**truth_of(spec, simulator, corrected, faults), "tumbled": tumbled}
+    return Case(spec.name, spec, flights, simulator, corrected, truth)
 
 
 def simulators(spec: CaseSpec, mean_V: float) -> tuple[Model, Model]:
@@ -197,7 +206,7 @@ def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequenc
 
     case, kind, outcome; effects: [{term, size, foreign, flights (names), twins, parameters: {flat name: {value, unit,
     believed (None where the simulator lacks it)}}, drawn}]; known: names of effects the simulator has right; faults;
-    nuisance; engine; note; corrected: simulator.toml of the simulator that knows.
+    nuisance; engine; note; corrected: simulator.toml of the simulator that knows; tumbled: names of flights that fell.
     """
     believed, units = simulator.parameters, dict(zip(corrected.names, corrected.units, strict=True))
     names = [f"flight_{j + 1}" for j in range(len(spec.flights))]

@@ -24,6 +24,8 @@ TWINS = (("mass", "thrust_scale"), ("motor_lag", "command_delay"), ("wind", "for
 """Groups that are confused with each other; every member is concealed on flights that all of them want."""
 CHANGES = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
 """What may happen between two flights of a day."""
+ALONE = ("rotor_gyro", "saturation")
+"""Never one of a pair: the first is too small beside anything, under the second few partners leave enough thrust."""
 INNOCENT = ("plain", "falling voltage", "low flights", "big tilts", "turning", "rich simulator", "slow", "restless air")
 KNOWN_IN_RICH = ("motor_imbalance", "com_offset", "inflow", "ground_effect", "wind", "force_world", "drag_quadratic",
                  "angular_damping", "command_delay", "frame_tilt")
@@ -123,8 +125,8 @@ def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator,
         note = "told from " + ", ".join(e for e in group if e != effect)
         concealed = (_hidden(effect, _size(kind, rng), rng, airframe),)
     elif kind == "pair":
-        first = _deal(decks, kind, lambda: [e for e in KNOWN if e != "rotor_gyro"], deal_rng)
-        others = [e for e in KNOWN if e not in (first, "rotor_gyro") and not any({e, first} <= set(g) for g in TWINS)
+        first = _deal(decks, kind, lambda: [e for e in KNOWN if e not in ALONE], deal_rng)
+        others = [e for e in KNOWN if e not in (first, *ALONE) and not any({e, first} <= set(g) for g in TWINS)
                   and e not in EFFECTS[first].twins]
         concealed = tuple(_hidden(e, _size(kind, rng), rng, airframe) for e in (first, str(rng.choice(others))))
     elif kind == "foreign":

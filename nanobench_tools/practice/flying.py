@@ -73,13 +73,14 @@ def flight_rngs(seed: int, index: int, count: int) -> list[np.random.Generator]:
 
 def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | None = None, seed: int = 0, *,
         indices: Sequence[int] | None = None, spread: float = 1.0, events: Sequence[Events] | None = None,
-        physics: Callable[[Vehicles, np.ndarray, np.ndarray], Plant] = Plant) -> Flown:
+        physics: Callable[[Vehicles, np.ndarray, np.ndarray], Plant] = Plant, drawn_s: float | None = None) -> Flown:
     """Flies ``specs[i]`` with flight number ``indices[i]`` (default 0, 1, ...) of ``seed``, all behind one controller.
 
     vehicles: n of them, drawn from the table when None. ``spread`` scales the differences between flights and the
     errors of the estimator; 0 is a perfect vehicle (sensor noise stays). The controller sees the estimate, the gyro
     and the measured battery, and, unless its ``information`` is ``preview``, references as flown. ``physics`` makes the
-    plant from vehicles, where they stand (n, 3) m and yaw (n,) rad.
+    plant from vehicles, where they stand (n, 3) m and yaw (n,) rad. ``drawn_s``: disturbances are drawn for so long (by
+    default for the longest flight), which makes a flight independent of how long the others are.
     Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape,
     InputError when a command is not a number or lies outside 0..1.
     """
@@ -98,19 +99,20 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
     ticks = timeline.ticks
     if vehicles is None:
         vehicles = draw_vehicles(list(draw), spread)
+    drawn = ticks if drawn_s is None else max(ticks, 1 + round(drawn_s / TICK_S))
     plant = physics(vehicles, start, yaw)
-    estimator = OnboardEstimator(plant, list(error), ticks, STEP_S, spread)
-    gusts = np.stack([correlated_noise(r, ticks, 3, GUST_S) for r in air], axis=-1) * vehicles.disturbance_m_s2
-    flicker = np.stack([correlated_noise(r, ticks, 4, FLICKER_S) for r in air], axis=-1) * vehicles.thrust_noise
-    battery_noise = BATTERY_NOISE_V * np.stack([r.standard_normal(ticks) for r in volt], axis=-1)
+    estimator = OnboardEstimator(plant, list(error), drawn, STEP_S, spread)
+    gusts = np.stack([correlated_noise(r, drawn, 3, GUST_S) for r in air], axis=-1) * vehicles.disturbance_m_s2
+    flicker = np.stack([correlated_noise(r, drawn, 4, FLICKER_S) for r in air], axis=-1) * vehicles.thrust_noise
+    battery_noise = BATTERY_NOISE_V * np.stack([r.standard_normal(drawn) for r in volt], axis=-1)
     controller.reset(n)
     logs = isinstance(getattr(controller, "log", None), ControllerLog)
     recorder = _Recorder(ticks, n, [name for name in LOGGED if name != "pid" or logs])
     command = np.zeros((n, 4))
     for tick in range(ticks):
         if tick % NOISE_TICKS == 0:
-            drawn = np.stack([r.standard_normal((NOISE_TICKS, SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
-        noise = drawn[tick % NOISE_TICKS]
+            noises = np.stack([r.standard_normal((NOISE_TICKS, SUBSTEPS + 2, 3)) for r in sensor], axis=-1)
+        noise = noises[tick % NOISE_TICKS]
         plant.disturbance_m_s2, plant.flicker = gusts[tick], flicker[tick]
         position, velocity, quaternion = estimator.read(tick)
         yaw = so3.euler_zyx(quaternion)[:, 2]

@@ -1,0 +1,114 @@
+"""Cases from plan to disk: the same alone and in a crowd, the same read back, sealed, and silent about the truth."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.prove.airframe import Airframe
+from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
+from identification.prove.kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
+from identification.prove.make import make_case, make_cases, write_case
+from identification.prove.plan import QUOTAS, plan_cases
+from identification.prove.seal import open_truth, seal, write_truth
+from nanobench_tools.errors import InputError
+from nanobench_tools.physics.simulator import read_simulator
+from nanobench_tools.practice.references import path_spec
+from nanobench_tools.sources.discover import load_recordings
+
+FLIGHTS = (FlightSpec(path_spec("circle", "medium", duration_s=1.0), "pid", 0.9),)
+
+
+def case(index, *concealed, **others):
+    hidden = tuple(Hidden(n, "medium", EFFECTS[n].draw("medium", np.random.default_rng(index), Airframe()))
+                   for n in concealed)
+    return CaseSpec(f"case_{index}", others.pop("kind", "single"), 4, index, Airframe(), FLIGHTS, hidden, **others)
+
+
+SPECS = [
+    case(0, "motor_imbalance", nuisance=Nuisance(clock_wander_s=0.02)),
+    case(1, "thrust_voltage", "wind", nuisance=Nuisance(imu_tilt_rad=(0.01, -0.02, 0.0))),
+    case(2, kind="fault", faults=(DataFault("sign", None, {"stream": "imu", "column": "gyro_x"}, (0,)),)),
+    *(case(3 + i, name, kind="foreign") for i, name in enumerate(FOREIGN))]
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return make_cases(SPECS)
+
+
+def test_a_case_is_the_same_alone_and_in_a_crowd(cases):
+    alone = make_case(SPECS[1])
+    assert alone.truth == cases[1].truth
+    for name, stream in alone.flights[0].streams.items():
+        np.testing.assert_array_equal(stream.values, cases[1].flights[0][name].values)
+
+
+def test_simulators_lack_what_is_concealed_and_truth_says_it(cases):
+    imbalance, pair, fault = cases[:3]
+    assert "motor_imbalance" not in imbalance.simulator
+    assert list(imbalance.corrected.values_of("motor_imbalance")["g"]) == SPECS[0].concealed[0].parameters["g"]
+    assert "thrust_pwm" in pair.simulator
+    assert "wind" not in pair.simulator
+    flight, c = pair.flights[0], pair.corrected.values_of("thrust_voltage")["c"]
+    mean_V = flight["battery"]["vbat"][flight["mocap"]["pz"] > 0.15].mean()
+    given = pair.simulator.values_of("thrust_pwm")["c"]
+    assert sum(given) == pytest.approx(sum(x * mean_V**k for k, x in enumerate(c)), rel=1e-3)
+    assert [e["term"] for e in pair.truth["effects"]] == ["thrust_voltage", "wind"]
+    assert pair.truth["effects"][1]["parameters"]["wind.w_m_s[0]"] == {
+        "value": SPECS[1].concealed[1].parameters["w_m_s"][0], "unit": "m/s", "believed": None}
+    assert fault.truth["outcome"] == "data_fault"
+    assert fault.truth["faults"][0]["kind"] == "sign"
+    assert not any(c.truth["tumbled"] for c in cases)
+
+
+def test_what_is_read_back_is_what_was_made_and_tells_no_truth(cases, tmp_path):
+    made = cases[0]
+    folder = write_case(made, tmp_path / made.name)
+    assert read_simulator(folder / "simulator.toml") == made.simulator
+    loaded = load_recordings([folder / "flights"], cache=False)
+    assert not loaded.failed
+    assert len(loaded.flights) == 1
+    for name, stream in made.flights[0].streams.items():
+        back = loaded.flights[0][name]
+        np.testing.assert_allclose(back.time_s, stream.time_s, atol=1e-6)
+        np.testing.assert_allclose(back.values, stream.values, atol=1e-8)
+        assert back.samples == stream.samples
+    assert loaded.flights[0].provenance.synthetic
+    text = "".join(p.read_text() for p in folder.rglob("*.yaml")) + (folder / "simulator.toml").read_text()
+    assert not any(word in text for word in ("imbalance", "wander", "conceal", "single"))
+
+
+def test_the_seal_holds_the_truth(cases, tmp_path):
+    truths = [c.truth for c in cases]
+    sealed = write_truth(truths, tmp_path / "truth.json")
+    assert sealed == seal(truths)
+    assert [t["case"] for t in open_truth(tmp_path / "truth.json", sealed)] == [c.name for c in cases]
+    (tmp_path / "truth.json").write_text((tmp_path / "truth.json").read_text().replace("wind", "drag"))
+    with pytest.raises(InputError, match="hash"):
+        open_truth(tmp_path / "truth.json", sealed)
+
+
+def test_the_plan_keeps_its_quotas_and_covers_the_grid():
+    specs = plan_cases(300, 5)
+    assert specs == plan_cases(300, 5)
+    assert specs != plan_cases(300, 6)
+    count = Counter(s.kind for s in specs)
+    assert all(abs(count[kind] - 300 * share) < 1.0 for kind, share in QUOTAS.items())
+    singles = {(h.effect, h.size) for s in specs if s.kind == "single" for h in s.concealed}
+    assert singles == {(e, s) for e in KNOWN for s in SIZES}
+    assert {h.effect for s in specs if s.kind == "foreign" for h in s.concealed} == set(FOREIGN)
+    assert all(len(s.concealed) == (2 if s.kind == "pair" else 0 if s.kind in ("null", "fault") else 1) for s in specs)
+    wanders = np.mean([s.nuisance.clock_wander_s > 0.0 for s in specs])
+    assert 0.4 < wanders < 0.6
+    assert all(3 <= len(s.flights) <= 6 for s in specs)
+    assert len({s.name for s in specs}) == 300
+
+
+def test_a_change_acts_in_some_flights_only():
+    spec = next(s for s in plan_cases(100, 2) if s.kind == "change")
+    hidden = spec.concealed[0]
+    assert hidden.flights
+    assert len(hidden.flights) < len(spec.flights)
+    assert replace(hidden, flights=None) != hidden
