@@ -4,19 +4,6 @@ import json
 
 import pytest
 
-from nanobench_tools.practice.flights import practice_flights
-from nanobench_tools.practice.logging_chain import LoggingChain
-from nanobench_tools.sources.nanobench_writer import write_nanobench
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("blackout")
-    chain = LoggingChain(wander_sd_s=0.03)
-    for flight in practice_flights(2, seed=21, families=("figure_eight", "trefoil"), duration_s=16.0, chain=chain):
-        write_nanobench(flight, place / f"{flight.name}.csv")
-    return place
-
 
 def blackout(nanobench, folder, out, *more):
     code, _, err = nanobench("estimate", "--data", folder, "--protocol", "blackout", "--json", out, "--jobs", 1,
@@ -25,8 +12,8 @@ def blackout(nanobench, folder, out, *more):
     return json.loads(out.read_text())
 
 
-def test_windows_and_rows_agree(nanobench, folder, tmp_path):
-    body = blackout(nanobench, folder, tmp_path / "a.json")
+def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
+    body = blackout(nanobench, wandering, tmp_path / "a.json")
     assert {row["method"] for row in body["rows"]} == {"error_state_ekf", "strapdown", "hold_position",
                                                        "constant_velocity"}
     for row in (r for r in body["rows"] if r["group"] == "all"):
@@ -40,19 +27,19 @@ def test_windows_and_rows_agree(nanobench, folder, tmp_path):
         assert len(mine[0]["end_m"]) == 3
 
 
-def test_a_clock_can_be_taken_out(nanobench, folder, tmp_path):
+def test_a_clock_can_be_taken_out(nanobench, wandering, tmp_path):
     def mean(body):
         row = next(r for r in body["rows"] if (r["method"], r["group"]) == ("error_state_ekf", "all"))
         return row["metrics"]["end_error_1s_m"]["mean"], row["clock"]
 
     only = ("--method", "error_state_ekf")
-    recorded = mean(blackout(nanobench, folder, tmp_path / "a.json", *only))
-    retimed = mean(blackout(nanobench, folder, tmp_path / "b.json", *only, "--clock", "retimed"))
+    recorded = mean(blackout(nanobench, wandering, tmp_path / "a.json", *only))
+    retimed = mean(blackout(nanobench, wandering, tmp_path / "b.json", *only, "--clock", "retimed"))
     assert (recorded[1], retimed[1]) == ("as-recorded", "retimed")
     assert retimed[0] < recorded[0]
 
 
-def test_it_is_not_run_unasked(nanobench, folder, tmp_path):
+def test_it_is_not_run_unasked(nanobench, wandering, tmp_path):
     out = tmp_path / "c.json"
-    assert nanobench("estimate", "--data", folder, "--method", "hold_position", "--json", out, "--quiet")[0] == 0
+    assert nanobench("estimate", "--data", wandering, "--method", "hold_position", "--json", out, "--quiet")[0] == 0
     assert "windows" not in json.loads(out.read_text())

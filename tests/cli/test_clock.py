@@ -4,19 +4,6 @@ import json
 
 import pytest
 
-from nanobench_tools.practice.flights import practice_flights
-from nanobench_tools.practice.logging_chain import LoggingChain
-from nanobench_tools.sources.nanobench_writer import write_nanobench
-
-
-@pytest.fixture(scope="module")
-def wandering(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wandering")
-    chain = LoggingChain(wander_sd_s=0.03, offset_s=0.04)
-    for flight in practice_flights(2, seed=8, families=("figure_eight", "trefoil"), duration_s=12.0, chain=chain):
-        write_nanobench(flight, folder / f"{flight.name}.csv")
-    return folder
-
 
 def scores(nanobench, folder, out, clock):
     code, _, err = nanobench("estimate", "--data", folder, "--protocol", "clean", "--method", "onboard_ekf", "--clock",
