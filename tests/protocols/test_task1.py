@@ -12,6 +12,7 @@ from nanobench_tools import InputError, Windows, so3
 from nanobench_tools.flight import Span
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols import task1
+from nanobench_tools.protocols.published import beside, least_sum, published
 from nanobench_tools.protocols.windows import EVERY, HORIZON, cut_windows, rows_at_100_hz
 
 
@@ -248,3 +249,13 @@ def test_the_real_rows(real):
     assert physics["velocity_mae_m_s"]["50"] / 50 == pytest.approx(physics["velocity_mae_m_s"]["1"], rel=0.1)
     assert found["naive", "mocap"]["position_mae_m"] == naive["position_mae_m"]
     assert found["naive", "mocap"]["attitude_mae_rad"]["1"] > naive["attitude_mae_rad"]["1"]
+
+
+def test_published_rows_say_the_least_their_sums_can_be():
+    """9 steps of at least the first error, 40 of at least the one after ten, and the last."""
+    naive = published()["task1"]["models"]["naive"]["position_mae_m"]
+    assert least_sum(naive) == pytest.approx(9 * 0.0057 + 40 * 0.0585 + 0.2866)
+    row = beside({}, "task1", "models", "naive")
+    assert row["published"]["position_mae_m"]["sum_at_least"] == least_sum(naive)
+    assert "sum" not in row["published"]["position_mae_m"]
+    assert "sum_at_least" not in beside({}, "task3", "groups", "Slow")["published"]["ate_rmse_m"]
