@@ -25,7 +25,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "sysid": ("Task 1: what will it do? Scores of predictive models.", "nanobench sysid --json sysid.json"),
     "thrust": ("Thrust from PWM and voltage: stand tables and flights.",
                "nanobench thrust --data STAND --out DIR"),
-    "motors": ("Motor lag, rotor speed, thrust and torque from logs with measured RPM.",
+    "motors": ("Motor lag, speed and torque from logs with measured RPM.",
                "nanobench motors --data LOGS --mass 0.037 --out DIR"),
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
     "simulate": ("Write practice flights through the whole logging chain.",
