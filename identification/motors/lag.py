@@ -72,11 +72,12 @@ def windows_of(logs: Sequence[Log]) -> Windows:
 
 @dataclass(frozen=True)
 class Lag:
-    """tau_up_s, tau_down_s, delay_s; rms_rad_s: of measured minus simulated speed about the windows' means; gain (4,):
-    measured over simulated change of speed, per motor; trouble: why it is no result. gradient (F, K), curvature
-    (F, K, K) of the flights at the solution, for intervals."""
+    """tau_up_s, tau_down_s, delay_s; rms_rad_s: of measured minus simulated speed about the windows' means; model: with
+    the map it was simulated with; gain (4,): measured over simulated change of speed, per motor; trouble: why it is no
+    result. gradient (F, K), curvature (F, K, K) of the flights at the solution, for intervals."""
 
     name: str
+    model: Model
     tau_up_s: float
     tau_down_s: float
     delay_s: float
@@ -92,11 +93,17 @@ class Lag:
 
 
 def hover_model(logs: Sequence[Log], k_f: float, mass_kg: float) -> Model:
-    """Thrust in a straight line of motor voltage through what these flights hover with; its slope is only a start."""
+    """Thrust in a straight line of motor voltage through the means of these flights; its slope is only a start."""
     mean_V = float(np.mean(np.concatenate([log.joined(log.u * log.battery_V[:, None]) for log in logs])))
+    mean_N = k_f * float(np.mean(np.concatenate([log.joined(log.speed**2) for log in logs])))
     vehicle = Vehicle(mass_kg=mass_kg, rate_hz=1.0 / logs[0].row_s)
-    hover_N = mass_kg * vehicle.gravity_m_s2 / 4.0
-    return Model(vehicle, {"thrust_voltage": {"c": (-hover_N, 2.0 * hover_N / mean_V)}, "thrust_rpm": {"k_f": k_f}})
+    return Model(vehicle, {"thrust_voltage": {"c": (-mean_N, 2.0 * mean_N / mean_V)}, "thrust_rpm": {"k_f": k_f}})
+
+
+def steeper(model: Model, factor: float, at_V: float) -> Model:
+    """The straight map with its slope changed by ``factor`` and its thrust at the motor voltage ``at_V`` kept."""
+    c = model.values_of("thrust_voltage")["c"]
+    return model.with_term("thrust_voltage", c=(c[0] + (1.0 - factor) * c[1] * at_V, factor * c[1]))
 
 
 def lag_model(model: Model, values: Sequence[float]) -> Model:
@@ -137,13 +144,28 @@ def gains(simulated: np.ndarray, measured: np.ndarray, weights: np.ndarray) -> n
     return top / np.einsum("mnhk,mnhk,n->mk", simulated, simulated, weights)
 
 
+def part_of(data: Windows, keep: np.ndarray) -> Windows:
+    """Some windows."""
+    return Windows(*(x[keep] for x in (data.u, data.battery_V, data.past_u, data.past_V, data.speed, data.flight)))
+
+
 def fit_lag(model: Model, data: Windows, row_s: float, name: str = "up and down + delay",
             keep: np.ndarray | None = None) -> Lag:
-    """One candidate fitted to the windows of the flights ``keep`` (all by default)."""
+    """One candidate fitted to the windows of the flights ``keep`` (all by default).
+
+    Twice: speed is the root of thrust, so a gain of speed is a slope of the map for small changes only; after the first
+    fit the map has that slope and what is left of the gain is near 1.
+    """
+    used = data if keep is None else part_of(data, np.isin(data.flight, keep))
+    found = _fit(model, used, row_s, name, None)
+    if "tau" not in CANDIDATES[name] and "up" not in CANDIDATES[name]:
+        return found
+    at_V = float(np.mean(used.u * used.battery_V[..., None]))
+    return _fit(steeper(model, float(np.mean(found.gain)), at_V), used, row_s, name, found)
+
+
+def _fit(model: Model, used: Windows, row_s: float, name: str, first: Lag | None) -> Lag:
     wanted = CANDIDATES[name]
-    weights = np.ones(len(data.flight)) if keep is None else np.isin(data.flight, keep).astype(float)
-    used = Windows(*(x[weights > 0.0] for x in (data.u, data.battery_V, data.past_u, data.past_V, data.speed,
-                                                data.flight)))
     measured, one = centred(used.speed), np.ones(len(used.u))
 
     def full(free: np.ndarray) -> np.ndarray:
@@ -155,19 +177,21 @@ def fit_lag(model: Model, data: Windows, row_s: float, name: str = "up and down 
         gain = gains(found, measured, one)
         return measured - gain[:, None, None] * found, gain
 
-    start = np.array([0.004 if w == "delay" else 0.035 for w in wanted])
-    low = np.array([0.0 if w == "delay" else LOWER for w in wanted])
-    if not wanted:
-        left, gain = residuals(start[None])
-        return Lag(name, 0.0, 0.0, 0.0, float(np.sqrt(np.mean(left[0] ** 2))), gain[0])
-    spread = 1.4826 * float(np.median(np.abs(residuals(start[None])[0])))
-
     def jacobian(free: np.ndarray) -> np.ndarray:
         left = residuals(np.vstack([free, free + STEP_S * np.eye(len(free))]))[0].reshape(1 + len(free), -1)
         return (left[1:] - left[0]).T / STEP_S
 
+    low = np.array([0.0 if w == "delay" else LOWER for w in wanted])
+    start = np.array([0.004 if w == "delay" else 0.035 for w in wanted])
+    if first is not None:
+        last = {"up": first.tau_up_s, "tau": first.tau_up_s, "down": first.tau_down_s, "delay": first.delay_s}
+        start = np.clip([last[w] for w in wanted], low + 1e-6, UPPER - 1e-6)
+    left, gain = residuals(start[None])
+    if not wanted:
+        return Lag(name, model, 0.0, 0.0, 0.0, float(np.sqrt(np.mean(left[0] ** 2))), gain[0])
+    spread = 1.4826 * float(np.median(np.abs(left)))
     found = least_squares(lambda p: residuals(p[None])[0].ravel(), start, jacobian, bounds=(low, UPPER),
-                          loss="soft_l1", f_scale=spread, x_scale=0.01, xtol=1e-5, ftol=1e-7, max_nfev=40)
+                          loss="soft_l1", f_scale=spread, x_scale=0.01, xtol=1e-5, ftol=1e-6, max_nfev=40)
     left, gain = residuals(found.x[None])
     at_bound = [w for w, x, lo in zip(wanted, found.x, low, strict=True)
                 if x > UPPER - 1e-4 or (w != "delay" and x < lo + 1e-4)]
@@ -181,17 +205,16 @@ def fit_lag(model: Model, data: Windows, row_s: float, name: str = "up and down 
         gradient.append(np.einsum("nhkp,nhk->p", weighted, left[0][of]))
         curvature.append(np.einsum("nhkp,nhkq->pq", weighted, slopes[of]))
     up, down, delay = (float(x) for x in full(found.x))
-    return Lag(name, up, down, delay, float(np.sqrt(np.mean(left[0] ** 2))), gain[0], trouble,
+    return Lag(name, model, up, down, delay, float(np.sqrt(np.mean(left[0] ** 2))), gain[0], trouble,
                np.array(gradient), np.array(curvature))
 
 
-def held_out_rms(model: Model, lag: Lag, data: Windows, row_s: float, flights: Sequence[int]) -> np.ndarray:
+def held_out_rms(lag: Lag, data: Windows, row_s: float, flights: Sequence[int]) -> np.ndarray:
     """(len(flights),) RMS [rad/s] of a fitted candidate on flights, its gains included."""
     found = []
     for flight in flights:
-        of = data.flight == flight
-        part = Windows(*(x[of] for x in (data.u, data.battery_V, data.past_u, data.past_V, data.speed, data.flight)))
-        speed = centred(simulate(model, part, np.array([lag.values]), row_s))[0]
+        part = part_of(data, data.flight == flight)
+        speed = centred(simulate(lag.model, part, np.array([lag.values]), row_s))[0]
         found.append(float(np.sqrt(np.mean((centred(part.speed) - lag.gain * speed) ** 2))))
     return np.array(found)
 

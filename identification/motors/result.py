@@ -117,9 +117,8 @@ def _example(study: Study) -> dict[str, Any]:
     lines = {}
     for name in ("at once", study.best_lag):
         fit = study.lags[name]
-        gain = fit.gain if name != "at once" else study.lag.gain
-        lines[name] = mean + gain[motor] * lags.centred(
-            lags.simulate(study.base, one, np.array([fit.values]), study.logs[0].row_s))[0, 0, :, motor]
+        found = lags.simulate(study.lag.model, one, np.array([fit.values]), study.logs[0].row_s)
+        lines[name] = mean + study.lag.gain[motor] * lags.centred(found)[0, 0, :, motor]
     return {"flight": study.logs[int(one.flight[0])].name, "motor": int(motor) + 1,
             "time_s": np.arange(one.speed.shape[1]) * study.logs[0].row_s, "measured_rad_s": one.speed[0, :, motor],
             "simulated_rad_s": lines}

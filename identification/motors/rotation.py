@@ -149,11 +149,11 @@ def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
     return Batch(**joined, row_hz=every / (row_s * step), every=every, before=(warm + trim) * every)
 
 
-def rotation_model(base: Model, lag: Lag, kind: Input, k_f: float, inertia: Sequence[float]) -> Model:
-    """The terms of one input at the values a fit starts from. ``base``: vehicle and thrust map in motor voltage."""
-    vehicle = base.vehicle
+def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float]) -> Model:
+    """The terms of one input at the values a fit starts from; thrust map, vehicle and k_f are those of the lag."""
+    base = lag.model
     if kind.source == "rpm":
-        model = Model(replace(vehicle, input="rpm"), {"thrust_rpm": {"k_f": k_f}})
+        model = Model(replace(base.vehicle, input="rpm"), {"thrust_rpm": base.values_of("thrust_rpm")})
     else:
         model = base.without("thrust_rpm").with_term("motor_lag", tau_up_s=lag.tau_up_s, tau_down_s=lag.tau_down_s)
     return (model.with_term("inertia", inertia_kg_m2=tuple(inertia)).with_term("yaw_torque", k_m=0.006)

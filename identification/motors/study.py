@@ -89,7 +89,7 @@ class Study:
     @property
     def slopes(self) -> tuple[float, float]:
         """dT / d(u V) [N/V] of the mean motor in hover: from changes within a second, and of the chosen steady map."""
-        fast = self.base.values_of("thrust_voltage")["c"][1] * float(np.mean(self.lag.gain)) if self.lag else np.nan
+        fast = self.lag.model.values_of("thrust_voltage")["c"][1] * float(np.mean(self.lag.gain))
         slow = float("nan")
         if self.chosen is not None and self.chosen.best is not None:
             u = np.concatenate([log.joined(log.u) for log in self.logs]).mean()
@@ -183,9 +183,9 @@ def _lags(study: Study, seed: int) -> None:
         rms = np.full(len(study.logs), np.nan)
         study.fold_lags[name] = [lagging.fit_lag(base, data, row_s, name, np.array(train))
                                  for base, (train, _) in zip(bases, study.folds, strict=True)]
-        for base, fit, (_, test) in zip(bases, study.fold_lags[name], study.folds, strict=True):
+        for fit, (_, test) in zip(study.fold_lags[name], study.folds, strict=True):
             tested = [i for i in test if np.any(data.flight == i)]
-            rms[tested] = lagging.held_out_rms(base, fit, data, row_s, tested)
+            rms[tested] = lagging.held_out_rms(fit, data, row_s, tested)
         study.lag_rms[name] = rms
         study.lags[name] = lagging.fit_lag(study.base, data, row_s, name, np.array(study.train))
     able = {n: fit.rms_rad_s for n, fit in study.lags.items() if not fit.trouble}
@@ -245,7 +245,7 @@ def _rotation(study: Study, seed: int) -> None:
         if found is None or not np.isin(found.flight, study.train).any():
             return
         data = found
-        model = turning.rotation_model(study.base, study.lag, kind, study.k_f, inertia(study))
+        model = turning.rotation_model(study.lag, kind, inertia(study))
         study.models[kind.name] = turning.fit_rotation(model, data.part(np.isin(data.flight, study.train)),
                                                         kind.own_lag)
         if kind.own_lag:
@@ -255,9 +255,7 @@ def _rotation(study: Study, seed: int) -> None:
             learn, held = (data.part(np.isin(data.flight, which)) for which in (train, test))
             if not len(learn.start) or not len(held.start):
                 continue
-            logs = [study.logs[i] for i in train]
-            base = hover(logs, study.vehicle)
-            model = turning.rotation_model(base, lag, kind, base.values_of("thrust_rpm")["k_f"], inertia(study, train))
+            model = turning.rotation_model(lag, kind, inertia(study, train))
             fit = turning.fit_rotation(model, learn, kind.own_lag)
             troubles += [fit.trouble] if fit.trouble else []
             parts.append((held.flight, turning.errors(fit, held)))
@@ -291,7 +289,6 @@ def simulator(study: Study) -> Model:
     inertia is that of ``torque``. Delays of sensors are left out.
     """
     fast, slow = study.slopes
-    c: Sequence[float]
     if study.chosen is not None and study.chosen.best is not None and abs(slow / fast - 1.0) < AGREES:
         fit: Fit = study.chosen.fits[study.chosen.best].fit
         u = np.concatenate([log.joined(log.u).ravel() for log in study.logs])
@@ -299,9 +296,7 @@ def simulator(study: Study) -> Model:
         exported = export(fit, tuple(np.quantile(u, (0.005, 0.995))), tuple(np.quantile(voltage, (0.02, 0.98))))
         terms = {term["name"]: {k: v for k, v in term.items() if k != "name"} for term in exported.terms}
     else:
-        c = study.base.values_of("thrust_voltage")["c"]
-        hover = study.vehicle.mass_kg * study.vehicle.gravity_m_s2 / 4.0
-        terms = {"thrust_voltage": {"c": (hover - fast * (hover - c[0]) / c[1], fast)}}
+        terms = {"thrust_voltage": study.lag.model.values_of("thrust_voltage")}
     terms |= {"motor_lag": {"tau_up_s": study.lag.tau_up_s, "tau_down_s": study.lag.tau_down_s},
               "thrust_rpm": {"k_f": study.k_f}}
     vehicle = replace(study.vehicle, inertia_kg_m2=inertia(study))

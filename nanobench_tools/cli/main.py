@@ -28,6 +28,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "motors": ("Motor lag, speed and torque from logs with measured RPM.",
                "nanobench motors --data LOGS --mass 0.037 --out DIR"),
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
+    "diagnose": ("Where is my simulator wrong? What it leaves out, how big, how sure.",
+                 "nanobench diagnose --data FLIGHTS --simulator simulator.toml --out DIR"),
     "simulate": ("Write practice flights through the whole logging chain.",
                  "nanobench simulate --flights 20 --out practice"),
     "convert": ("Recordings or a simulator.toml into another format.",

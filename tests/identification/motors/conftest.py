@@ -1,0 +1,33 @@
+"""Logs of a made vehicle, flown once, and the study of them."""
+
+from __future__ import annotations
+
+import pytest
+from made_logs import MASS, flight, fly
+
+from identification.motors import identify, rotation
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
+
+
+@pytest.fixture(scope="session")
+def logs():
+    return fly(3, noise=3.0)
+
+
+@pytest.fixture(scope="session")
+def few_inputs():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rotation, "INPUTS", tuple(k for k in rotation.INPUTS if k.name in ("radio", "logged", "rpm")))
+        patch.setattr(rotation, "MOST_WINDOWS", 60)
+        yield
+
+
+@pytest.fixture(scope="session")
+def study(logs, few_inputs):
+    return identify([flight(log, f"made{i}") for i, log in enumerate(logs)], mass_kg=MASS)
