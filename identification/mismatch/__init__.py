@@ -1,0 +1,1 @@
+"""Where a simulator is wrong: residual, location, name, corrected model, proof."""

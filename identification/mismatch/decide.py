@@ -1,0 +1,208 @@
+"""From hypotheses that fit to a decision: named, unknown, a fault of the data, none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.flight import Fault
+from nanobench_tools.physics import Model
+
+from .fitting import Fit, Slopes, fit
+from .leftover import Structure, structures
+from .moments import Moments
+from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, free_of
+from .recordings import Recordings
+from .space import Space
+from .wrench import CHANNELS
+
+PLAIN = 1.6
+"""Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
+unit variance, since no autoregression describes every disturbance."""
+UNEXPLAINED = 0.35
+"""A name stands only where it explains more than what is left is large, in this proportion."""
+LEAST_LEFT = 150.0
+LEAST_FORCE_M_S2 = 0.035
+LEAST_TURNING = 0.3
+"""Structure that is left is a finding from this RMS of force, or share of the turning, on."""
+GAP_S = 0.5
+"""Radio packets lost for less than this are usual."""
+WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
+"""Faults that are in every row: what looks like physics beside them is them."""
+BESIDE = 0.1
+"""Share of all structure from which something left beside a name is worth saying."""
+LATE_S = 0.04
+"""A clock that is off by a constant below this is re-timed like one that wanders."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect: the hypothesis, what cannot be told from it, the standard deviations of its parameters by name, the
+    share of the residual's structure it takes away, channels where it acts, confidence."""
+
+    hypothesis: Hypothesis
+    equivalent: tuple[str, ...]
+    sd: dict[str, float]
+    share: float
+    axes: tuple[str, ...]
+    covariate: str
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """outcome of DESIGN; findings; structures that no term explains; fit of what was named; space it is of; faults of
+    the data that touch what is judged; excess [6] before and after: squared length above what is plain."""
+
+    outcome: str
+    findings: tuple[Finding, ...]
+    withdrawn: tuple[tuple[str, str], ...]
+    unknown: tuple[Structure, ...]
+    fit: Fit
+    space: Space
+    faults: tuple[tuple[str, Fault], ...]
+    before: np.ndarray
+    after: np.ndarray
+    rejected: dict[str, str]
+
+
+def decide(recordings: Recordings, moments: Moments, space: Space, named: Named, simulator: Model) -> Decision:
+    """Names stand that explain nearly all there is where they act; the rest is unknown."""
+    known = Slopes(moments)
+    nothing = fit(known, space.model, [])
+    before = excess(moments, nothing.left)
+    faults = tuple((n, f) for n, f in recordings.faults if touches(f, n, recordings))
+    final = named.fit
+    # what the logging can feign is no finding, and no unknown either
+    feigned = [t for t in named.rejected if t in named.space.terms and t not in {h.term for h in named.accepted}]
+    free = free_of(named.space, [*(h.term for h in named.accepted), *feigned])
+    lenient = fit(known, final.model, free) if feigned else final
+    after = excess(moments, lenient.left)
+    force = moments.wrench.residual(lenient.model)[0]
+    found = structures(moments, force)
+    rough = _roughness(moments, lenient.left, after)
+    if rough is not None and not found:
+        found = [rough]
+    kept, withdrawn, alike = [], [], []
+    for h, others in zip(named.accepted, named.alike, strict=True):
+        why = _hollow(moments, known, named, h, after, before, found)
+        if why:
+            withdrawn.append((h.term, why))
+        else:
+            kept.append(h)
+            alike.append(others)
+    if withdrawn and kept:  # what stays has to stand alone
+        again = fit(known, _rested(named, [t for t, _ in withdrawn]), free_of(named.space, [h.term for h in kept]))
+        final = again
+    elif withdrawn:
+        final = fit(known, space.model, [])
+    findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, final.loss)
+                     for h, others in zip(kept, alike, strict=True))
+    if withdrawn and not found:
+        biggest = int(np.argmax(after))
+        found = [Structure("motion", _force_rms(moments, lenient.left, biggest), float(after[biggest]),
+                           (CHANNELS[biggest],), "structure that no single term explains")]
+    if findings:
+        found = [s for s in found if s.kind != "motion" or s.gain > BESIDE * float(before.sum())]
+    spoilt = [f for _, f in faults if f.kind in WHOLE]
+    outcome = ("named" if findings else "data_fault" if spoilt else "unknown" if found else
+               "data_fault" if faults else "none")
+    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, named.space, faults, before, after,
+                    named.rejected)
+
+
+def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
+    """(6,) squared length of each channel's projection above what a right simulator leaves."""
+    owner = moments.owner
+    return np.array([max(float(left[owner == c] @ left[owner == c]) - PLAIN * np.sum(owner == c), 0.0)
+                     for c in range(6)])
+
+
+def touches(fault: Fault, name: str, recordings: Recordings) -> bool:
+    """Faults on the ground before take-off or after landing, and clocks that are a little late, are no explanation."""
+    if fault.kind == "clock_offset":
+        return abs(fault.size) > LATE_S
+    if fault.kind == "gap" and fault.size < GAP_S:
+        return False
+    audit = recordings.audits.get(name)
+    if audit is None or not audit.airborne:
+        return True
+    return any(fault.start_s < s.end_s and fault.end_s > s.start_s for s in audit.airborne)
+
+
+def _rested(named: Named, terms: Sequence[str]) -> Model:
+    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] in terms}
+    return named.fit.model.with_parameters(rest)
+
+
+def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, before: np.ndarray,
+            found: Sequence[Structure]) -> str:
+    """Why a hypothesis is no name for what is there; empty when it is."""
+    without = known.left(_rested(named, [h.term]))
+    taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
+    here = taken > 0.2 * taken.sum()
+    left = float(after[here].sum())
+    if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
+        where = ", ".join(np.array(CHANNELS)[here])
+        return f"{h.term} explains {taken[here].sum():.0f} but leaves {left:.0f} in {where}"
+    strange = [s for s in found if s.gain > UNEXPLAINED * float(taken.sum()) and here[:3].any()]
+    return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+
+
+def _roughness(moments: Moments, left: np.ndarray, after: np.ndarray) -> Structure | None:
+    """Structure along the covariates that no hypothesis explains, when it is large enough to matter."""
+    c = int(np.argmax(after))
+    if after[c] < max(LEAST_LEFT, 2.0 * np.sum(moments.owner == c)):
+        return None
+    size = _force_rms(moments, left, c)
+    if size < (LEAST_FORCE_M_S2 if c < 3 else LEAST_TURNING):
+        return None
+    mine = np.flatnonzero(moments.owner == c)
+    top = moments.channels[c].names[int(np.argmax(np.abs(left[mine])))]
+    return Structure("motion", size if c < 3 else 0.0, float(after[c]), (CHANNELS[c],),
+                     f"{CHANNELS[c]} goes with {top}")
+
+
+def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
+    """RMS of the residual that the covariates predict: m/s^2 of force, share of the residual of torque."""
+    channel, mine = moments.channels[c], moments.owner == c
+    white = channel.basis @ (left[mine] * channel.sd)
+    judged = channel.memory.judged
+    share = float(np.sum(white[judged] ** 2) / max(channel.sd**2 * judged.sum(), 1e-12))
+    if c >= 3:
+        return float(np.sqrt(share))
+    colour = 1.0 / max(abs(1.0 - float(channel.memory.weights.sum())), 0.05)
+    return float(np.sqrt(np.mean(white[judged] ** 2)) * min(colour, 8.0))
+
+
+def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike: tuple[str, ...], final: Fit,
+             before: float, after: float) -> Finding:
+    model = final.model
+    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] == h.term
+            and n in model.names}
+    without = known.left(model.with_parameters(rest))
+    owner = moments.owner
+    taken = np.array([max(float(without[owner == c] @ without[owner == c])
+                          - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])
+    axes = tuple(CHANNELS[c] for c in range(6) if taken[c] > 0.2 * taken.sum())
+    gone = without - final.left
+    slow = [(abs(g), name) for g, name, group in zip(gone, _names(moments), _groups(moments), strict=True)
+            if group not in ("hypothesis", "turning", "flight")]
+    sd = {model.names[i]: float(np.sqrt(final.covariance[k, k])) for k, i in enumerate(final.free)
+          if model.names[i].startswith(f"{h.term}.")}
+    doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
+    return Finding(h, alike, sd, float(taken.sum() / max(before - after, taken.sum(), 1e-9)), axes,
+                   max(slow)[1] if slow else "", float(np.clip(0.99 - 0.35 * doubt, 0.5, 0.99)))
+
+
+def _names(moments: Moments) -> list[str]:
+    return [n for c in moments.channels for n in c.names]
+
+
+def _groups(moments: Moments) -> list[str]:
+    return [g for c in moments.channels for g in c.groups]
+
+
+__all__ = ["LEAST_GAIN", "PER_PARAMETER", "Decision", "Finding", "decide"]

@@ -1,0 +1,78 @@
+"""The whole chain: data, residual, location, name, model, proof."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.audit import audit
+from nanobench_tools.flight import Flight
+from nanobench_tools.harness.clocks import on_clock
+from nanobench_tools.physics import Model
+
+from .decide import Decision, decide
+from .fitting import Slopes, fit, slopes
+from .moments import Moments, moments_of
+from .naming import Named, free_of, name_effects
+from .proof import Proof, prove
+from .recordings import Recordings, look_over
+from .space import Space, space_around
+from .verdict import Verdict
+from .wrench import Wrench
+
+LEAST_S = 8.0
+"""Seconds of clean flight below which nothing is said about physics."""
+PASSES = 2
+"""Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
+
+
+def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
+             progress: Callable[[str], None] | None = None) -> Verdict:
+    """What is wrong with ``simulator``, given recordings that were looked over."""
+    start = time.perf_counter()
+    say = progress or (lambda text: None)
+    if recordings.judged_s < LEAST_S:
+        return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
+    wrench = Wrench(recordings.tracks)
+    space = space_around(simulator)
+    say("residual along the measured states")
+    moments, named = _named(wrench, space, simulator, say)
+    say("what is left")
+    decision = decide(recordings, moments, space, named, simulator)
+    say("prediction on flights that were left out")
+    proof = prove(moments, decision, simulator, seed)
+    return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], None]) -> tuple[Moments, Named]:
+    asked = np.concatenate([space.free(t) for t in space.terms])
+    names = [space.model.names[i] for i in asked]
+    at: Model = space.model
+    named: Named | None = None
+    for number in range(PASSES):
+        force, _torque = slopes(wrench, space.model, asked)
+        moments = moments_of(wrench, wrench.residual(at), force, names)
+        found = name_effects(moments, space, simulator, say)
+        same = named is not None and [h.term for h in found.accepted] == [h.term for h in named.accepted]
+        named, at = found, found.fit.model
+        if same or (not found.accepted and number == 0):
+            break
+    assert named is not None  # PASSES is positive
+    return moments, named
+
+
+def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int = 0,
+                     progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """``diagnose`` from recordings as they were read: verdict.json without what belongs to the file around it."""
+    start = time.perf_counter()
+    audits = {flight.name: audit(flight) for flight in flights}
+    moved = on_clock(flights, audits, "retimed")
+    recordings = look_over(flights, audits, moved.flights, moved.audits)
+    body = diagnose(recordings, simulator, seed=seed, progress=progress).to_json()
+    return {**body, "elapsed_s": time.perf_counter() - start}
+
+
+__all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_flights", "fit", "free_of"]

@@ -1,0 +1,166 @@
+"""A hypothesis fitted to the residual: a few parameters of a model changed until the projection is smallest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+
+from .moments import Moments
+from .space import scales
+
+TIMING = "command_delay.delay_s"
+TIMING_SD_S = 0.003
+"""A logged command stands for some moment of its row: half a row either way is no physics."""
+STEP = 1e-3
+"""Of a parameter's scale: difference quotients."""
+STEPS = 4
+SETTLED = 0.02
+"""A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
+PRIOR_SD = 30.0
+"""Scales: keeps directions the flights do not tell where they are."""
+FIXED_SUM = ("motor_imbalance.g",)
+"""Lists whose mean is given by definition."""
+STIFF = 1e4
+
+
+@dataclass(frozen=True)
+class Fit:
+    """``model`` at the end; ``free`` indices of its parameters; covariance (F, F) of them in their own units, as if
+    everything else were right; loss: squared length of what is left; left (K,): the projection that is left."""
+
+    model: Model
+    free: np.ndarray
+    covariance: np.ndarray
+    loss: float
+    left: np.ndarray
+    on_bound: tuple[str, ...] = field(default=())
+
+
+class Slopes:
+    """Projected effects of parameters (K,) per scale, each computed once at a model's values; of some flights only
+    when ``flights`` are given."""
+
+    def __init__(self, moments: Moments, flights: Sequence[int] | None = None) -> None:
+        self.moments, self._mask = moments, None
+        if flights is not None:
+            wrench = moments.wrench
+            mine = np.isin(wrench.flight, flights)
+            self._mask = mine[wrench.force_at], mine[wrench.torque_at]
+        self._known: dict[tuple, np.ndarray] = {}
+        self._left: dict[tuple, np.ndarray] = {}
+
+    def _project(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        if self._mask is not None:
+            shape = (-1,) + (1,) * (force.ndim - 1)
+            force, torque = force * self._mask[0].reshape(shape), torque * self._mask[1].reshape(shape)
+        return self.moments.project(force, torque)
+
+    def columns(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
+        """(K, F)."""
+        new = [int(i) for i in which if (*model.key, int(i)) not in self._known]
+        if new:
+            found = self._project(*slopes(self.moments.wrench, model, new))
+            for column, i in enumerate(new):
+                self._known[(*model.key, i)] = found[:, column]
+        if not len(which):
+            return np.zeros((len(self.moments.owner), 0))
+        return np.stack([self._known[(*model.key, int(i))] for i in which], axis=1)
+
+    def left(self, model: Model) -> np.ndarray:
+        """(K,) projection of the residual of a model."""
+        if model.key not in self._left:
+            self._left[model.key] = self._project(*self.moments.wrench.residual(model))
+        return self._left[model.key]
+
+
+def slopes(wrench, model: Model, which: Sequence[int] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a parameter does to force and torque: (N, 3, F), (M, 3, F), per scale of each parameter."""
+    sizes = scales(model)
+    force = np.empty((*wrench.measured[0].shape, len(which)))
+    torque = np.empty((*wrench.measured[1].shape, len(which)))
+    for column, i in enumerate(which):
+        up, down = model.values.copy(), model.values.copy()
+        up[i] = min(up[i] + STEP * sizes[i], model.upper[i])
+        down[i] = max(down[i] - STEP * sizes[i], model.lower[i])
+        above, below = wrench.model(model, up), wrench.model(model, down)
+        per = (up[i] - down[i]) / sizes[i]
+        force[..., column], torque[..., column] = (above[0] - below[0]) / per, (above[1] - below[1]) / per
+    return force, torque
+
+
+def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: int = STEPS) -> Fit:
+    """Gauss-Newton with step halving, within the parameters' bounds.
+
+    The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
+    unless the delay itself is asked for.
+    """
+    free = np.asarray(free, int)
+    timing = model.names.index(TIMING) if TIMING in model.names else None
+    sizes, weight = scales(model)[free], np.full(len(free), 1.0 / PRIOR_SD)
+    extra = np.zeros((len(known.moments.owner), 0))
+    if timing is not None and timing not in free:
+        extra = known.columns(model, [timing]) / scales(model)[timing] * TIMING_SD_S
+    sums = _sums(model, free) / sizes.mean() if len(free) else np.zeros((0, 0))
+    start = values = model.values[free]
+
+    def at(chosen: np.ndarray) -> Model:
+        vector = model.values.copy()
+        vector[free] = chosen
+        return model.with_values(vector)
+
+    def without_timing(left: np.ndarray) -> np.ndarray:
+        if not extra.shape[1]:
+            return left
+        column = extra[:, 0]
+        return left - column * (column @ left) / (1.0 + column @ column)
+
+    def cost_of(chosen: np.ndarray) -> tuple[float, np.ndarray]:
+        left = known.left(at(chosen))
+        better, moved = without_timing(left), (chosen - start) / sizes if len(free) else start
+        penalty = float(np.sum((weight * moved) ** 2) + STIFF * np.sum((sums @ (chosen - start)) ** 2))
+        # the part along the timing that is left counts with its prior
+        return float(left @ better) + penalty, better
+
+    cost, left = cost_of(values)
+    matrix = np.zeros((len(left), len(free)))
+    for _ in range(steps if len(free) else 0):
+        matrix = known.columns(at(values), free)
+        clean = np.stack([without_timing(c) for c in matrix.T], axis=1)
+        stiff = STIFF * (sums * sizes).T @ (sums * sizes)
+        normal = matrix.T @ clean + np.diag(weight**2) + stiff
+        moved = (values - start) / sizes
+        gradient = clean.T @ known.left(at(values)) - weight**2 * moved - stiff @ moved
+        step = np.linalg.solve(normal, gradient)
+        share, better, promised = 1.0, False, float(step @ gradient)
+        for _ in range(5):
+            trial = np.clip(values + share * step * sizes, model.lower[free], model.upper[free])
+            new_cost, new_left = cost_of(trial)
+            if new_cost < cost - 1e-9:
+                better = True
+                break
+            share *= 0.4
+        if not better:
+            break
+        gain, (values, left, cost) = cost - new_cost, (trial, new_left, new_cost)
+        if gain < 0.05 or (share == 1.0 and abs(gain - promised) < SETTLED * promised):
+            break
+    clean = np.stack([without_timing(c) for c in matrix.T], axis=1) if len(free) else matrix
+    normal = matrix.T @ clean + np.diag(weight**2)
+    if len(free):
+        normal = normal + STIFF * (sums * sizes).T @ (sums * sizes)
+    covariance = np.linalg.inv(normal) * np.outer(sizes, sizes) if len(free) else np.zeros((0, 0))
+    found = at(values)
+    on = tuple(model.names[i] for i, v in zip(free, values, strict=True)
+               if v <= model.lower[i] + 1e-12 or v >= model.upper[i] - 1e-12)
+    return Fit(found, free, covariance, cost, left, on)
+
+
+def _sums(model: Model, free: np.ndarray) -> np.ndarray:
+    """(S, F) rows of ones over lists whose sum is fixed."""
+    names = [model.names[i].partition("[")[0] for i in free]
+    rows = [[float(n == base) for n in names] for base in FIXED_SUM if base in names]
+    return np.array(rows).reshape(-1, len(free))

@@ -1,0 +1,186 @@
+"""Structure that no term of the vocabulary explains: found by flexible models that know no physics, on flights they
+were not fitted to, so that "unknown" can be said with a place and a size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.stats import gamma
+
+from nanobench_tools import so3
+
+from .moments import Moments
+from .wrench import FORCE_ROWS, ROW_S
+
+PLACES = 16
+"""Blobs that cover where the flights went."""
+LEAST_FORCE_M_S2 = 0.035
+"""Structure below this RMS is no finding: rows of a filtered path differ by as much from what acted."""
+LEAST_GAIN = 60.0
+PERIODS_HZ = (0.25, 6.0)
+PEAK_P = 1e-8
+BURST_SD = 6.0
+BURSTS = 6
+
+
+@dataclass(frozen=True)
+class Structure:
+    """kind: ``place``, ``time``, ``motion``, ``period`` or ``bursts``; size_m_s2: RMS of the force (bursts: their
+    typical height); gain: squared standard deviations it explains on held-out flights; hint: a sentence."""
+
+    kind: str
+    size_m_s2: float
+    gain: float
+    axes: tuple[str, ...]
+    hint: str
+    flights: tuple[int, ...] = ()
+
+
+def structures(moments: Moments, force: np.ndarray) -> list[Structure]:
+    """What is left in the force residual (N, 3), body; largest gain first."""
+    wrench = moments.wrench
+    at = wrench.force_at
+    flight = wrench.flight[at]
+    found = [s for s in (_place(moments, force, flight), _time(moments, force, flight),
+                         _motion(moments, force, flight), _period(moments, force, flight),
+                         _bursts(moments, force, flight)) if s is not None]
+    return sorted(found, key=lambda s: -s.gain)
+
+
+def _held_out(moments: Moments, target: np.ndarray, features: np.ndarray, flight: np.ndarray,
+              channels: Sequence[int]) -> tuple[float, float, np.ndarray]:
+    """(gain, RMS of what is predicted, gain of each flight): regression on the other flights, ridge of one sample."""
+    gains, predicted = np.zeros(flight.max() + 1), np.zeros_like(target)
+    for c in channels:
+        memory = moments.channels[min(c, 2)].memory
+        white, columns = memory.whiten(target[:, c]), memory.whiten(features)
+        sd = np.sqrt(np.mean(white[memory.judged] ** 2))
+        for f in np.unique(flight):
+            others = flight != f
+            normal = columns[others].T @ columns[others]
+            ridge = 1e-3 * np.trace(normal) / len(normal)
+            beta = np.linalg.solve(normal + ridge * np.eye(len(normal)), columns[others].T @ white[others])
+            here = ~others
+            left = white[here] - columns[here] @ beta
+            gains[f] += (white[here] @ white[here] - left @ left) / sd**2
+            predicted[here, c] = (features[here] - features[here].mean(0)) @ beta
+    present = np.unique(flight)
+    size = float(np.sqrt(np.mean(np.sum(predicted[:, list(channels)] ** 2, axis=1))))
+    return float(gains.sum()), size, gains[present]
+
+
+def _accepted(gain: float, size: float, each: np.ndarray) -> bool:
+    return bool(gain > LEAST_GAIN and size > LEAST_FORCE_M_S2 and np.mean(each > 0.0) >= 0.6)
+
+
+def _place(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
+    """A force of the room: of the place, in the world, not of the vehicle."""
+    wrench = moments.wrench
+    if len(np.unique(flight)) < 2:
+        return None
+    at = wrench.force_at
+    position = wrench.of("position_m", at)
+    centres, _ = kmeans2(position, PLACES, seed=0, minit="++")
+    spread = np.median(np.sort(np.linalg.norm(centres[:, None] - centres[None], axis=2), axis=1)[:, 1]) + 1e-6
+    blobs = np.exp(-0.5 * np.sum((position[:, None] - centres[None]) ** 2, axis=2) / spread**2)
+    world = so3.rotate(wrench.quaternion[at], force)
+    features = np.concatenate([blobs, position - position.mean(0), np.ones((len(at), 1))], axis=1)
+    gain, size, each = _held_out(moments, world, features, flight, (0, 1, 2))
+    if not _accepted(gain, size, each):
+        return None
+    strength = np.linalg.norm([world[b > 0.6].mean(0) if (b > 0.6).any() else np.zeros(3) for b in blobs.T], axis=1)
+    x, y, z = centres[int(np.argmax(strength))]
+    return Structure("place", size, gain, ("x", "y", "z"),
+                     f"a force that depends on the place in the room, strongest near x {x:.1f}, y {y:.1f}, z {z:.1f} m")
+
+
+def _time(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
+    """Something that changes from take-off on, along the thrust."""
+    wrench = moments.wrench
+    if len(np.unique(flight)) < 2:
+        return None
+    since = wrench.of("since_s", wrench.force_at)
+    t = since / max(since.max(), 1.0)
+    features = np.stack([np.ones_like(t), t, t**2, t**3, np.exp(-since / 3.0), np.exp(-since / 10.0)], axis=1)
+    gain, size, each = _held_out(moments, force, features, flight, (2,))
+    if not _accepted(gain, size, each):
+        return None
+    return Structure("time", size, gain, ("z",), "thrust that changes with the time since take-off")
+
+
+def _motion(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
+    """A force of the vehicle's own motion in a shape that no term has."""
+    wrench = moments.wrench
+    if len(np.unique(flight)) < 2:
+        return None
+    at = wrench.force_at
+    v = so3.rotate_inverse(wrench.quaternion[at], wrench.of("velocity_m_s", at))
+    w = wrench.of("rate_rad_s", at)
+    speed = np.linalg.norm(v, axis=1, keepdims=True)
+    features = np.concatenate([np.ones((len(at), 1)), v, v * speed, v * speed**2, v * np.roll(v, 1, axis=1), w,
+                               np.tanh(4.0 * v)], axis=1)
+    gain, size, each = _held_out(moments, force, features, flight, (0, 1, 2))
+    if not _accepted(gain, size, each):
+        return None
+    return Structure("motion", size, gain, ("x", "y", "z"), "a force that follows the vehicle's velocity or rates")
+
+
+def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
+    """One frequency that all flights share, far above its neighbours."""
+    best: tuple[float, float, int, float] | None = None
+    dt = FORCE_ROWS * ROW_S
+    grid = np.arange(*PERIODS_HZ, 0.02)
+    for c in range(3):
+        memory = moments.channels[c].memory
+        white = memory.whiten(force[:, c])
+        power, many = np.zeros(len(grid)), 0
+        for f in np.unique(flight):
+            mine = np.flatnonzero(flight == f)
+            x = white[mine]
+            time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
+            if len(x) * dt < 6.0 or not x.any():
+                continue
+            wave = np.exp(-2j * np.pi * grid[:, None] * time[None])
+            power += np.abs(wave @ x) ** 2 / (x @ x)
+            many += 1
+        if not many:
+            continue
+        near = np.array([np.median(power[np.abs(grid - g) < 0.8]) for g in grid])
+        typical = gamma.median(many)
+        ratio = power / near * typical
+        at = int(np.argmax(ratio))
+        p = float(gamma.sf(ratio[at], many)) * len(grid)
+        if p < PEAK_P and (best is None or ratio[at] > best[1]):
+            best = (float(grid[at]), float(ratio[at]), c, p)
+    if best is None:
+        return None
+    hertz, ratio, c, _ = best
+    heights = []
+    for f in np.unique(flight):
+        mine = flight == f
+        time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
+        wave = np.exp(-2j * np.pi * hertz * time)
+        heights.append(abs(wave @ force[mine, c]) * 2.0 / mine.sum())
+    size = float(np.mean(heights) / np.sqrt(2.0))
+    if size < 0.5 * LEAST_FORCE_M_S2:
+        return None
+    return Structure("period", size, ratio * 10.0, ("xyz"[c],),
+                     f"a force that swings at {hertz:.2f} Hz along body {'xyz'[c]}")
+
+
+def _bursts(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
+    """Short events, far outside of what noise does."""
+    memory = moments.channels[2].memory
+    white = memory.whiten(force[:, 2])
+    sd = 1.4826 * np.median(np.abs(white[memory.judged]))
+    far = np.abs(white) > BURST_SD * sd
+    events = int(np.sum(far & ~np.concatenate([[False] * 3, far[:-3]])))
+    share = float(np.sum(white[far] ** 2) / np.sum(white**2))
+    if events < BURSTS or share < 0.15:
+        return None
+    size = float(np.sqrt(np.mean(force[far, 2] ** 2)))
+    named = tuple(np.unique(flight[far]).tolist())
+    return Structure("bursts", size, share * len(white), ("z",), f"{events} short losses or gusts along body z", named)

@@ -1,0 +1,167 @@
+"""What the residual has in common with anything it should have nothing in common with.
+
+A right simulator leaves a residual that no covariate predicts. Residual and covariates are whitened (disturbances last
+a while), the covariates made orthonormal, and the residual projected onto them: K numbers a channel, of unit variance
+where nothing is wrong. A hypothesis is judged by how much of this projection it takes away.
+
+Closed loop: controllers answer a disturbance within a few rows, so that commands and rates correlate with the residual
+without causing it. Torques are therefore compared over short stretches, and only with covariates that were fixed before
+the stretch began (predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8; the
+disturbance itself is whitened first).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools import so3
+
+from .memory import Memory, fit_memory, runs_of
+from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
+
+RATE_LAGS = range(3, 10)
+"""Stretches before the one judged whose changes of rate are instruments: 20 to 160 ms."""
+MEMORY = ("rate", "turning")
+"""Groups of covariates that carry the disturbances of the past themselves."""
+ORDERS = 3, 8
+"""Samples of force and of torque before that a disturbance is remembered by: 120 and 160 ms."""
+RANK = 1e-6
+"""Covariates that others explain to this share are left out."""
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A signal the residual is compared with; ``group`` says in the report what it stands for."""
+
+    name: str
+    group: str
+    values: np.ndarray
+
+
+def _slopes(wrench: Wrench, at: np.ndarray) -> list[Covariate]:
+    """Covariates of both kinds that are slow, or exogenous."""
+    q = wrench.quaternion[at]
+    turn = so3.matrix(q)
+    v = so3.rotate_inverse(q, wrench.of("velocity_m_s", at))
+    p, volt = wrench.of("position_m", at), wrench.of("battery_V", at)
+    speed = np.linalg.norm(v, axis=1)
+    found = [Covariate("constant", "constant", np.ones(len(at)))]
+    for i, axis in enumerate("xyz"):
+        found += [Covariate(f"velocity {axis}", "air speed", v[:, i]),
+                  Covariate(f"speed x velocity {axis}", "air speed", speed * v[:, i]),
+                  Covariate(f"world {axis} seen by body x", "attitude", turn[:, i, 0]),
+                  Covariate(f"world {axis} seen by body y", "attitude", turn[:, i, 1]),
+                  Covariate(f"world {axis} seen by body z", "attitude", turn[:, i, 2])]
+    found += [Covariate("lateral speed^2", "air speed", v[:, 0] ** 2 + v[:, 1] ** 2),
+              Covariate("1 / height^2", "height", 1.0 / np.maximum(p[:, 2], 0.03) ** 2),
+              Covariate("height", "height", p[:, 2]),
+              Covariate("position x", "position", p[:, 0]), Covariate("position y", "position", p[:, 1]),
+              Covariate("battery", "battery", volt),
+              Covariate("time", "time", wrench.of("since_s", at))]
+    flight = wrench.flight[at]
+    found += [Covariate(f"flight {f}", "flight", np.where(flight == f, 1.0, 0.0)) for f in np.unique(flight)[1:]]
+    return found
+
+
+def force_covariates(wrench: Wrench, jacobian: np.ndarray, names: Sequence[str]) -> list[list[Covariate]]:
+    """For each of the three channels: slopes, and what each parameter of the vocabulary would do there."""
+    slow = _slopes(wrench, wrench.force_at)
+    return [[*slow, *(Covariate(name, "hypothesis", jacobian[:, c, k]) for k, name in enumerate(names))]
+            for c in range(3)]
+
+
+def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
+    """Known before each stretch begins."""
+    at = wrench.torque_at
+    rate = wrench.of("rate_rad_s", np.arange(len(wrench.track)))
+    begin = (wrench.ends - [len(t) for t in wrench.tracks])[wrench.track][at]
+    found = _slopes(wrench, at)
+
+    def before(rows: int) -> np.ndarray:
+        return np.maximum(at - rows, begin)
+
+    w = rate[before(2 * 2)]
+    for i, axis in enumerate("xyz"):
+        found.append(Covariate(f"rate {axis}", "rate", w[:, i]))
+        found.append(Covariate(f"rates {axis} crossed", "rate", w[:, i] * w[:, (i + 1) % 3]))
+        found += [Covariate(f"turning {axis} {20 * lag} ms before", "turning",
+                            rate[before(2 * lag)][:, i] - rate[before(2 * lag + 2)][:, i]) for lag in RATE_LAGS]
+    return [found] * 3
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One axis: its memory, its covariates as an orthonormal basis (samples, K), and the standard deviation of the
+    innovations that they do not explain."""
+
+    name: str
+    memory: Memory
+    basis: np.ndarray
+    names: tuple[str, ...]
+    groups: tuple[str, ...]
+    sd: float
+
+    def project(self, values: np.ndarray) -> np.ndarray:
+        """values (samples, ...) -> (K, ...) in standard deviations."""
+        return np.tensordot(self.basis, self.memory.whiten(values), axes=(0, 0)) / self.sd
+
+
+def _independent(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal basis of the columns, in their order, and which of them added something."""
+    size = np.linalg.norm(columns, axis=0)
+    keep, basis = [], np.zeros((len(columns), 0))
+    for k in np.flatnonzero(size > 0.0):
+        column = columns[:, k] / size[k]
+        for _ in range(2):
+            column = column - basis @ (basis.T @ column)
+        left = np.linalg.norm(column)
+        if left > RANK**0.5:
+            keep.append(k)
+            basis = np.concatenate([basis, column[:, None] / left], axis=1)
+    return basis, np.array(keep, int)
+
+
+def channel(name: str, at: np.ndarray, step: int, track: np.ndarray, covariates: Sequence[Covariate],
+            residual: np.ndarray, order: int) -> Channel:
+    """Memory and size of what the covariates do not explain, and their basis."""
+    runs = runs_of(at, step, track)
+    columns = np.stack([c.values for c in covariates], axis=1)
+    slow = np.stack([c.values for c in covariates if c.group not in MEMORY], axis=1)
+    memory = fit_memory(residual, slow, runs, order)
+    basis, keep = _independent(memory.whiten(columns))
+    white = memory.whiten(residual)
+    left = white - basis @ (basis.T @ white)
+    sd = float(np.sqrt(left @ left / max(memory.judged.sum() - basis.shape[1], 1)))
+    return Channel(name, memory, basis, tuple(covariates[k].name for k in keep),
+                   tuple(covariates[k].group for k in keep), sd)
+
+
+@dataclass(frozen=True)
+class Moments:
+    """All six channels."""
+
+    wrench: Wrench
+    channels: tuple[Channel, ...]
+
+    def project(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """(N, 3, ...), (M, 3, ...) -> all channels end to end, (K, ...), of unit variance where nothing is wrong."""
+        return np.concatenate([c.project((force if i < 3 else torque)[:, i % 3])
+                               for i, c in enumerate(self.channels)])
+
+    @property
+    def owner(self) -> np.ndarray:
+        """(K,) number of the channel."""
+        return np.repeat(np.arange(6), [c.basis.shape[1] for c in self.channels])
+
+
+def moments_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force_jacobian: np.ndarray,
+               names: Sequence[str]) -> Moments:
+    """Channels of a residual; force_jacobian (N, 3, P) is what the vocabulary would do to the force."""
+    covariates = [*force_covariates(wrench, force_jacobian, names), *torque_covariates(wrench)]
+    return Moments(wrench, tuple(
+        channel(name, wrench.force_at if i < 3 else wrench.torque_at, FORCE_ROWS if i < 3 else TORQUE_ROWS,
+                wrench.track, covariates[i], residual[i // 3][:, i % 3], ORDERS[i // 3])
+        for i, name in enumerate(CHANNELS)))

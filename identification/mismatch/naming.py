@@ -1,0 +1,213 @@
+"""Which effect explains the residual: every term of the vocabulary as a hypothesis, forward, and backward again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+
+from .fitting import Fit, Slopes, fit
+from .moments import Moments
+from .space import MAPS, Space, space_around, with_other_map
+from .tolerance import feigned
+
+LEAST_GAIN = 45.0
+"""Squared standard deviations a hypothesis has to take away: 23 terms of up to 4 parameters are tried a few times, and
+the moments are known to some tens of per cent only."""
+PER_PARAMETER = 8.0
+"""More parameters have to take away so much more each (log N of the Bayesian information criterion)."""
+ALIKE_SD2 = 25.0
+ALIKE_LEFT = 0.5
+"""Hypotheses that take away as much as the best, but for ALIKE_SD2 or this share of what the best leaves unexplained,
+are not told apart."""
+REDUNDANT = 0.4
+"""Beside the best, another explanation of the same thing has less than this share of its own left."""
+MOST = 4
+TRIED = 6
+"""Hypotheses that are fitted to the end; the others are far behind already when linear."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A term, the model in which it may change, and which parameters may. gain: loss it takes away beyond what its
+    number of parameters would by chance."""
+
+    term: str
+    fit: Fit
+    gain: float
+
+
+@dataclass(frozen=True)
+class Named:
+    """hypotheses accepted, each with those it cannot be told from; fit of all together; loss before, and after."""
+
+    accepted: tuple[Hypothesis, ...]
+    alike: tuple[tuple[str, ...], ...]
+    space: Space
+    fit: Fit
+    before: float
+    scores: dict[str, float] = field(default_factory=dict)
+    rejected: dict[str, str] = field(default_factory=dict)
+
+
+STARTS: dict[str, dict[str, float]] = {"motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
+                                      "ground_effect": {"ground_effect.rho": 1.0}}
+"""Where the fit of a term begins that acts far from linearly where it rests."""
+
+
+def _start(moments: Moments, model: Model, term: str) -> Model:
+    if term == "saturation" and "saturation.u_max" in model.names:
+        ratio = np.concatenate([t.motor[t.counts] for t in moments.wrench.tracks])
+        limit = model.parameters["saturation.u_max"]
+        return model.with_parameters({"saturation.u_max": min(limit, float(np.quantile(ratio, 0.93)))})
+    values = model.parameters
+    moved = {n: v for n, v in STARTS.get(term, {}).items() if values.get(n) == 0.0}
+    return model.with_parameters(moved) if moved else model
+
+
+def name_effects(moments: Moments, space: Space, simulator: Model,
+                 progress: Callable[[str], None] | None = None) -> Named:
+    """Forward: the hypothesis that takes away most, as long as it takes enough and is more than the logging can feign;
+    backward: those that the later ones made needless go."""
+    search = _Search(moments, space, simulator)
+    nothing = search.current
+    scores: dict[str, float] = {}
+    while len(search.accepted) < MOST:
+        tried = search.tried()
+        if not search.accepted:
+            scores = {h.term: h.gain for h in tried}
+        best = search.best(tried)
+        if best is None:
+            break
+        search.accept(best, tried)
+        if progress:
+            progress(f"{best.term} takes {best.gain:.0f} of {nothing.loss:.0f}")
+    search.backward()
+    return Named(tuple(search.accepted), tuple(search.alike), search.space, search.current, nothing.loss, scores,
+                 search.rejected)
+
+
+class _Search:
+    """Where the search stands."""
+
+    def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
+        self.moments, self.space, self.known = moments, space, Slopes(moments)
+        volts = float(np.median(np.concatenate([t.battery_V[t.counts] for t in moments.wrench.tracks])))
+        other = with_other_map(simulator, volts)
+        self.other = None if other is None else space_around(other)
+        self.current = fit(self.known, space.model, [])
+        self.accepted: list[Hypothesis] = []
+        self.alike: list[tuple[str, ...]] = []
+        self.rejected: dict[str, str] = {}
+
+    @property
+    def names(self) -> list[str]:
+        return [h.term for h in self.accepted]
+
+    def tried(self) -> list[Hypothesis]:
+        """Every hypothesis to first order, the best of them fitted to the end; best first."""
+        candidates = [(t, self.space, _start(self.moments, self.current.model, t)) for t in self.space.terms
+                      if t not in self.names]
+        if self.other is not None and not any(name in MAPS for name in self.names):
+            term = next(t for t in MAPS[:2] if t in self.other.model)
+            candidates.append((term, self.other, _carried(self.current.model, self.other.model)))
+        ranked = sorted(candidates, key=lambda c: -self._promise(*c))
+        found = []
+        for term, space, start in ranked[:TRIED]:
+            done = fit(self.known, start, free_of(space, [*self.names, term]))
+            found.append(Hypothesis(term, done, self.current.loss - done.loss - PER_PARAMETER * len(space.free(term))))
+        return sorted(found, key=lambda h: -h.gain)
+
+    def _promise(self, term: str, space: Space, start: Model) -> float:
+        held, free = free_of(space, self.names), space.free(term)
+        left = self.known.left(start)
+        beside = np.concatenate([self.known.columns(start, held), self.known.columns(start, free)], axis=1)
+        return -float(left @ left) + _explained(beside, left) - PER_PARAMETER * len(free)
+
+    def best(self, tried: list[Hypothesis]) -> Hypothesis | None:
+        """The first that is allowed; of those that take nearly as much, the one with fewest parameters."""
+        allowed: list[Hypothesis] = []
+        feign: list[str] = []
+        for h in tried:
+            if h.gain < LEAST_GAIN:
+                continue
+            why = feigned(h.term, h.fit, self.current.model, self.moments)
+            if not why and feign and self._beside(h.term, feign) < h.gain * REDUNDANT:
+                why = f"{h.term} explains what {' and '.join(feign)} explains better, which the logging can feign"
+            if why:
+                self.rejected.setdefault(h.term, why)
+                feign.append(h.term)
+            else:
+                allowed.append(h)
+        if not allowed:
+            return None
+        close = [h for h in allowed if allowed[0].gain - h.gain < self._margin(allowed[0])]
+        return min(close, key=lambda h: (len(h.fit.free), -h.gain))
+
+    def _margin(self, best: Hypothesis) -> float:
+        return max(ALIKE_SD2, ALIKE_LEFT * (best.fit.loss - len(best.fit.left)))
+
+    def accept(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
+        """``alike``: those that take nearly as much, and the same: beside the best they have little left to take."""
+        close = [h for h in tried if h.term != best.term and best.gain - h.gain < self._margin(best) and h.gain > 0.0
+                 and not _contains(h.term, best.term)]
+        self.accepted.append(best)
+        self.current = best.fit
+        if best.term in MAPS and best.term not in self.space.model and self.other is not None:
+            self.space = self.other
+        self.alike.append(tuple(h.term for h in close if h.term not in self.names
+                                and self._beside(h.term) < REDUNDANT * h.gain))
+
+    def _beside(self, term: str, others: Sequence[str] = ()) -> float:
+        """What a term would still take away beside those accepted, and beside ``others``, to first order."""
+        if term not in self.space.terms:
+            return 0.0
+        start = _start(self.moments, self.current.model, term)
+        held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
+        left, beside = self.known.left(start), self.known.columns(start, held)
+        both = np.concatenate([beside, self.known.columns(start, self.space.free(term))], axis=1)
+        return _explained(both, left) - _explained(beside, left)
+
+    def backward(self) -> None:
+        """Out with what the others explain by now."""
+        while len(self.accepted) > 1:
+            losses = []
+            for i, h in enumerate(self.accepted):
+                names = [n for k, n in enumerate(self.names) if k != i]
+                rest = {n: v for n, v in self.space.model.parameters.items() if n.partition(".")[0] == h.term}
+                without = fit(self.known, self.current.model.with_parameters(rest), free_of(self.space, names))
+                losses.append((without.loss - self.current.loss - PER_PARAMETER * len(self.space.free(h.term)), i,
+                               without))
+            lost, i, without = min(losses, key=lambda entry: entry[0])
+            if lost >= LEAST_GAIN:
+                return
+            del self.accepted[i], self.alike[i]
+            self.current = without
+
+
+def _contains(wider: str, term: str) -> bool:
+    """A thrust map can be any scale: that it explains as much says nothing."""
+    return wider in MAPS and term in ("thrust_scale", "mass")
+
+
+def free_of(space: Space, terms: Sequence[str]) -> np.ndarray:
+    """Indices of the parameters of some terms."""
+    return np.concatenate([space.free(t) for t in terms]).astype(int) if terms else np.zeros(0, int)
+
+
+def _explained(columns: np.ndarray, left: np.ndarray) -> float:
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-9] / size[size > 1e-9]
+    return float(columns @ np.linalg.lstsq(columns, left, rcond=1e-7)[0] @ left) if columns.shape[1] else 0.0
+
+
+def _carried(model: Model, other: Model) -> Model:
+    """``other`` at the values of ``model`` where both have the parameter."""
+    values = model.parameters
+    return other.with_parameters({n: values[n] for n in other.names if n in values})
+
+
+__all__ = ["Hypothesis", "Named", "free_of", "name_effects"]

@@ -1,0 +1,84 @@
+"""The space of hypotheses around a simulator: its model with every other effect of the vocabulary added at the value
+where it does nothing, so that a hypothesis is a few free parameters of one model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools import registry
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.model import find_term, neutral
+
+MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
+K_F = 2.3e-8
+"""N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
+which the drag of turning rotors is measured."""
+HELD = ("ground_effect.rho", "thrust_rpm.k_f")
+"""Parameters that are not asked for: they are only seen in products, rho R^2 and d / sqrt(k_f)."""
+AT_REST = {"saturation": {"u_max": 1.0}}
+
+
+@dataclass(frozen=True)
+class Space:
+    """``model``: the simulator's terms and all others at rest; ``believed``: the terms of the simulator."""
+
+    model: Model
+    believed: tuple[str, ...]
+
+    def free(self, term: str) -> np.ndarray:
+        """Indices of the parameters a hypothesis about ``term`` may change."""
+        return np.array([i for i, slot in enumerate(self.model.slots)
+                         if slot.term.name == term and slot.name not in HELD], int)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms with something to change."""
+        return tuple(t.name for t in self.model.terms if len(self.free(t.name)))
+
+
+def scales(model: Model) -> np.ndarray:
+    """(P,) usual size of each parameter."""
+    found = []
+    for slot, value in zip(model.slots, model.values, strict=True):
+        typical = slot.parameter.typical
+        size = abs(typical[min(slot.element, len(typical) - 1)] if isinstance(typical, tuple) else typical)
+        found.append(max(abs(value), size) or min(1.0, 0.05 * (slot.parameter.upper - slot.parameter.lower)))
+    return np.array(found)
+
+
+def space_around(simulator: Model) -> Space:
+    """Every registered effect that has a value without effect, beside those of ``simulator``."""
+    terms: dict[str, Mapping[str, Any]] = dict(simulator.as_dict())
+    believed = tuple(terms)
+    if "thrust_rpm" not in terms:
+        terms["thrust_rpm"] = {"k_f": K_F}
+    for name in sorted(registry.names("terms")):
+        if name in terms or name in MAPS:
+            continue
+        rest = AT_REST.get(name) or neutral(find_term(name), simulator.vehicle)
+        if rest is not None and not (simulator.vehicle.input == "rpm" and name == "saturation"):
+            terms[name] = rest
+    return Space(Model(simulator.vehicle, terms), believed)
+
+
+def with_other_map(simulator: Model, battery_V: float) -> Model | None:
+    """The simulator with thrust from the motors' voltage where it had PWM, or the reverse, equal at ``battery_V``."""
+    for here, there, power in (("thrust_pwm", "thrust_voltage", -1.0), ("thrust_voltage", "thrust_pwm", 1.0)):
+        if here in simulator and simulator.vehicle.input == "pwm":
+            terms = simulator.as_dict()
+            c = np.array(terms[here]["c"]) * battery_V ** (power * np.arange(len(terms[here]["c"])))
+            return Model(simulator.vehicle, {there if n == here else n: {"c": tuple(c)} if n == here else v
+                                             for n, v in terms.items()})
+    return None
+
+
+def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:
+    """The model without the terms at rest that nobody named."""
+    keep = {*believed, *named}
+    if {"drag_rotor", "rotor_gyro"} & keep:
+        keep.add("thrust_rpm")
+    return model.without(*(t.name for t in model.terms if t.name not in keep))

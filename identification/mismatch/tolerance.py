@@ -1,0 +1,86 @@
+"""What the logging alone can feign: effects below these sizes are not named, however significant they look.
+
+Rows come every 10 ms and packets are lost in between, while the vehicle commands its motors every 1 to 2 ms from a gyro
+that shakes: the row's command is one of five to ten that acted. Gains from command to torque are therefore known to a
+fifth, times to a good half row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+
+from .fitting import Fit
+from .moments import Moments
+
+ABSOLUTE = {"command_delay.delay_s": 0.008, "motor_lag.tau_up_s": 0.012, "motor_lag.tau_down_s": 0.012,
+            "motor_imbalance.g": 0.01, "frame_tilt.roll_rad": 0.006, "frame_tilt.pitch_rad": 0.006}
+"""In the unit of the parameter."""
+RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
+"""Of the value before."""
+GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
+"""Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
+the vehicle turns, the gain from command to torque is hardly known."""
+DAMPING_1_S = 6.0
+"""Of angular damping over inertia, times the same share."""
+LEAST_FORCE_M_S2 = 0.03
+LEAST_TURNING_SHARE = 0.12
+"""An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
+
+
+def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
+    """Why a fitted term is no finding: a sentence, empty when it is one."""
+    old = before.parameters
+    changed = False
+    for place, i in enumerate(fit.free):
+        name = fit.model.names[i]
+        if not name.startswith(f"{term}."):
+            continue
+        change = abs(fit.model.values[i] - old.get(name, 0.0))
+        sd = float(np.sqrt(fit.covariance[place, place]))
+        if change - 2.0 * sd > smallest(name, before, moments):
+            changed = True
+    if not changed:
+        return f"{term} changes less than the logging can feign"
+    force, torque = effect(fit, before, moments)
+    if force < LEAST_FORCE_M_S2 and torque < LEAST_TURNING_SHARE:
+        return (f"{term} changes the force by {force:.3f} m/s^2 RMS and torque by {torque:.0%} of what is left: "
+                "too little")
+    return ""
+
+
+def smallest(name: str, before: Model, moments: Moments) -> float:
+    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns none."""
+    base, values = name.partition("[")[0], before.parameters
+    if base in ABSOLUTE:
+        return ABSOLUTE[base]
+    if base in RELATIVE:
+        return RELATIVE[base] * abs(values[name])
+    if base in GAIN:
+        return GAIN[base] * abs(values[name]) * max(unexplained_share(before, moments)[_axis(name)], 0.1)
+    if base == "angular_damping.d_r":
+        inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
+        return DAMPING_1_S * inertia[_axis(name)] * max(unexplained_share(before, moments)[_axis(name)], 0.1)
+    return 0.0
+
+
+def _axis(name: str) -> int:
+    return int(name[-2]) if name.endswith("]") else 2
+
+
+def unexplained_share(model: Model, moments: Moments) -> np.ndarray:
+    """(3,) RMS of the turning that a model leaves, over the RMS of the turning."""
+    wrench = moments.wrench
+    left = wrench.residual(model)[1]
+    return np.sqrt(left.var(axis=0) / np.maximum(wrench.measured[1].var(axis=0), 1e-12))
+
+
+def effect(fit: Fit, before: Model, moments: Moments) -> tuple[float, float]:
+    """RMS of what a fit changes: of force m/s^2, of torque as a share of the residual's own RMS."""
+    wrench = moments.wrench
+    new, old = wrench.model(fit.model), wrench.model(before)
+    left = wrench.measured[1] - new[1]
+    force = float(np.sqrt(np.mean(np.sum((new[0] - old[0]) ** 2, axis=1))))
+    shares = np.sqrt(np.mean((new[1] - old[1]) ** 2, axis=0) / np.maximum(np.mean(left**2, axis=0), 1e-12))
+    return force, float(shares.max())

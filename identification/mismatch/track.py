@@ -1,0 +1,99 @@
+"""A recording as the diagnosis sees it: measured states and inputs on one grid of 100 Hz, and which rows count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from nanobench_tools import so3
+from nanobench_tools.audit import Audit
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, Span, Stream, intersect_spans
+
+ROW_S = 0.01
+BEFORE_S = 0.5
+"""Inputs this long before a span warm the rotors up."""
+EDGE_S = 0.12
+"""Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
+LONGEST_GAP_S = 0.045
+"""A hole in the motion capture up to this long is bridged by a cubic."""
+SHORTEST_S = 1.0
+NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
+          "motor": ("m1", "m2", "m3", "m4"), "battery": ("vbat",)}
+"""Streams a diagnosis of physics cannot do without, and their quantities."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One span of one flight, n rows 10 ms apart. time_s (n,) of the recording; position_m, velocity_m_s (n, 3) world;
+    quaternion (n, 4) body to world; rate_rad_s (n, 3) body; force_m_s2 (n, 3) specific force of the accelerometer,
+    body, nan without one; motor (n, 4) PWM ratio and battery_V (n,) in the middle of the row, which they stand for;
+    counts (n,) rows that are judged; since_s (n,) time since take-off; flight is an index into the flights of the
+    diagnosis."""
+
+    name: str
+    flight: int
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    rate_rad_s: np.ndarray
+    force_m_s2: np.ndarray
+    motor: np.ndarray
+    battery_V: np.ndarray
+    counts: np.ndarray
+    since_s: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def missing(flight: Flight) -> list[str]:
+    """What of NEEDED the recording lacks: stream names."""
+    return [name for name, quantities in NEEDED.items()
+            if name not in flight or len(flight[name]) < 10 or any(q not in flight[name] for q in quantities)]
+
+
+def tracks_of(flight: Flight, audit: Audit, number: int) -> list[Track]:
+    """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing."""
+    lacks = missing(flight)
+    if lacks:
+        raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
+    spans = intersect_spans(audit.airborne, audit.clean_for((*NEEDED, "")))
+    start = min((s.start_s for s in audit.airborne), default=0.0)
+    return [track for span in spans if span.duration_s >= SHORTEST_S
+            for track in [_track(flight, span, number, start)] if track.counts.any()]
+
+
+def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
+    mocap = flight["mocap"]
+    first = max(span.start_s - BEFORE_S, *(flight[name].time_s[0] for name in NEEDED))
+    last = min(span.end_s, *(flight[name].time_s[-1] for name in NEEDED))
+    time_s = np.arange(first, last, ROW_S)
+    stamps, keep = np.unique(mocap.time_s, return_index=True)
+    near = np.searchsorted(stamps, [first - 1.0, last + 1.0])
+    stamps, keep = stamps[slice(*near)], keep[slice(*near)]
+    path = CubicSpline(stamps, mocap["px", "py", "pz"][keep])
+    counts = (time_s >= span.start_s + EDGE_S) & (time_s <= span.end_s - EDGE_S)
+    for hole in np.flatnonzero(np.diff(stamps) > LONGEST_GAP_S):
+        counts &= (time_s < stamps[hole] - EDGE_S) | (time_s > stamps[hole + 1] + EDGE_S)
+    imu = flight["imu"]
+    acc = ("acc_x", "acc_y", "acc_z")
+    force = _at(imu, acc, time_s) if all(a in imu for a in acc) else np.full((len(time_s), 3), np.nan)
+    return Track(flight.name, number, time_s, path(time_s), path(time_s, 1),
+                 so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], time_s),
+                 _at(imu, NEEDED["imu"], time_s), force, _at(flight["motor"], NEEDED["motor"], time_s + 0.5 * ROW_S),
+                 _at(flight["battery"], ("vbat",), time_s + 0.5 * ROW_S)[:, 0], counts, time_s - take_off_s)
+
+
+def _at(stream: Stream, names: Sequence[str], time_s: np.ndarray) -> np.ndarray:
+    last = np.concatenate((np.diff(stream.time_s) > 0.0, [True]))
+    return np.stack([np.interp(time_s, stream.time_s[last], stream[name][last]) for name in names], axis=1)
+
+
+def joined(tracks: Iterable[Track], field: str) -> np.ndarray:
+    """One field of all tracks, end to end."""
+    return np.concatenate([getattr(track, field) for track in tracks])

@@ -1,0 +1,167 @@
+"""What a diagnosis comes to: outcome, paragraph, findings, what is unknown, power - and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.model import find_term
+
+from .decide import Decision, Finding
+from .fitting import Slopes
+from .moments import Moments
+from .naming import LEAST_GAIN, PER_PARAMETER
+from .proof import HORIZONS, QUANTITIES, Proof
+from .recordings import Recordings
+from .space import scales
+from .tolerance import smallest
+
+LOCALE = {"force_world": "world", "wind": "world", "frame_tilt": "mocap", "motor_imbalance": "per motor",
+          "ground_effect": "world"}
+CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "weight", "wind": "wind",
+          "thrust_voltage": "battery"}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """body: verdict.json (DESIGN, diagnose); corrected: the simulator with what was named, None where nothing was."""
+
+    body: dict[str, Any]
+    corrected: Model | None
+    decision: Decision | None = None
+    proof: Proof | None = None
+    moments: Moments | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        return self.body
+
+    @property
+    def paragraph(self) -> str:
+        return self.body["paragraph"]
+
+    @classmethod
+    def insufficient(cls, recordings: Recordings, simulator: Model, elapsed_s: float) -> Verdict:
+        why = "; ".join(f"{name}: {reason}" for name, reason in recordings.left_out.items()) or \
+            f"{recordings.judged_s:.1f} s of flight are too little"
+        outcome = "data_fault" if recordings.faults else "insufficient"
+        text = f"Nothing can be said about physics: {why}."
+        if recordings.faults:
+            text = f"The data are at fault, and what is left of them is too little. {_faults_text(recordings)} {text}"
+        return cls({"outcome": outcome, "paragraph": text, "findings": [], "unknown": None,
+                    "data_faults": data_faults(recordings), "power": {}, "improvement": None,
+                    "corrected_simulator": None, "elapsed_s": elapsed_s}, None)
+
+    @classmethod
+    def of(cls, recordings: Recordings, simulator: Model, moments: Moments, decision: Decision, proof: Proof,
+           elapsed_s: float) -> Verdict:
+        named = bool(decision.findings)
+        unproved = named and proof.held_out and not proof.better
+        findings = [_finding(f, decision, recordings) for f in decision.findings]
+        for entry in findings:
+            if unproved:
+                entry["confidence"] = min(entry["confidence"], 0.6)
+        unknown = None
+        if decision.unknown:
+            first = decision.unknown[0]
+            unknown = {"where": {"axes": list(first.axes), "kind": first.kind,
+                                 "flights": [recordings.names[i] for i in first.flights]},
+                       "bound_m_s2": 2.0 * first.size_m_s2 if first.size_m_s2 else None, "hint": first.hint}
+        improvement = {str(h): {"before": _row(proof.before, k), "after": _row(proof.after, k), "floor": None,
+                                "relative_ci95": list(proof.interval[h]) if h in proof.interval else None}
+                       for k, h in enumerate(HORIZONS)}
+        body = {"outcome": decision.outcome, "findings": findings, "unknown": unknown,
+                "data_faults": data_faults(recordings), "power": power(moments, decision),
+                "improvement": {**improvement, "share_of_achievable": proof.share_of_achievable,
+                                "held_out": list(proof.flights) if proof.held_out else []},
+                "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
+                "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
+                "corrected_simulator": None, "elapsed_s": elapsed_s}
+        body["paragraph"] = paragraph(body, recordings, proof)
+        return cls(body, proof.models[1] if named else None, decision, proof, moments)
+
+
+def _row(errors: np.ndarray, k: int) -> dict[str, float]:
+    return dict(zip(QUANTITIES, errors.mean(axis=0)[k].tolist(), strict=True))
+
+
+def _finding(f: Finding, decision: Decision, recordings: Recordings) -> dict[str, Any]:
+    term, model = f.hypothesis.term, decision.fit.model
+    units = dict(zip(model.names, model.units, strict=True))
+    values = model.parameters
+    parameters = {name: {"value": values[name], "ci95": [values[name] - 1.96 * sd, values[name] + 1.96 * sd],
+                         "unit": units[name], "believed": decision.space.model.parameters[name]}
+                  for name, sd in f.sd.items()}
+    settles = find_term(term).confused_with
+    return {"term": term, "equivalent": list(f.equivalent), "confidence": f.confidence,
+            "where": {"axes": list(f.axes), "frame": LOCALE.get(term, "body"), "covariate": f.covariate,
+                      "flights": list(recordings.names), "regime": "all"},
+            "parameters": parameters, "residual_share": f.share, "cause": CAUSES.get(term), "motors": [],
+            "settle_with": "; ".join(f"{o}: {settles[o]}" for o in f.equivalent if o in settles) or None}
+
+
+def data_faults(recordings: Recordings) -> list[dict[str, Any]]:
+    """One entry per fault, in the words of the audit."""
+    return [{"flight": name, "kind": f.kind, "stream": f.stream, "columns": list(f.columns), "start_s": f.start_s,
+             "end_s": f.end_s, "size": None if not np.isfinite(f.size) else f.size, "unit": f.unit,
+             "evidence": f.evidence} for name, f in recordings.faults]
+
+
+def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
+    """Of each term the smallest change of its best told parameter that would have been named in these flights."""
+    model, known = decision.space.model, Slopes(moments)
+    found = {}
+    for term in decision.space.terms:
+        free = decision.space.free(term)
+        columns = known.columns(decision.fit.model, free)
+        strength = np.linalg.norm(columns, axis=0)
+        if not (strength > 1e-6).any():
+            found[term] = {"minimum_detectable": None, "unit": model.units[free[0]]}
+            continue
+        least = np.sqrt(LEAST_GAIN + PER_PARAMETER * len(free)) / np.maximum(strength, 1e-9) * scales(model)[free]
+        sizes = np.maximum(least, [smallest(model.names[i], decision.fit.model, moments) for i in free])
+        best = int(np.argmin(sizes / scales(model)[free]))
+        found[term] = {"minimum_detectable": float(sizes[best]), "unit": model.units[free[best]],
+                       "parameter": model.names[free[best]]}
+    return found
+
+
+def _faults_text(recordings: Recordings) -> str:
+    kinds: dict[str, list[str]] = {}
+    for name, f in recordings.faults:
+        kinds.setdefault(f"{f.kind} in {f.stream}", []).append(name)
+    return "Faults of the data: " + "; ".join(
+        f"{what} ({len(set(names))} of {len(recordings.flights)} flights)" for what, names in kinds.items()) + "."
+
+
+def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> str:
+    """For a person: what, where, how big, how sure, what else it could be, how much better."""
+    parts = []
+    for entry in body["findings"]:
+        term = find_term(entry["term"])
+        values = ", ".join(f"{name.partition('.')[2]} = {p['value']:.4g} {p['unit']} (95 %: {p['ci95'][0]:.4g} to "
+                           f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
+                           for name, p in entry["parameters"].items())
+        other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
+        settle = f" What would: {entry['settle_with']}." if entry["settle_with"] else ""
+        parts.append(f"The simulator is wrong about {entry['term']}: {term.sentence} {values}. It shows in "
+                     f"{', '.join(entry['where']['axes'])}, with {entry['confidence']:.0%} confidence.{other}{settle}")
+    if body["outcome"] == "none":
+        parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
+                     "simulator as well as the logging allows.")
+    if body["unknown"]:
+        bound = body["unknown"]["bound_m_s2"]
+        size = f", up to {bound:.2f} m/s^2" if bound else ""
+        parts.append(f"Something is there that no term of the vocabulary describes{size}: {body['unknown']['hint']}.")
+    if body["outcome"] == "data_fault":
+        parts.append(f"The data are at fault, not the physics. {_faults_text(recordings)}")
+    if body["findings"]:
+        before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
+        parts.append(f"On flights left out of the fit the error after half a second falls from "
+                     f"{before['position_m']:.4f} to {after['position_m']:.4f} m and from {before['attitude_rad']:.4f} "
+                     f"to {after['attitude_rad']:.4f} rad." if proof.held_out else
+                     "One flight only: the fit was not tested on another.")
+    return " ".join(parts)

@@ -1,0 +1,154 @@
+"""What a simulator would have produced along the measured states, against what was measured: the residual wrench.
+
+The measured pose, velocity and rate go into the model's equations and only the rotors are integrated, so an error shows
+where and when it acts and does not pile up. Measured and predicted values pass the same filter: positions a smoothed
+second derivative and accelerations the same smoothing (a Gaussian commutes with the derivative), rates a difference and
+angular accelerations their mean over the same stretch:
+
+    g'' * p - g * a_model  [m/s^2]          (w(t + h) - w(t)) / h - mean of alpha_model over h  [rad/s^2]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import convolve1d
+
+from nanobench_tools import so3
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.inputs import rows
+from nanobench_tools.physics.numeric import equations
+from nanobench_tools.physics.rollout import compiled_lagged
+
+from .track import ROW_S, Track, joined
+
+SMOOTH_S = 0.03
+"""Standard deviation of the smoothing of accelerations."""
+FORCE_ROWS = 4
+"""Rows between samples of the force: 40 ms, beyond which the smoothed noise is nearly independent."""
+TORQUE_ROWS = 2
+"""Rows of a stretch whose mean angular acceleration is compared. No smoothing: it would let the controller's answer to
+a disturbance look like its cause."""
+CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+"""Of a residual, as accelerations of the body: m/s^2 and rad/s^2."""
+
+
+def kernel(sigma_s: float, order: int) -> np.ndarray:
+    """Weights of a Gaussian (order 0) or of its first or second derivative, for ``convolve1d``.
+
+    Sampled derivatives of a Gaussian do not add up to nothing; these do, and give the derivative of any polynomial
+    up to their order exactly.
+    """
+    t = np.arange(-np.ceil(5.0 * sigma_s / ROW_S), np.ceil(5.0 * sigma_s / ROW_S) + 1) * ROW_S
+    weights = np.exp(-0.5 * (t / sigma_s) ** 2)
+    weights /= weights.sum()
+    if order == 1:
+        weights = -t * weights
+        return weights / -(t @ weights)
+    if order == 2:
+        weights = (t**2 - weights @ t**2) * weights
+        return 2.0 * weights / (t**2 @ weights)
+    return weights
+
+
+@dataclass
+class Wrench:
+    """Tracks, and where on them force and torque are compared."""
+
+    tracks: Sequence[Track]
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        return np.cumsum([len(t) for t in self.tracks])
+
+    @cached_property
+    def _judged(self) -> np.ndarray:
+        return joined(self.tracks, "counts")
+
+    @cached_property
+    def track(self) -> np.ndarray:
+        """(rows,) number of the track."""
+        return np.repeat(np.arange(len(self.tracks)), [len(t) for t in self.tracks])
+
+    @cached_property
+    def flight(self) -> np.ndarray:
+        """(rows,) number of the flight."""
+        return np.array([t.flight for t in self.tracks])[self.track]
+
+    @cached_property
+    def force_at(self) -> np.ndarray:
+        """(N,) rows, of all tracks end to end, where the force is compared."""
+        row = np.arange(len(self.track)) - (self.ends - [len(t) for t in self.tracks])[self.track]
+        return np.flatnonzero(self._judged & (row % FORCE_ROWS == 0))
+
+    @cached_property
+    def torque_at(self) -> np.ndarray:
+        """(M,) rows at which a stretch of TORQUE_ROWS begins over which the torque is compared."""
+        row = np.arange(len(self.track)) - (self.ends - [len(t) for t in self.tracks])[self.track]
+        starts = np.flatnonzero(self._judged & (row % TORQUE_ROWS == 0))
+        starts = starts[starts + TORQUE_ROWS < len(self.track)]
+        whole = (self.track[starts + TORQUE_ROWS] == self.track[starts]) & self._judged[starts + TORQUE_ROWS]
+        return starts[whole]
+
+    @cached_property
+    def quaternion(self) -> np.ndarray:
+        return joined(self.tracks, "quaternion")
+
+    def of(self, field: str, at: np.ndarray) -> np.ndarray:
+        """A field of the tracks at some rows."""
+        return joined(self.tracks, field)[at]
+
+    def _smooth(self, values: np.ndarray, order: int) -> np.ndarray:
+        """Every track by itself, all rows."""
+        weights = kernel(SMOOTH_S, order)
+        parts = np.split(values, self.ends[:-1])
+        return np.concatenate([convolve1d(part, weights, axis=0, mode="nearest") for part in parts])
+
+    def _in_body(self, acceleration: np.ndarray) -> np.ndarray:
+        return so3.rotate_inverse(self.quaternion[self.force_at], acceleration[self.force_at])
+
+    @cached_property
+    def measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """Acceleration (N, 3) m/s^2 and mean angular acceleration of a stretch (M, 3) rad/s^2, body."""
+        rate = joined(self.tracks, "rate_rad_s")
+        turned = rate[self.torque_at + TORQUE_ROWS] - rate[self.torque_at]
+        return (self._in_body(self._smooth(joined(self.tracks, "position_m"), 2)), turned / (TORQUE_ROWS * ROW_S))
+
+    def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """What the model gives along the measured states, as ``measured``; parameters (P,) in place of its own."""
+        values = model.values if parameters is None else parameters
+        made = equations(model, ROW_S, values)
+        inputs = [rows(model, t.motor[None], t.battery_V[None], row_hz=1.0 / ROW_S, parameters=values)[0][:, :, 0]
+                  for t in self.tracks]
+        flat = np.concatenate(inputs)
+        thrust = np.stack([np.broadcast_to(c, len(flat)) for c in made.command(list(flat.T))])
+        if "motor_lag" in model:
+            thrust = self._lagged(model, values, inputs, thrust)
+        state = np.concatenate([joined(self.tracks, f) for f in ("position_m", "velocity_m_s", "quaternion",
+                                                                  "rate_rad_s")], axis=1)
+        slope = made.body(list(state.T), list(thrust))
+        acceleration, turning = (np.stack([np.broadcast_to(s, len(flat)) for s in slope[k:k + 3]], 1) for k in (3, 10))
+        steps = np.arange(TORQUE_ROWS + 1)
+        weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
+        mean = np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
+        return self._in_body(self._smooth(acceleration, 0)), mean
+
+    def _lagged(self, model: Model, values: np.ndarray, inputs: list[np.ndarray], command: np.ndarray) -> np.ndarray:
+        """Rotor states (4, rows) [N] of all tracks, from rest at the first command of each."""
+        longest = max(len(i) for i in inputs)
+        wide = np.stack([np.concatenate([i, np.repeat(i[-1:], longest - len(i), axis=0)]) for i in inputs], axis=-1)
+        first = command[:, self.ends - np.array([len(i) for i in inputs])]
+        follow = compiled_lagged(model, 1.0 / ROW_S)
+        states = follow(first, wide, values, keep="all")[0]
+        return np.concatenate([states[:len(i), :, k].T for k, i in enumerate(inputs)], axis=1)
+
+    def residual(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Measured less model: (N, 3) m/s^2, (M, 3) rad/s^2."""
+        force, torque = self.model(model, parameters)
+        return self.measured[0] - force, self.measured[1] - torque
+
+
+__all__ = ["CHANNELS", "Wrench"]

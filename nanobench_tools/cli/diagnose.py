@@ -1,0 +1,81 @@
+"""``nanobench diagnose``: where is my simulator wrong?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import MissingExtraError
+from .options import PATH, Options, shared_options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from identification.mismatch.verdict import Verdict
+
+CORRECTED = "simulator_corrected.toml"
+
+
+@click.command()
+@shared_options("clock")
+@click.option("--simulator", required=True, type=PATH, metavar="FILE",
+              help="simulator.toml: what is believed of the vehicle.")
+def diagnose(options: Options, simulator: Path) -> int:
+    """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
+
+    Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
+    simulator would have produced along the measured states is then compared with what was measured, every effect of
+    the vocabulary is tried as an explanation, and what none explains is called unknown. --out DIR gets verdict.json
+    and, where something was named, simulator_corrected.toml.
+    """
+    import importlib.util
+
+    from ..physics.simulator import read_simulator, write_simulator
+
+    model = read_simulator(simulator)
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
+    from identification.mismatch.diagnose import diagnose as run_diagnosis
+    from identification.mismatch.recordings import look_over
+
+    flights = options.load()
+    audits, _ = options.audit(flights)
+    moved = replace(options, clock="retimed").see_on_clock(flights, audits)
+    recordings = look_over([f for f in flights if f.name in audits], audits, moved.flights, moved.audits)
+    verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
+    body = dict(verdict.to_json())
+    if verdict.corrected is not None and options.out is not None:
+        path = options.out / CORRECTED
+        write_simulator(verdict.corrected, path)
+        body["corrected_simulator"] = str(path)
+    _show(options, body, verdict)
+    return options.finish("verdict", body)
+
+
+def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
+    """The paragraph, and tables of findings and predictions."""
+    from rich.table import Table
+
+    options.show(f"\n{body['outcome'].upper().replace('_', ' ')}. {body['paragraph']}\n")
+    word = data_word(options)
+    if body["findings"]:
+        table = Table(title=f"What the simulator leaves out, {word}", title_justify="left")
+        for column in ("term", "or", "confidence", "parameter", "simulator", "flights say", "95 %", "unit"):
+            table.add_column(column, overflow="fold")
+        for entry in body["findings"]:
+            for i, (name, p) in enumerate(entry["parameters"].items()):
+                lead = (entry["term"], ", ".join(entry["equivalent"]), f"{entry['confidence']:.2f}")
+                table.add_row(*(lead if i == 0 else ("", "", "")), name.partition(".")[2], f"{p['believed']:.5g}",
+                              f"{p['value']:.5g}", f"{p['ci95'][0]:.5g} .. {p['ci95'][1]:.5g}", p["unit"])
+        options.show(table)
+        table = Table(title=f"Prediction of flights left out of the fit, n = {len(body['improvement']['held_out'])} "
+                            f"flights, {word}", title_justify="left")
+        for column in ("steps of 10 ms", "position m", "velocity m/s", "attitude rad", "rate rad/s"):
+            table.add_column(column)
+        for h in ("1", "10", "50"):
+            entry = body["improvement"][h]
+            table.add_row(h, *(f"{entry['before'][q]:.4f} -> {entry['after'][q]:.4f}" for q in entry["before"]))
+        options.show(table)
