@@ -1,0 +1,138 @@
+"""Real flights with one piece of knowledge taken from the simulator: does the diagnosis ask for it back?
+
+The simulator is our own: a grey-box model fitted to training flights. Then it is made ignorant - of the battery's
+voltage (its thrust map fitted to PWM alone), of what the vehicle weighed, of drag, of motor lag - and diagnosed on
+other flights, together with the fit as it is (``control``). No fit is the truth: what is named in the control, or
+beside what was taken away, may really be missing, and is counted as false all the same, since nobody can know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from identification.greybox.ladder import FULL, THRUST_PWM, Rung
+from identification.greybox.study import fit_item
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight
+from nanobench_tools.harness import make_item
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.protocols.task1 import Split
+
+from .run import Diagnose, Run
+from .score import score_case
+
+STOCK_KG = 0.0270
+"""A bare vehicle of the type, without marker set and deck."""
+FLIGHTS = 6
+"""Of one case."""
+RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
+BLIND = Rung("concealed_blind", "the same from PWM alone", {**{k: v for k, v in FULL.items() if k != "thrust_voltage"},
+                                                            **THRUST_PWM}, "past")
+
+
+@dataclass(frozen=True)
+class Ignorance:
+    """kind: what a table calls it; term that is missing (None: nothing is); twins: as in ``make.truth_of``;
+    simulator (fitted, fitted without voltage) -> what is diagnosed."""
+
+    kind: str
+    term: str | None
+    simulator: Callable[[Model, Model], Model]
+    twins: tuple[str, ...] = ()
+
+
+def _heavier(model: Model, mass_kg: float) -> Model:
+    """A simulator that believes in another mass; its thrust in N and its inertia stay."""
+    return Model(replace(model.vehicle, mass_kg=mass_kg), model.as_dict())
+
+
+IGNORANCE = (
+    Ignorance("control", None, lambda fitted, blind: fitted),
+    Ignorance("no voltage", "thrust_voltage", lambda fitted, blind: blind),
+    Ignorance("stock mass", "mass", lambda fitted, blind: _heavier(fitted, STOCK_KG), ("thrust_scale",)),
+    Ignorance("mass x 0.9", "mass", lambda fitted, blind: _heavier(fitted, 0.9 * fitted.vehicle.mass_kg),
+              ("thrust_scale",)),
+    Ignorance("no drag", "drag_linear", lambda fitted, blind: fitted.without("drag_linear")),
+    Ignorance("no motor lag", "motor_lag", lambda fitted, blind: fitted.without("motor_lag")))
+
+
+@dataclass(frozen=True)
+class RealCase:
+    """flights and simulator are what a diagnosis is given; truth as of ``make.truth_of``."""
+
+    flights: tuple[Flight, ...]
+    simulator: Model
+    truth: Mapping[str, Any]
+
+
+def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[Model, Model]:
+    """(with the battery's voltage, from PWM alone), fitted to the training flights."""
+    items = [make_item(fit_item, {"cases": list(split.train), "rung": rung, "seed": seed, "mass_kg": mass_kg},
+                       f"fit {rung.name}", file=split.train[0].flight.provenance.path) for rung in (RUNG, BLIND)]
+    result = run(items, "fit")
+    if len(result.values) < len(items):
+        raise InputError(str(result.failed[0]["file"]), f"no simulator can be fitted: {result.failed[0]['error']}")
+    fitted, blind = (Model(Vehicle(mass_kg=mass_kg), result.values[i.key]["simulator"]) for i in items)
+    return fitted, blind
+
+
+def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int) -> list[RealCase]:
+    """``n`` cases: every ignorance on one group of FLIGHTS test flights, then on the next; the groups are drawn."""
+    fitted = simulators[0]
+    flights = [case.flight for case in split.test]
+    order = np.random.default_rng([seed, 103]).permutation(len(flights))
+    groups = [[flights[i] for i in order[k:k + FLIGHTS]] for k in range(0, len(flights) - FLIGHTS + 1, FLIGHTS)]
+    if not groups:
+        raise InputError("--concealed", f"{len(flights)} test flights", f"{FLIGHTS} are needed beside those that train")
+    found: list[RealCase] = []
+    for number, group in enumerate(groups):
+        for lack in IGNORANCE:
+            names = [f.name for f in group]
+            effects = [] if lack.term is None else [{
+                "term": lack.term, "size": "real", "foreign": False, "twins": list(lack.twins), "flights": names,
+                "parameters": _taken(fitted, lack.term)}]
+            truth = {"case": f"real_{len(found):03d}", "kind": lack.kind, "effects": effects, "faults": [],
+                     "engine": None, "note": f"group {number + 1}: {', '.join(names)}"}
+            found.append(RealCase(tuple(group), lack.simulator(*simulators), truth))
+    return found[:n]
+
+
+def _taken(fitted: Model, term: str) -> dict[str, Any]:
+    """What the fit had and the simulator lacks."""
+    if term == "mass":
+        return {"mass.m": {"value": fitted.vehicle.mass_kg, "unit": "kg", "believed": None}}
+    units = dict(zip(fitted.names, fitted.units, strict=True))
+    return {name: {"value": value, "unit": units[name], "believed": None}
+            for name, value in fitted.parameters.items() if name.startswith(f"{term}.")}
+
+
+def real_item(flights: Sequence[Flight], simulator: Model, seed: int, diagnose: Diagnose) -> dict[str, Any]:
+    """The verdict on one case."""
+    return diagnose(list(flights), simulator, seed=seed)
+
+
+def diagnose_real(cases: Sequence[RealCase], run: Run, diagnose: Diagnose, seed: int = 0) -> list[dict[str, Any]]:
+    """Entries of ``cases`` (prove.json). right: what was taken away is named, whatever else is; in the control,
+    nothing is. beside: false names that the control of the same flights does not have."""
+    items = [make_item(real_item, {"flights": list(c.flights), "simulator": c.simulator, "seed": seed,
+                                   "diagnose": diagnose}, f"diagnose {c.truth['case']}",
+                       file=c.flights[0].provenance.path) for c in cases]
+    values = run(items, "diagnose").values
+    scored = []
+    control: dict[str, list[str]] = {}
+    for case, item in zip(cases, items, strict=True):
+        if item.key not in values:
+            continue
+        entry = score_case(case.truth, values[item.key])
+        false = [f["term"] for f in entry["findings"] if not f["right"]]
+        if entry["effects"]:
+            entry["right"] = all(e["named"] for e in entry["effects"])
+        else:
+            control[entry["note"]] = false
+        entry["beside"] = [term for term in false if term not in control.get(entry["note"], [])]
+        scored.append(entry)
+    return scored
