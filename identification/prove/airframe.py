@@ -39,11 +39,11 @@ class Airframe:
 
     def model(self) -> Model:
         """What a simulator that knows everything about this airframe believes; inputs at 100 Hz."""
+        drag = {"drag_linear": {"d": self.drag_N_s_m}} if any(self.drag_N_s_m) else {}
         return Model(Vehicle(self.mass_kg, self.inertia_kg_m2, POSITIONS_M, SPIN),
                      {"thrust_voltage": {"c": self.curve_N_V}, "thrust_rpm": {"k_f": self.k_f_N_s2},
                       "motor_lag": {"tau_up_s": self.tau_up_s, "tau_down_s": self.tau_down_s},
-                      "yaw_torque": {"k_m": self.yaw_arm_m}, "drag_linear": {"d": self.drag_N_s_m},
-                      "drag_torque": {"c": self.drag_torque_N_s}})
+                      "yaw_torque": {"k_m": self.yaw_arm_m}, **drag, "drag_torque": {"c": self.drag_torque_N_s}})
 
     def hover_V(self) -> float:
         """Motor voltage at which four motors carry the weight [V]."""

@@ -56,7 +56,7 @@ class Nuisance:
     highest share of packets lost; imu_tilt_rad: rotation vector from the vehicle to the frame of the logged IMU."""
 
     disturbance_m_s2: float = 0.04
-    thrust_noise: float = 0.015
+    thrust_noise: float = 0.003
     clock_wander_s: float = 0.0
     clock_offset_s: float = 0.0
     loss: tuple[float, float] = (0.03, 0.15)

@@ -130,7 +130,8 @@ def _fly_cases(specs: Sequence[CaseSpec]) -> Flown:
     effects = effects_of(specs)
     return fly(OnboardFleet([spec.flights[j].controller for spec, j in places]),
                [spec.flights[j].path for spec, j in places], vehicles, seed, indices=numbers,
-               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects), drawn_s=DRAWN_S)
+               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects), drawn_s=DRAWN_S,
+               fresh=True)
 
 
 def _chain(spec: CaseSpec) -> LoggingChain:

@@ -73,7 +73,11 @@ def _deal(decks: dict[str, list], name: str, cards: Callable[[], Sequence], rng:
 
 
 def _nuisance(rng: np.random.Generator, restless: bool = False) -> Nuisance:
-    """Air and flicker differ between cases; the telemetry clock wanders in half, an IMU is tilted in a fifth."""
+    """Air and flicker differ between cases; the telemetry clock wanders in half, an IMU is tilted in a fifth.
+
+    The flicker is such that the true simulator predicts as well as the best fit does on real recordings (0.011 rad
+    after 0.1 s, 0.22 m/s after 0.5 s).
+    """
     wanders = bool(rng.uniform() < 0.5)
     tilt = np.zeros(3)
     if rng.uniform() < 0.2:
@@ -82,7 +86,7 @@ def _nuisance(rng: np.random.Generator, restless: bool = False) -> Nuisance:
     high = float(rng.uniform(0.01, 0.2))
     return Nuisance(
         disturbance_m_s2=float(f"{0.09 if restless else rng.uniform(0.02, 0.06):.3g}"),
-        thrust_noise=float(f"{rng.uniform(0.008, 0.02):.3g}"),
+        thrust_noise=float(f"{rng.uniform(0.002, 0.005):.3g}"),
         clock_wander_s=float(f"{rng.uniform(0.008, 0.03):.3g}") if wanders else 0.0,
         clock_offset_s=float(f"{rng.uniform(-0.01, 0.03):.3g}") if wanders else 0.0,
         loss=(0.3 * high, high), lost_frames=float(rng.integers(0, 5)),

@@ -73,14 +73,17 @@ def flight_rngs(seed: int, index: int, count: int) -> list[np.random.Generator]:
 
 def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | None = None, seed: int = 0, *,
         indices: Sequence[int] | None = None, spread: float = 1.0, events: Sequence[Events] | None = None,
-        physics: Callable[[Vehicles, np.ndarray, np.ndarray], Plant] = Plant, drawn_s: float | None = None) -> Flown:
+        physics: Callable[[Vehicles, np.ndarray, np.ndarray], Plant] = Plant, drawn_s: float | None = None,
+        fresh: bool = False) -> Flown:
     """Flies ``specs[i]`` with flight number ``indices[i]`` (default 0, 1, ...) of ``seed``, all behind one controller.
 
     vehicles: n of them, drawn from the table when None. ``spread`` scales the differences between flights and the
     errors of the estimator; 0 is a perfect vehicle (sensor noise stays). The controller sees the estimate, the gyro
     and the measured battery, and, unless its ``information`` is ``preview``, references as flown. ``physics`` makes the
     plant from vehicles, where they stand (n, 3) m and yaw (n,) rad. ``drawn_s``: disturbances are drawn for so long (by
-    default for the longest flight), which makes a flight independent of how long the others are.
+    default for the longest flight), which makes a flight independent of how long the others are. ``fresh``: the
+    controller sees a new estimate every 2 ms, not every 10 ms; derivatives of the estimate then do not jump once
+    between two logged commands, where no recording shows it.
     Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape,
     InputError when a command is not a number or lies outside 0..1.
     """
@@ -120,6 +123,8 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
         given = reference if controller.information == "preview" else timeline.as_flown(tick, reference)
         for sub in range(SUBSTEPS):
             gyro = _gyro(plant, noise[sub])
+            if fresh and sub:
+                position, velocity, quaternion = estimator.read(tick)
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, gyro, plant.battery_V + battery_noise[tick])
                 command = _command(controller, TICK_S * tick + STEP_S * sub, state, given)
