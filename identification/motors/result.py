@@ -181,8 +181,13 @@ def moment_part(study: Study, seed: int) -> dict[str, Any]:
             "explained": {"x": over("x", "explained"), "y": over("y", "explained"),
                           "z, drag and reaction": over("z", "explained"), "z, drag alone": over("z_drag", "explained")},
             "gyro_behind_speed_s": {"x": over("x", "delay_s"), "y": over("y", "delay_s")},
-            "fitted": {name: {n: fit.model.parameters[n] for n in fit.free} | {"trouble": fit.trouble}
+            "fitted": {name: {"parameters": _values(fit), "trouble": fit.trouble}
                        for name, fit in study.models.items()}}
+
+
+def _values(fit: rotation.Rotation) -> dict[str, dict[str, Any]]:
+    units = dict(zip(fit.model.names, fit.model.units, strict=True))
+    return {name: {"value": fit.model.parameters[name], "unit": units[name]} for name in fit.free}
 
 
 def measurement(study: Study) -> list[dict[str, Any]]:

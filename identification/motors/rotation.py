@@ -37,6 +37,8 @@ TRIM_S = 0.1
 
 FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m", "drag_torque.c",
         "angular_damping.d_r[0]", "angular_damping.d_r[1]", "angular_damping.d_r[2]", "command_delay.delay_s")
+START_LAG_S = 0.04
+"""Where a fit of own time constants begins: it is to know nothing of the measured speed."""
 LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
 SCALES: Mapping[str, float] = {"inertia": 1e-5, "yaw_torque": 1e-2, "drag_torque": 1e-4, "angular_damping": 1e-5,
                                "command_delay": 1e-2, "motor_lag": 3e-2}
@@ -155,7 +157,8 @@ def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float]) -> Model:
     if kind.source == "rpm":
         model = Model(replace(base.vehicle, input="rpm"), {"thrust_rpm": base.values_of("thrust_rpm")})
     else:
-        model = base.without("thrust_rpm").with_term("motor_lag", tau_up_s=lag.tau_up_s, tau_down_s=lag.tau_down_s)
+        up, down = (START_LAG_S,) * 2 if kind.own_lag else (lag.tau_up_s, lag.tau_down_s)
+        model = base.without("thrust_rpm").with_term("motor_lag", tau_up_s=up, tau_down_s=down)
     return (model.with_term("inertia", inertia_kg_m2=tuple(inertia)).with_term("yaw_torque", k_m=0.006)
             .with_term("drag_torque", c=-1e-4).with_term("com_offset", r_m=(0.0, 0.0, 0.0))
             .with_term("angular_damping", d_r=(1e-6, 1e-6, 1e-6)).with_term("command_delay", delay_s=0.005))
@@ -230,7 +233,8 @@ def fit_rotation(model: Model, data: Batch, own_lag: bool = False) -> Rotation:
                           xtol=1e-4, ftol=1e-4, max_nfev=60)
     values = model.values.copy()
     values[index] = found.x * size
-    stuck = [name for name, x, a, b in zip(free, found.x, low, high, strict=True) if x > b - 1e-3 * (b - a)]
+    stuck = [name for name, x, a, b in zip(free, found.x, low, high, strict=True)
+             if x > b - 1e-3 * (b - a) or (name in LAGS and x < a + 1e-3 * (b - a))]
     trouble = "" if found.success else "did not converge"
     return Rotation(model.with_values(values), free, f"{stuck[0]} sits on its bound" if stuck else trouble)
 

@@ -92,7 +92,6 @@ def _rotation(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _parameters(body: Mapping[str, Any]) -> list[dict[str, str]]:
     fitted = body["moments"]["fitted"].get("logged") or {}
-    found = [{"name": name, "value": f"{value:.4g}"} for name, value in fitted.items() if name != "trouble"]
-    found += [{"name": f"{body['speed']['best']}: {name}", "value": f"{entry['value']:.5g} {entry['unit']}"}
-              for name, entry in body["speed"]["parameters"].items()]
-    return found
+    found = [(name, entry) for name, entry in (fitted.get("parameters") or {}).items()]
+    found += [(f"{body['speed']['best']}: {name}", entry) for name, entry in body["speed"]["parameters"].items()]
+    return [{"name": name, "value": f"{entry['value']:.4g}", "unit": entry["unit"]} for name, entry in found]
