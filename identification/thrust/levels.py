@@ -12,6 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from nanobench_tools.units import GRAVITY_M_S2
+
 from .flown import Flown
 from .intervals import half_width
 from .study import Study
@@ -47,6 +49,14 @@ def level_rows(found: Study, name: str, files: Sequence[Flown], split: str) -> l
             rows[1].add(file, later(e, file.time_s, share), width)
         rows[2].add(file, e - e.mean(), centred)
     return [row for row in rows if row.files]
+
+
+def weight_row(files: Sequence[Flown], split: str) -> Scored:
+    """What to say without any map: that the specific force is that of hovering."""
+    row = Scored("weight", split, "g, nothing fitted", "ok", "nothing")
+    for file in files:
+        row.add(file, GRAVITY_M_S2 - file.force, float("nan"))
+    return row
 
 
 def later(missed: np.ndarray, time_s: np.ndarray, share: float) -> np.ndarray:

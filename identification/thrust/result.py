@@ -13,7 +13,7 @@ from .electrical import battery_resistance, motor_constants
 from .fit import Fit
 from .flight_fit import FlightModel, find_delay
 from .intervals import in_turn
-from .levels import level_rows
+from .levels import level_rows, weight_row
 from .model import ThrustModel
 from .stand import Stand
 from .study import Study, study
@@ -79,6 +79,8 @@ def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str
     others = flown_rows(test, delay)
     found = study(flown.files, mass_kg, seed)
     results = [*scored(found, flown.files, "train"), *(scored(found, others.files, "test") if others.files else [])]
+    if others.files:
+        results.append(weight_row(others.files, "test"))
     for name in dict.fromkeys((found.best, _plain_best(found))):
         if name is not None and others.files:
             results += level_rows(found, name, others.files, "test")

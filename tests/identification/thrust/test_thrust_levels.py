@@ -11,10 +11,10 @@ from identification.thrust.balanced import balance
 from identification.thrust.flight_fit import FlightModel, fit_flights, models
 from identification.thrust.flown import LIFT_S, Flown, fly
 from identification.thrust.intervals import half_width, in_turn, refit_spread, sessions, widened
-from identification.thrust.levels import FIRST_S, later, level_rows, trust
+from identification.thrust.levels import FIRST_S, later, level_rows, trust, weight_row
 from identification.thrust.maps import MAPS
 from identification.thrust.model import ThrustModel
-from identification.thrust.study import bootstrap, study
+from identification.thrust.study import Study, bootstrap, folds_of, held_out
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.units import GRAVITY_M_S2
 
@@ -34,6 +34,14 @@ def hovering(seed: int, strength: float = 1.0, epoch_s: float = 0.0, n: int = 50
     return Flown(f"h{seed}", f"h{seed}.csv", f"h{seed}", 0.05, np.arange(n) / 20.0, u, volts,
                  force + 0.03 * rng.normal(size=n), np.zeros(n), np.zeros(n), np.full(n, 6.0), np.zeros((n, 3)), lift,
                  True, epoch_s)
+
+
+def study_of(name: str, flights: list[Flown]) -> Study:
+    """A study of one candidate."""
+    candidate = models(MASS)[name]
+    held = held_out(candidate, folds_of(flights), None)
+    return Study(tuple(flights), {name: candidate}, {name: fit_flights(candidate, flights)}, {name: held}, name,
+                 {name: half_width(held.errors, len(flights))}, {}, len(flights))
 
 
 def rms(missed: np.ndarray) -> float:
@@ -83,7 +91,7 @@ def test_memory_of_what_carried_starts_in_the_air_and_forgets():
 
 def test_export_of_a_balanced_map_hovers_as_the_training_flights_did():
     flights = [hovering(s, strength) for s, strength in enumerate((0.95, 1.0, 0.96, 0.99))]
-    model = ThrustModel("switched_motor_balanced", MASS).use(study(flights, MASS, draws=0))
+    model = ThrustModel("switched_motor_balanced", MASS).use(study_of("switched_motor_balanced", flights))
     lift = np.concatenate([model.predict(f.u, f.battery_V[:, None]).sum(axis=1) for f in flights])
     assert lift.mean() == pytest.approx(MASS * GRAVITY_M_S2, rel=0.01)
 
@@ -91,7 +99,7 @@ def test_export_of_a_balanced_map_hovers_as_the_training_flights_did():
 def test_rows_say_what_they_were_given_and_first_seconds_help():
     levels = np.random.default_rng(0).normal(0.0, 0.3, 10)
     flights = [replace(f, force=f.force + x) for f, x in zip(map(hovering, range(10)), levels, strict=True)]
-    found = study(flights[:6], MASS, draws=0)
+    found = study_of("switched_motor", flights[:6])
     rows = {r.name: r.row(0) for r in level_rows(found, "switched_motor", flights[6:], "test")}
     after, learnt, bound = rows.values()
     assert learnt["rms_m_s2"] < 0.5 * after["rms_m_s2"]
@@ -101,6 +109,9 @@ def test_rows_say_what_they_were_given_and_first_seconds_help():
     assert "no prediction" in bound["given"]
     assert len({after["given"], learnt["given"], bound["given"]}) == 3
     assert after["given"] == "inputs and battery now"
+    alone = weight_row(flights[6:], "test").row(0)
+    assert alone["rms_m_s2"] == pytest.approx(rms(np.concatenate([f.force - GRAVITY_M_S2 for f in flights[6:]])))
+    assert (alone["given"], alone["coverage95"]) == ("nothing", None)
 
 
 def test_first_seconds_are_trusted_as_far_as_they_tell():
