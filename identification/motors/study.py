@@ -113,16 +113,16 @@ def identify(train: Iterable[Flight | str | Path], test: Iterable[Flight | str |
     frame = vehicle or Vehicle()
     frame = replace(frame, mass_kg=frame.mass_kg if mass_kg is None else mass_kg)
     logs, reasons = read_logs([f for part in parts for f in part])
-    names = [{f.name for f in part} for part in parts]
-    _enough(logs, reasons, names, parts[0][0].provenance.path if parts[0] else "flights")
+    places = [{f.provenance.path for f in part} for part in parts]
+    _enough(logs, reasons, places, parts[0][0].provenance.path if parts[0] else "flights")
     _one_vehicle(logs)
     if test is None:
         groups = min(MOST_FOLDS, len(logs))
         folds = [([i for i in range(len(logs)) if i % groups != g], list(range(g, len(logs), groups)))
                  for g in range(groups)]
     else:
-        folds = [([i for i, log in enumerate(logs) if log.name in names[0]],
-                  [i for i, log in enumerate(logs) if log.name not in names[0]])]
+        folds = [([i for i, log in enumerate(logs) if log.path in places[0]],
+                  [i for i, log in enumerate(logs) if log.path not in places[0]])]
     learn = [logs[i] for i in sorted({i for a, _ in folds for i in a})]
     study = Study(logs, folds, frame, mass_kg is not None, reasons, fit_force(learn, seed), hover(learn, frame))
     _lags(study, seed)
@@ -148,7 +148,7 @@ def _load(sources: Iterable[Flight | str | Path]) -> list[Flight]:
     return flights
 
 
-def _enough(logs: Sequence[Log], reasons: Mapping[str, str], names: Sequence[set[str]], place: str) -> None:
+def _enough(logs: Sequence[Log], reasons: Mapping[str, str], places: Sequence[set[str]], place: str) -> None:
     more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
     if not logs:
         first = next(iter(reasons.items()), ("no recording", "nothing was read"))
@@ -156,9 +156,9 @@ def _enough(logs: Sequence[Log], reasons: Mapping[str, str], names: Sequence[set
     if len(logs) < 2:
         raise InputError(logs[0].path, "one flight only", "nothing is left to hold out; give two or more flights"
                          + "".join(f"; {n} is left out: {r}" for n, r in list(reasons.items())[:1]))
-    for side, known in zip(("train", "test"), names, strict=False):
-        if len(names) > 1 and not any(log.name in known for log in logs):
-            why = next((f": {n}: {r}" for n, r in reasons.items() if n in known), "")
+    for side, known in zip(("train", "test"), places, strict=False):
+        if len(places) > 1 and not any(log.path in known for log in logs):
+            why = next((f"; {n} is left out: {r}" for n, r in reasons.items()), "")
             raise InputError(place, f"no flight to {side} on can be used{why}")
 
 

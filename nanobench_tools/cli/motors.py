@@ -128,6 +128,8 @@ def _show_speed(options: Options, content: Mapping[str, Any]) -> None:
         table.add_row(row["model"] + (" *" if row["model"] == part["best"] else ""), f"{row['rms_rad_s']:.2f}",
                       one_line(row["equation"]), one_line(row["trouble"]))
     options.show(table)
+    if part["best"] is None:
+        options.show("No map is a result: none predicts flights held out better than a constant, or only one trains.")
     options.show(f"Speeds vary by {part['spread_rad_s']:.1f} rad/s (SD). Slope of thrust over motor voltage: "
                  f"{part['slope_fast_N_per_V']:.4f} N/V from changes within a second, "
                  f"{part['slope_slow_N_per_V']:.4f} N/V from this map.")

@@ -65,7 +65,7 @@ def pictures(body: Mapping[str, Any]) -> dict[str, Any]:
 def _lag(row: Mapping[str, Any], best: str) -> dict[str, Any]:
     return {"model": row["model"], "best": row["model"] == best, "trouble": row["trouble"],
             "interval": "" if row["ci95"] is None else " .. ".join(f"{x:.2f}" for x in row["ci95"]),
-            "rms": f"{row['rms_rad_s']:.2f}",
+            "rms": DASH if row["rms_rad_s"] is None else f"{row['rms_rad_s']:.2f}",
             **{k: f"{1e3 * row[k]:.1f}" for k in ("tau_up_s", "tau_down_s", "delay_s")}}
 
 
