@@ -50,9 +50,8 @@ def plan(n: int, seed: int, kinds: Sequence[str] = (), engine: str = "practice")
         raise UsageError(f"--kinds: unknown name {unknown[0]!r}; known: {', '.join(QUOTAS)}")
     whole = n if not kinds else int(2 * n / sum(QUOTAS[k] for k in set(kinds))) + 20
     specs = [s for s in plan_cases(whole, seed) if not kinds or s.kind in kinds][:n]
-    if engine == "practice":
-        return specs
-    return [replace(s, engine="rotorpy") if engine == "rotorpy" or i % 2 else s for i, s in enumerate(specs)]
+    return [replace(s, engine=("practice", "rotorpy")[i % 2] if engine == "both" else engine)
+            for i, s in enumerate(specs)]
 
 
 def truths_item(specs: Sequence[CaseSpec]) -> dict[str, Any]:

@@ -30,6 +30,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
     "diagnose": ("Where is my simulator wrong? What it leaves out, how big, how sure.",
                  "nanobench diagnose --data FLIGHTS --simulator simulator.toml --out DIR"),
+    "prove": ("Blind proof of diagnose: cases whose truth is sealed until the verdicts are there.",
+              "nanobench prove --cases 200 --out proof"),
     "simulate": ("Write practice flights through the whole logging chain.",
                  "nanobench simulate --flights 20 --out practice"),
     "convert": ("Recordings or a simulator.toml into another format.",

@@ -1,0 +1,195 @@
+"""``nanobench prove``: what a diagnosis is worth, on cases whose truth is sealed until all verdicts are there."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import InputError, MissingExtraError, UsageError
+from ..physics.vehicle import BOUNDS
+from .options import Options, one_line, shared_options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+CASES, REAL_CASES = 200, 12
+DEFAULT_PLACES = "the default places"
+
+
+@click.command()
+@shared_options("data", "columns", "clock")
+@click.option("--cases", type=click.IntRange(min=1), metavar="N",
+              help=f"How many. Default: {CASES}, or {REAL_CASES} with --concealed.")
+@click.option("--kinds", multiple=True, metavar="KIND",
+              help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
+@click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
+              help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
+                   "one piece of knowledge taken away, diagnosed on others.")
+@click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
+              help="Mass of the vehicle of --concealed.")
+def prove(options: Options, cases: int | None, kinds: tuple[str, ...], concealed: str | None, mass_kg: float) -> int:
+    """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
+
+    Cases are flown by an engine of its own, with effects that are concealed from the simulator, or nothing (null), or
+    wrong data (fault), or physics that no term describes (foreign). The hash of all truths is written to --out before
+    the first case is diagnosed; they are opened after the last verdict.
+
+    A name is right when the concealed term is named, stands among the terms that the finding says it cannot be told
+    from, or is a declared twin (mass and thrust_scale). Every other finding is a false name. A small effect that is
+    not named counts as right when it lies below the smallest detectable size that the verdict states.
+    """
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
+    if concealed is None:
+        return options.finish("prove", {**_blind(options, cases or CASES, kinds), "synthetic": True})
+    if kinds:
+        raise UsageError("--kinds and --concealed do not go together")
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    return options.finish("prove", _concealed(options, cases or REAL_CASES, concealed, mass_kg))
+
+
+def _blind(options: Options, n: int, kinds: Sequence[str]) -> dict[str, Any]:
+    from identification.mismatch.diagnose import diagnose_flights
+    from identification.prove.run import diagnose_cases, open_and_score, plan, prove_body, seal_cases
+
+    specs = plan(n, options.seed, kinds)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+    sealed = seal_cases(specs, options.run, options.out, options.seed)
+    if not sealed.truths:
+        raise InputError("prove", f"no case could be made: {options.failed[0]['error']}")
+    options.say(f"{len(sealed.truths)} SYNTHETIC cases, truth sealed {sealed.at}: SHA-256 {sealed.sha256}")
+    verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed)
+    scored = open_and_score(sealed, verdicts, options.out)
+    body = prove_body(sealed, scored)
+    show_proof(options, body, "SYNTHETIC")
+    options.show(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
+    return body
+
+
+def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str, Any]:
+    from identification.mismatch.diagnose import diagnose_flights
+    from identification.prove.concealed import diagnose_real, fit_simulators, real_cases
+    from identification.prove.summary import power_by_term, summarise
+
+    from ..protocols import task1
+
+    options.data = () if place == DEFAULT_PLACES else (Path(place),)
+    flights = options.load()
+    audits, _ = options.audit(flights)
+    split = task1.split(flights, audits)
+    chosen = real_cases(split, fit_simulators(split, options.run, options.seed, mass_kg), n, options.seed)
+    scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
+    body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored),
+            "train": [case.flight.name for case in split.train]}
+    show_real(options, body)
+    return body
+
+
+def show_proof(options: Options, body: Mapping[str, Any], word: str) -> None:
+    """Tables for a person: kinds, sizes, terms, what was said of what, confidence."""
+    summary, details = body["summary"], body["summary"]["details"]
+    kinds = _table(f"Blind proof: {word} data, {summary['cases']} cases \\[exact 95 % intervals]",
+                   ("kind", "cases", "right", "false names", "outcomes"))
+    for kind, row in summary["by_kind"].items():
+        kinds.add_row(kind, str(row["n"]), share_text(row), share_text(row["false_names"]),
+                      ", ".join(f"{name} {count}" for name, count in row["outcomes"].items()))
+    kinds.add_row("all", str(summary["cases"]), "", share_text(details["false_name_rate"]), "")
+    options.show(kinds)
+    figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))
+    for size, row in details["recall_by_size"].items():
+        quiet = f", {row['below_power']} of them rightly below the stated size" if row["below_power"] else ""
+        figures.add_row(f"{size} single effects named", share_text(row) + quiet, str(row["n"]))
+    figures.add_row("both of a pair named", share_text(summary["pairs"]["both"]), str(summary["pairs"]["both"]["n"]))
+    figures.add_row('"unknown" and no name on foreign effects', share_text(details["unknown_on_foreign"]),
+                    str(details["unknown_on_foreign"]["n"]))
+    figures.add_row("95 % intervals that hold the true value", share_text(details["coverage95"]),
+                    str(details["coverage95"]["n"]))
+    figures.add_row("right names that are the term itself", share_text(summary["classes"]["exactly"]),
+                    str(summary["classes"]["exactly"]["n"]))
+    figures.add_row("verdicts that abstain though a term is concealed", share_text(summary["abstained"]),
+                    str(summary["abstained"]["n"]))
+    for name, row, digits in (("share of the achievable improvement, median", details["share_of_achievable"], 2),
+                              ("seconds a diagnosis takes, median", summary["run_time_s"], 0)):
+        if row["n"]:
+            figures.add_row(name, f"{row['median']:.{digits}f} ({row['p10']:.{digits}f} .. {row['p90']:.{digits}f} "
+                                  "from 10 to 90 % of cases)", str(row["n"]))
+    options.show(figures)
+    options.show(_power_table(body["power"], word))
+    _show_confusion(options, summary["confusion"], word)
+    _show_calibration(options, summary["calibration"], word)
+    wrong = [c for c in body["cases"] if c["false_name"]]
+    for case in wrong:
+        options.show(f"false name in {case['case']} ({case['kind']}): {one_line(', '.join(case['truth'])) or 'nothing'}"
+                     f" was there, {one_line(', '.join(case['named']))} was named")
+
+
+def show_real(options: Options, body: Mapping[str, Any]) -> None:
+    """One row per kind of ignorance, then the cases."""
+    word = data_word(options)
+    table = _table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(body['train'])} flights train, "
+                   "others are diagnosed \\[exact 95 % intervals]",
+                   ("taken away", "cases", "named", "false names beside", "verdicts"))
+    for kind, row in body["summary"]["by_kind"].items():
+        mine = [c for c in body["cases"] if c["kind"] == kind]
+        beside = sum(bool(c["beside"]) for c in mine)
+        said = "; ".join(", ".join(c["named"]) or c["outcome"] for c in mine)
+        # in the control nothing is to be named
+        table.add_row(kind, str(row["n"]), "-" if kind == "control" else share_text(row),
+                      f"{row['false_names']['right']} ({beside} not in the control)" if kind != "control" else
+                      str(row["false_names"]["right"]), one_line(said))
+    options.show(table)
+    _show_confusion(options, body["summary"]["confusion"], word)
+
+
+def _power_table(power: Mapping[str, Any], word: str) -> Table:
+    table = _table(f"Named of single effects by size ({word}); below: not named, rightly below the stated size",
+                   ("term", "small", "medium", "large", "smallest detectable, as stated"))
+    for term, row in power.items():
+        cells = [f"{row[s]['named']} of {row[s]['n']}" + (f", {row[s]['below_power']} below" if row[s]["below_power"]
+                                                          else "") if s in row else "-" for s in
+                 ("small", "medium", "large")]
+        least = row["minimum_detectable"]
+        table.add_row(term, *cells, "-" if least is None else f"{least:.2g} {row['unit']}")
+    return table
+
+
+def _show_confusion(options: Options, confusion: Mapping[str, Mapping[str, int]], word: str) -> None:
+    table = _table(f"What was said of what ({word})", ("there", "said"))
+    for there, said in confusion.items():
+        table.add_row(there, ", ".join(f"{one_line(name)} {count}" for name, count in said.items()))
+    options.show(table)
+
+
+def _show_calibration(options: Options, calibration: Sequence[Sequence[float]], word: str) -> None:
+    if not calibration:
+        return
+    table = _table(f"Confidence ({word})", ("stated", "right", "findings"))
+    for stated, right, n in calibration:
+        table.add_row(f"{stated:.0%}", f"{right:.0%}", str(n))
+    options.show(table)
+
+
+def share_text(found: Mapping[str, Any]) -> str:
+    """``12 of 15, 80 % [52, 96]``; ``-`` for no case."""
+    if not found["n"]:
+        return "-"
+    low, high = found["ci95"]
+    return f"{found['right']} of {found['n']}, {found['share']:.0%} \\[{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def _table(title: str, heads: Sequence[str]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, head in enumerate(heads):
+        table.add_column(head, no_wrap=i == 0)
+    return table

@@ -1,0 +1,139 @@
+"""A proof from plan to prove.json with a diagnosis that is made up: sealed first, resumed, compared, shown."""
+
+import json
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+
+from identification.mismatch import diagnose as mismatch
+from identification.prove import run as proof
+from identification.prove.plan import plan_cases
+from identification.prove.seal import seal
+from nanobench_tools.cli.main import main
+from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.harness import run_items
+
+ASKED: list[str] = []
+
+
+def silent(flights, simulator, *, seed):
+    """A diagnosis that never finds anything."""
+    ASKED.append(f"{flights[0]} {seed}")
+    return {"outcome": "none", "findings": [], "unknown": None, "data_faults": [], "power": {}, "improvement": None,
+            "elapsed_s": 1.0}
+
+
+def failing(flights, simulator, *, seed):
+    """A diagnosis that cannot take the second case."""
+    if flights[0].endswith("001"):
+        raise InputError("flight_1", "cannot be used")
+    return silent(flights, simulator, seed=seed)
+
+
+def made(specs):
+    """Cases that are never flown."""
+    return [SimpleNamespace(name=s.name, spec=s, flights=[f"flight of {s.name}"], simulator=None, truth=told(s))
+            for s in specs]
+
+
+def told(s):
+    effects = [{"term": h.effect, "size": h.size, "foreign": s.kind == "foreign", "twins": [], "parameters": {},
+                "flights": []} for h in s.concealed]
+    return {"case": s.name, "kind": s.kind, "engine": s.engine, "note": "", "effects": effects,
+            "faults": [{"flight": "flight_1", "kind": f.kind} for f in s.faults]}
+
+
+@pytest.fixture(autouse=True)
+def not_flown(monkeypatch, tmp_path):
+    monkeypatch.setattr(proof, "make_cases", made)
+    monkeypatch.setattr(mismatch, "diagnose_flights", silent)
+    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
+    proof._flown.clear()
+    ASKED.clear()
+
+
+def runner(folder):
+    return lambda items, title: run_items(items, folder / ".store", title=title)
+
+
+def test_a_proof_that_was_killed_goes_on(tmp_path):
+    specs = proof.plan(20, 3)
+    sealed = proof.seal_cases(specs, runner(tmp_path), tmp_path)
+    proof.diagnose_cases(sealed, runner(tmp_path), silent)
+    assert len(ASKED) == 20
+    kept = sorted((tmp_path / ".store").glob("*.json"))
+    written = json.loads((tmp_path / proof.SEALED).read_text())
+    for path in kept[::2]:
+        path.unlink()
+    again = proof.seal_cases(specs, runner(tmp_path), tmp_path)
+    verdicts = proof.diagnose_cases(again, runner(tmp_path), silent)
+    assert len(ASKED) <= 20 + len(kept[::2])
+    assert json.loads((tmp_path / proof.SEALED).read_text()) == written
+    assert (again.sha256, again.at) == (written["sha256"], written["sealed_at"])
+    assert again.sha256 == seal(again.truths)
+    assert [c["case"] for c in proof.open_and_score(again, verdicts, tmp_path)] == [s.name for s in specs]
+
+
+def test_truths_that_are_not_the_sealed_ones_are_refused(tmp_path):
+    sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path), tmp_path)
+    verdicts = proof.diagnose_cases(sealed, runner(tmp_path), silent)
+    changed = {**verdicts, "case_001": {**verdicts["case_001"], "truth": "0" * 64}}
+    with pytest.raises(InputError, match="not the case that was sealed"):
+        proof.open_and_score(sealed, changed, tmp_path)
+    path = tmp_path / proof.SEALED
+    path.write_text(path.read_text().replace(sealed.sha256, "1" * 64))
+    with pytest.raises(InputError, match="not the one written before the run"):
+        proof.open_and_score(sealed, verdicts, tmp_path)
+
+
+def test_one_case_that_fails_does_not_stop_the_others(tmp_path):
+    sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path))
+    verdicts = proof.diagnose_cases(sealed, runner(tmp_path), failing)
+    assert sorted(verdicts) == ["case_000", "case_002"]
+    assert proof.prove_body(sealed, proof.open_and_score(sealed, verdicts))["summary"]["cases"] == 2
+
+
+def test_kinds_and_engines():
+    assert proof.plan(12, 5) == plan_cases(12, 5)
+    some = proof.plan(9, 5, ["null", "fault"])
+    assert (len(some), {s.kind for s in some}) == (9, {"null", "fault"})
+    assert [s.engine for s in proof.plan(3, 5, engine="both")] == ["practice", "rotorpy", "practice"]
+    with pytest.raises(UsageError, match="'nul'; known: null, single"):
+        proof.plan(9, 5, ["nul"])
+
+
+def test_batches_hold_one_engine():
+    batches = proof._batches(proof.plan(50, 1, engine="both"))
+    assert all(len(b) <= proof.TOGETHER and len({s.engine for s in b}) == 1 for b in batches)
+    assert sum(map(len, batches)) == 50
+
+
+def test_the_verb(tmp_path, capsys):
+    call = partial(main, ["prove", "--cases", "20", "--seed", "3", "--jobs", "1", "--out", str(tmp_path / "out")])
+    assert call() == 0
+    shown, said = capsys.readouterr()
+    written = json.loads((tmp_path / "out" / "prove.json").read_text())
+    sealed = json.loads((tmp_path / "out" / proof.SEALED).read_text())
+    assert written["schema"] == "nanobench-prove/1"
+    assert written["synthetic"] is True
+    assert written["sealed"]["sha256"] == sealed["sha256"]
+    assert sealed["sha256"] in shown
+    assert sealed["sha256"] in said
+    assert "SYNTHETIC data, 20 cases" in shown
+    summary = written["summary"]
+    assert (summary["false_names"], summary["unknown_on_foreign"]) == (0, 0.0)
+    assert summary["right"] == sum(c["kind"] == "null" for c in written["cases"]) == 6
+    assert set(written["cases"][0]) >= {"case", "kind", "truth", "outcome", "named", "cause", "right", "false_name",
+                                        "elapsed_s"}
+    assert call() == 0
+    assert len(ASKED) == 20
+
+
+def test_the_verb_refuses(tmp_path, capsys):
+    assert main(["prove", "--kinds", "none", "--quiet"]) == 2
+    assert "--kinds: unknown name 'none'" in capsys.readouterr().err
+    assert main(["prove", "--kinds", "null", "--concealed", str(tmp_path)]) == 2
+    assert "do not go together" in capsys.readouterr().err
+    assert main(["prove", "--concealed", str(tmp_path / "absent")]) == 2
+    assert "does not exist" in capsys.readouterr().err
