@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.timeline import Timeline
+from nanobench_tools.practice.vehicle import Vehicles
 from nanobench_tools.sources.nanobench import write_nanobench
 
 from .airframe import Airframe
@@ -59,16 +61,14 @@ def make_case(spec: CaseSpec) -> Case:
 def make_cases(specs: Sequence[CaseSpec]) -> list[Case]:
     """Cases in the order of their specs. Flights of one seed and engine fly together, at most AT_ONCE of them."""
     found: dict[int, Case] = {}
-    for group in _groups(specs):
-        if specs[group[0]].engine != "practice":
-            from .engine_rotorpy import fly_cases
-        else:
-            fly_cases = _fly_cases
-        flown = fly_cases([specs[i] for i in group])
+    flying = [as_flown(spec) for spec in specs]
+    for group in _groups(flying):
+        flown = _fly_cases([flying[i] for i in group])
         row = 0
         for i in group:
-            found[i] = _case(specs[i], flown, row)
-            row += len(specs[i].flights)
+            made = _case(flying[i], flown, row)
+            found[i] = replace(made, spec=specs[i], truth={**made.truth, "engine_wanted": specs[i].engine})
+            row += len(flying[i].flights)
     return [found[i] for i in range(len(specs))]
 
 
@@ -117,8 +117,21 @@ def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
             for name in EFFECTS if (found := parts.get(name))]
 
 
+def as_flown(spec: CaseSpec) -> CaseSpec:
+    """The case as its engine can fly it. One that RotorPy cannot, or without RotorPy, is flown by ``practice``, and the
+    truth says so (``engine`` beside ``engine_wanted``). Raises UsageError for an engine nobody knows."""
+    if spec.engine == "practice":
+        return spec
+    if spec.engine != "rotorpy":
+        raise UsageError(f"unknown engine {spec.engine!r}; known: practice, rotorpy")
+    from .engine_rotorpy import on_rotorpy
+
+    converted = on_rotorpy(spec) if find_spec("rotorpy") else None
+    return converted or replace(spec, engine="practice")
+
+
 def _fly_cases(specs: Sequence[CaseSpec]) -> Flown:
-    """All flights of the cases, one after the other, with the practice engine."""
+    """All flights of the cases, one after the other, with the engine of the first."""
     places = [(spec, j) for spec in specs for j in range(len(spec.flights))]
     airframes = [a for spec in specs for a in true_airframes(spec)]
     numbers = [PLACES * spec.index + j for spec, j in places]
@@ -128,10 +141,18 @@ def _fly_cases(specs: Sequence[CaseSpec]) -> Flown:
                            disturbance_m_s2=[spec.nuisance.disturbance_m_s2 for spec, _ in places],
                            thrust_noise=[spec.nuisance.thrust_noise for spec, _ in places])
     effects = effects_of(specs)
+    believed = [spec.airframe for spec, _ in places]
+
+    def physics(vehicles: Vehicles, position_m: np.ndarray, yaw_rad: np.ndarray) -> Engine:
+        if specs[0].engine == "rotorpy":
+            from .engine_rotorpy import RotorPyEngine
+
+            return RotorPyEngine(vehicles, position_m, yaw_rad, airframes, effects, believed)
+        return Engine(vehicles, position_m, yaw_rad, airframes, effects)
+
     return fly(OnboardFleet([spec.flights[j].controller for spec, j in places]),
                [spec.flights[j].path for spec, j in places], vehicles, seed, indices=numbers,
-               physics=lambda v, position, yaw: Engine(v, position, yaw, airframes, effects), drawn_s=DRAWN_S,
-               fresh=True)
+               physics=physics, drawn_s=DRAWN_S, fresh=True)
 
 
 def _chain(spec: CaseSpec) -> LoggingChain:
@@ -207,7 +228,8 @@ def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequenc
 
     case, kind, outcome; effects: [{term, size, foreign, flights (names), twins, parameters: {flat name: {value, unit,
     believed (None where the simulator lacks it)}}, drawn}]; known: names of effects the simulator has right; faults;
-    nuisance; engine; note; corrected: simulator.toml of the simulator that knows; tumbled: names of flights that fell.
+    nuisance; engine (and engine_wanted); note; corrected: simulator.toml of the simulator that knows; tumbled: names of
+    flights that fell.
     """
     believed, units = simulator.parameters, dict(zip(corrected.names, corrected.units, strict=True))
     names = [f"flight_{j + 1}" for j in range(len(spec.flights))]
