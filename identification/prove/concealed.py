@@ -81,13 +81,12 @@ def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[M
 
 
 def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int) -> list[RealCase]:
-    """``n`` cases: every ignorance on one group of FLIGHTS test flights, then on the next; the groups are drawn."""
+    """``n`` cases: every ignorance on one group of FLIGHTS test flights, then on the next."""
     fitted = simulators[0]
-    flights = [case.flight for case in split.test]
-    order = np.random.default_rng([seed, 103]).permutation(len(flights))
-    groups = [[flights[i] for i in order[k:k + FLIGHTS]] for k in range(0, len(flights) - FLIGHTS + 1, FLIGHTS)]
+    groups = _groups([case.flight for case in split.test], np.random.default_rng([seed, 103]))
     if not groups:
-        raise InputError("--concealed", f"{len(flights)} test flights", f"{FLIGHTS} are needed beside those that train")
+        raise InputError("--concealed", f"{len(split.test)} test flights",
+                         f"{FLIGHTS} are needed beside those that train")
     found: list[RealCase] = []
     for number, group in enumerate(groups):
         for lack in IGNORANCE:
@@ -99,6 +98,14 @@ def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int)
                      "engine": None, "note": f"group {number + 1}: {', '.join(names)}"}
             found.append(RealCase(tuple(group), lack.simulator(*simulators), truth))
     return found[:n]
+
+
+def _groups(flights: Sequence[Flight], rng: np.random.Generator) -> list[list[Flight]]:
+    """Groups of FLIGHTS, drawn, with the families spread over them."""
+    many = len(flights) // FLIGHTS
+    drawn = [flights[i] for i in rng.permutation(len(flights))]
+    dealt = sorted(drawn, key=lambda f: str(f.metadata.get("family")))
+    return [dealt[k::many][:FLIGHTS] for k in range(many)]
 
 
 def _taken(fitted: Model, term: str) -> dict[str, Any]:

@@ -50,9 +50,9 @@ def summarise(cases: Sequence[Scored]) -> dict[str, Any]:
         "false_name_rate": false["share"], "ci95": false["ci95"],
         "recall_by_size": {size: found["share"] for size, found in recall.items()},
         "unknown_on_foreign": unknown["share"], "coverage95": covered["share"], "calibration": calibration(cases),
-        "share_of_achievable": gained["median"], "by_kind": _by_kind(cases), "pairs": _pairs(cases),
-        "confusion": confusion(cases), "abstained": _abstained(cases), "classes": _classes(cases),
-        "parameter_error": _parameter_error(intervals),
+        "share_of_achievable": gained["median"], "by_kind": _by_kind(cases), "by_engine": _by_engine(cases),
+        "pairs": _pairs(cases), "confusion": confusion(cases), "abstained": _abstained(cases),
+        "classes": _classes(cases), "parameter_error": _parameter_error(intervals),
         "run_time_s": _spread([c["elapsed_s"] for c in cases]),
         "details": {"recall_by_size": recall, "unknown_on_foreign": unknown, "coverage95": covered,
                     "false_name_rate": false, "share_of_achievable": gained}}
@@ -76,6 +76,15 @@ def _by_kind(cases: Sequence[Scored]) -> dict[str, Any]:
             for what in ("flights_right", "fault_right"):
                 if judged := [c[what] for c in mine if c[what] is not None]:
                     found[kind][what] = share(sum(judged), len(judged))
+    return found
+
+
+def _by_engine(cases: Sequence[Scored]) -> dict[str, Any]:
+    found = {}
+    for engine in dict.fromkeys(c["engine"] for c in cases if c["engine"]):
+        mine = [c for c in cases if c["engine"] == engine]
+        found[engine] = {**share(sum(c["right"] for c in mine), len(mine)),
+                         "false_names": share(sum(c["false_name"] for c in mine), len(mine))}
     return found
 
 

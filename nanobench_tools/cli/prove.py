@@ -27,16 +27,21 @@ DEFAULT_PLACES = "the default places"
               help=f"How many. Default: {CASES}, or {REAL_CASES} with --concealed.")
 @click.option("--kinds", multiple=True, metavar="KIND",
               help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
+@click.option("--engine", type=click.Choice(("practice", "rotorpy", "both")), default="both", show_default=True,
+              help="Who flies: the engine of this project, RotorPy, or each every other case. What RotorPy cannot fly, "
+                   "and all without it, the first one flies; every case says who it was.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle of --concealed.")
-def prove(options: Options, cases: int | None, kinds: tuple[str, ...], concealed: str | None, mass_kg: float) -> int:
+def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str, concealed: str | None,
+          mass_kg: float) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
-    Cases are flown by an engine of its own, with effects that are concealed from the simulator, or nothing (null), or
-    wrong data (fault), or physics that no term describes (foreign). The hash of all truths is written to --out before
+    Cases are flown with effects that are concealed from the simulator (single, pair, twin: one that is easily confused
+    with another; change: from one flight on), or nothing (null), or wrong data (fault), or physics that no term
+    describes (foreign). The hash of all truths is written to --out before
     the first case is diagnosed; they are opened after the last verdict.
 
     A name is right when the concealed term is named, stands among the terms that the finding says it cannot be told
@@ -46,7 +51,9 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], concealed
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     if concealed is None:
-        return options.finish("prove", {**_blind(options, cases or CASES, kinds), "synthetic": True})
+        if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:
+            raise MissingExtraError("rotorpy", "rotorpy")
+        return options.finish("prove", {**_blind(options, cases or CASES, kinds, engine), "synthetic": True})
     if kinds:
         raise UsageError("--kinds and --concealed do not go together")
     low, high = BOUNDS["mass_kg"]
@@ -55,11 +62,11 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], concealed
     return options.finish("prove", _concealed(options, cases or REAL_CASES, concealed, mass_kg))
 
 
-def _blind(options: Options, n: int, kinds: Sequence[str]) -> dict[str, Any]:
+def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[str, Any]:
     from identification.mismatch.diagnose import diagnose_flights
     from identification.prove.run import diagnose_cases, open_and_score, plan, prove_body, seal_cases
 
-    specs = plan(n, options.seed, kinds)
+    specs = plan(n, options.seed, kinds, engine)
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
     sealed = seal_cases(specs, options.run, options.out, options.seed)
@@ -101,6 +108,8 @@ def show_proof(options: Options, body: Mapping[str, Any], word: str) -> None:
     for kind, row in summary["by_kind"].items():
         kinds.add_row(kind, str(row["n"]), share_text(row), share_text(row["false_names"]),
                       ", ".join(f"{name} {count}" for name, count in row["outcomes"].items()))
+    for engine, row in summary["by_engine"].items():
+        kinds.add_row(f"flown by {engine}", str(row["n"]), share_text(row), share_text(row["false_names"]), "")
     kinds.add_row("all", str(summary["cases"]), "", share_text(details["false_name_rate"]), "")
     options.show(kinds)
     figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))

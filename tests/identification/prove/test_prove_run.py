@@ -1,5 +1,6 @@
 """A proof from plan to prove.json with a diagnosis that is made up: sealed first, resumed, compared, shown."""
 
+import importlib.util
 import json
 from functools import partial
 from types import SimpleNamespace
@@ -130,10 +131,14 @@ def test_the_verb(tmp_path, capsys):
     assert len(ASKED) == 20
 
 
-def test_the_verb_refuses(tmp_path, capsys):
+def test_the_verb_refuses(tmp_path, capsys, monkeypatch):
     assert main(["prove", "--kinds", "none", "--quiet"]) == 2
     assert "--kinds: unknown name 'none'" in capsys.readouterr().err
     assert main(["prove", "--kinds", "null", "--concealed", str(tmp_path)]) == 2
     assert "do not go together" in capsys.readouterr().err
     assert main(["prove", "--concealed", str(tmp_path / "absent")]) == 2
     assert "does not exist" in capsys.readouterr().err
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, found=importlib.util.find_spec: (
+        None if name == "rotorpy" else found(name)))
+    assert main(["prove", "--engine", "rotorpy"]) == 2
+    assert "pip install 'nanobench[rotorpy]'" in capsys.readouterr().err

@@ -9,8 +9,8 @@ from identification.prove.summary import calibration, confusion, power_by_term, 
 def case(kind, *effects, outcome="named", findings=(), foreign=(), truth=(), right=True, intervals=(), power=None,
          gained=None):
     """effects: (term, size, by whom named or None, below_power)."""
-    return {"kind": kind, "outcome": outcome, "right": right, "foreign": list(foreign), "truth": list(truth),
-            "named": [term for term, _, _ in findings], "false_name": any(not ok for _, ok, _ in findings),
+    return {"kind": kind, "engine": "practice", "outcome": outcome, "right": right,
+            "foreign": list(foreign), "truth": list(truth), "named": [term for term, _, _ in findings], "false_name": any(not ok for _, ok, _ in findings),
             "findings": [{"term": t, "right": ok, "confidence": c} for t, ok, c in findings],
             "effects": [{"term": t, "size": s, "named": by is not None, "by": by, "exactly": by == t,
                          "class_size": 1, "below_power": quiet} for t, s, by, quiet in effects],
@@ -51,6 +51,7 @@ def test_rates():
     assert found["classes"] == {"exactly": share(2, 3), "mean_size": 1.0}
     assert found["parameter_error"]["wind"] == {"n": 2, "median": pytest.approx(0.35)}
     assert found["abstained"]["right"] == 0
+    assert found["by_engine"]["practice"]["false_names"] == share(3, 11)
 
 
 def test_confusion_counts_every_effect_and_every_false_name_once():
