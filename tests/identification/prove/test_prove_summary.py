@@ -10,7 +10,8 @@ def case(kind, *effects, outcome="named", findings=(), foreign=(), truth=(), rig
          gained=None):
     """effects: (term, size, by whom named or None, below_power)."""
     return {"kind": kind, "engine": "practice", "outcome": outcome, "right": right,
-            "foreign": list(foreign), "truth": list(truth), "named": [term for term, _, _ in findings], "false_name": any(not ok for _, ok, _ in findings),
+            "foreign": list(foreign), "truth": list(truth),
+            "named": [term for term, _, _ in findings], "false_name": any(not ok for _, ok, _ in findings),
             "findings": [{"term": t, "right": ok, "confidence": c} for t, ok, c in findings],
             "effects": [{"term": t, "size": s, "named": by is not None, "by": by, "exactly": by == t,
                          "class_size": 1, "below_power": quiet} for t, s, by, quiet in effects],
