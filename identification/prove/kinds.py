@@ -53,7 +53,8 @@ class FlightSpec:
 class Nuisance:
     """What is never physics. disturbance_m_s2: standard deviation of the air's force (correlated over 0.5 s);
     thrust_noise: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry; loss: lowest and
-    highest share of packets lost; imu_tilt_rad: rotation vector from the vehicle to the frame of the logged IMU."""
+    highest share of packets lost; battery_period_s: one voltage in this time, as recorded, or every 10 ms;
+    imu_tilt_rad: rotation vector from the vehicle to the frame of the logged IMU."""
 
     disturbance_m_s2: float = 0.04
     thrust_noise: float = 0.003
@@ -61,6 +62,7 @@ class Nuisance:
     clock_offset_s: float = 0.0
     loss: tuple[float, float] = (0.03, 0.15)
     lost_frames: float = 2.0
+    battery_period_s: float = 0.11
     imu_tilt_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 

@@ -159,7 +159,8 @@ def _chain(spec: CaseSpec) -> LoggingChain:
     n = spec.nuisance
     tracked = [FrameTilt.tracked(h.parameters) for h in (*spec.known, *spec.concealed) if h.effect == FrameTilt.name]
     return LoggingChain(loss=n.loss, wander_sd_s=n.clock_wander_s, offset_s=n.clock_offset_s,
-                        lost_frames=n.lost_frames, tilt_deg=(0.0, 0.0), tilt_rad=tracked[0] if tracked else None)
+                        lost_frames=n.lost_frames, battery_period_s=n.battery_period_s,
+                        tilt_deg=(0.0, 0.0), tilt_rad=tracked[0] if tracked else None)
 
 
 def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:

@@ -98,6 +98,13 @@ def _hidden(name: str, size: str, rng: np.random.Generator, airframe: Airframe,
     return Hidden(name, size, EFFECTS[name].draw(size, rng, airframe), flights)
 
 
+def _lifting(hidden: Hidden, rng: np.random.Generator, airframe: Airframe) -> Hidden:
+    """The same effect, drawn again until it does not take thrust from the weight."""
+    while hidden.parameters.get("s", 1.0) < 1.0 or hidden.parameters.get("m", 0.0) > airframe.mass_kg:
+        hidden = _hidden(hidden.effect, hidden.size, rng, airframe)
+    return hidden
+
+
 def _size(kind: str, rng: np.random.Generator) -> str:
     return SIZES[int(rng.choice(3, p=SIZE_SHARES[kind]))]
 
@@ -144,6 +151,8 @@ def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator,
             charges = CHARGES[hidden.size]
     if "full" in wants and "charges" in wants:  # what is seen at full batteries only is seen there
         wants.remove("full")
+    if "low" in wants:  # a vehicle that is too heavy for its controller lands on such a flight
+        concealed = tuple(_lifting(hidden, rng, airframe) for hidden in concealed)
     count = int(rng.integers(5, 7)) if len(concealed) > 1 or kind in ("twin", "change") else None
     flights = draw_flights(rng, wants, count=count, **({} if charges is None else {"charges": charges}))
     if kind == "change":

@@ -11,13 +11,13 @@ STEP_S = 0.002
 
 class CommandDelay(Effect):
     name = "command_delay"
-    sizes: ClassVar = {"small": "6 ms, below one row of the recording", "medium": "12 ms",
-             "large": "18 ms; at 28 ms the vehicle no longer flies"}
+    sizes: ClassVar = {"small": "6 ms, below one row of the recording", "medium": "10 ms",
+                        "large": "16 ms; at 28 ms the vehicle no longer flies"}
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
     def draw(size, rng, airframe):
-        return {"delay_s": {"small": 0.006, "medium": 0.012, "large": 0.018}[size] + STEP_S * int(rng.integers(-1, 2))}
+        return {"delay_s": {"small": 0.006, "medium": 0.010, "large": 0.016}[size] + STEP_S * int(rng.integers(-1, 2))}
 
     @staticmethod
     def arrays(p, airframe):
