@@ -251,6 +251,7 @@ def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequenc
             "note": spec.note, "corrected": dumps(corrected),
             "nuisance": {"disturbance_m_s2": n.disturbance_m_s2, "thrust_noise": n.thrust_noise,
                          "clock_wander_s": n.clock_wander_s, "clock_offset_s": n.clock_offset_s,
+                         "battery_period_s": n.battery_period_s,
                          "imu_tilt_rad": list(n.imu_tilt_rad)}}
 
 

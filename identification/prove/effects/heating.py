@@ -10,12 +10,12 @@ from .base import Effect, near
 class Heating(Effect):
     name = "heating"
     foreign = True
-    sizes: ClassVar = {"small": "5 % of the thrust in the long run", "medium": "9 %", "large": "15 %"}
+    sizes: ClassVar = {"small": "4 % of the thrust in the long run", "medium": "7 %", "large": "11 %"}
     wants = ("charges", "lateral", "vertical")
 
     @staticmethod
     def draw(size, rng, airframe):
-        return {"loss": near(rng, {"small": 0.05, "medium": 0.09, "large": 0.15}[size]), "time_s": near(rng, 12.0)}
+        return {"loss": near(rng, {"small": 0.04, "medium": 0.07, "large": 0.11}[size]), "time_s": near(rng, 12.0)}
 
     @staticmethod
     def arrays(p, airframe):
