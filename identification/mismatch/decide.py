@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from nanobench_tools.flight import Fault
 from nanobench_tools.physics import Model
 
-from .fitting import Fit, Slopes, fit
+from .fitting import Fit, Slopes, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
 from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, free_of
 from .recordings import Recordings
 from .space import Space
+from .track import NEEDED
 from .wrench import CHANNELS
 
 PLAIN = 1.6
@@ -23,18 +24,19 @@ PLAIN = 1.6
 unit variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = 0.35
 """A name stands only where it explains more than what is left is large, in this proportion."""
-LEAST_LEFT = 150.0
-LEAST_FORCE_M_S2 = 0.035
+LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
+"""Squared standard deviations: what is left beside a name, and what is left that nothing names."""
+LEAST_FORCE_M_S2 = 0.045
 LEAST_TURNING = 0.3
 """Structure that is left is a finding from this RMS of force, or share of the turning, on."""
 GAP_S = 0.5
-"""Radio packets lost for less than this are usual."""
+"""Radio packets lost for less than this are usual; three times as long in a stream that is not judged."""
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
 BESIDE = 0.1
 """Share of all structure from which something left beside a name is worth saying."""
-LATE_S = 0.04
-"""A clock that is off by a constant below this is re-timed like one that wanders."""
+LATE_S, WANDERS_S = 0.03, 0.1
+"""A clock off by a constant below this is re-timed like one that wanders; so is the mean of one that wanders."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Decision:
-    """outcome of DESIGN; findings; structures that no term explains; fit of what was named; space it is of; faults of
+    """outcome of DESIGN; own: terms that differ between flights; scores: what each hypothesis takes away at first;
+    findings; structures that no term explains; fit of what was named; space it is of; faults of
     the data that touch what is judged; excess [6] before and after: squared length above what is plain."""
 
     outcome: str
@@ -62,10 +65,12 @@ class Decision:
     unknown: tuple[Structure, ...]
     fit: Fit
     space: Space
+    own: tuple[str, ...]
     faults: tuple[tuple[str, Fault], ...]
     before: np.ndarray
     after: np.ndarray
     rejected: dict[str, str]
+    scores: dict[str, float] = field(default_factory=dict)
 
 
 def decide(recordings: Recordings, moments: Moments, space: Space, named: Named, simulator: Model) -> Decision:
@@ -78,10 +83,9 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     # what the logging can feign is no finding, and no unknown either
     feigned = [t for t in named.rejected if t in named.space.terms and t not in {h.term for h in named.accepted}]
     free = free_of(named.space, [*(h.term for h in named.accepted), *feigned])
-    lenient = fit(known, final.model, free) if feigned else final
+    lenient = fit(known, final.model, free, own=named.own()) if feigned else final
     after = excess(moments, lenient.left)
-    force = moments.wrench.residual(lenient.model)[0]
-    found = structures(moments, force)
+    found = structures(moments, force_left(known, lenient))
     rough = _roughness(moments, lenient.left, after)
     if rough is not None and not found:
         found = [rough]
@@ -94,8 +98,8 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
             kept.append(h)
             alike.append(others)
     if withdrawn and kept:  # what stays has to stand alone
-        again = fit(known, _rested(named, [t for t, _ in withdrawn]), free_of(named.space, [h.term for h in kept]))
-        final = again
+        gone = [t for t, _ in withdrawn]
+        final = fit(known, _rested(named, gone), free_of(named.space, [h.term for h in kept]), own=named.own(*gone))
     elif withdrawn:
         final = fit(known, space.model, [])
     findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, final.loss)
@@ -109,8 +113,22 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     spoilt = [f for _, f in faults if f.kind in WHOLE]
     outcome = ("named" if findings else "data_fault" if spoilt else "unknown" if found else
                "data_fault" if faults else "none")
-    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, named.space, faults, before, after,
-                    named.rejected)
+    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, named.space,
+                    tuple(h.term for h in kept if h.own), faults, before, after, named.rejected, named.scores)
+
+
+def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
+    """The decision without names that do not predict unseen flights better."""
+    why = "it does not predict flights better that were left out of the fit"
+    withdrawn = (*decision.withdrawn, *((f.hypothesis.term, why) for f in decision.findings))
+    found = decision.unknown
+    worst = int(np.argmax(decision.before))
+    if not found and decision.before[worst] > 4.0 * LEAST_LEFT:
+        found = (Structure("motion", 0.0, float(decision.before[worst]), (CHANNELS[worst],),
+                           f"{CHANNELS[worst]} differs, and no term predicts how"),)
+    outcome = "unknown" if found else "data_fault" if decision.faults else "none"
+    return Decision(outcome, (), withdrawn, found, fit(Slopes(moments), space.model, []), space, (), decision.faults,
+                    decision.before, decision.before, decision.rejected, decision.scores)
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
@@ -123,8 +141,9 @@ def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
 def touches(fault: Fault, name: str, recordings: Recordings) -> bool:
     """Faults on the ground before take-off or after landing, and clocks that are a little late, are no explanation."""
     if fault.kind == "clock_offset":
-        return abs(fault.size) > LATE_S
-    if fault.kind == "gap" and fault.size < GAP_S:
+        wanders = any(f.kind == "clock_wander" for a in recordings.audits.values() for f in a.faults)
+        return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
+    if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in NEEDED else 3.0):
         return False
     audit = recordings.audits.get(name)
     if audit is None or not audit.airborne:
@@ -140,7 +159,7 @@ def _rested(named: Named, terms: Sequence[str]) -> Model:
 def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, before: np.ndarray,
             found: Sequence[Structure]) -> str:
     """Why a hypothesis is no name for what is there; empty when it is."""
-    without = known.left(_rested(named, [h.term]))
+    without = fit(known, _rested(named, [h.term]), [], own=named.own(h.term)).left
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
     here = taken > 0.2 * taken.sum()
     left = float(after[here].sum())
@@ -154,7 +173,7 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
 def _roughness(moments: Moments, left: np.ndarray, after: np.ndarray) -> Structure | None:
     """Structure along the covariates that no hypothesis explains, when it is large enough to matter."""
     c = int(np.argmax(after))
-    if after[c] < max(LEAST_LEFT, 2.0 * np.sum(moments.owner == c)):
+    if after[c] < LEAST_ALONE:
         return None
     size = _force_rms(moments, left, c)
     if size < (LEAST_FORCE_M_S2 if c < 3 else LEAST_TURNING):
@@ -182,7 +201,7 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     model = final.model
     rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] == h.term
             and n in model.names}
-    without = known.left(model.with_parameters(rest))
+    without = fit(known, model.with_parameters(rest), [], own=named.own(h.term)).left
     owner = moments.owner
     taken = np.array([max(float(without[owner == c] @ without[owner == c])
                           - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])

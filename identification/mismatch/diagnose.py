@@ -13,7 +13,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
 
-from .decide import Decision, decide
+from .decide import Decision, decide, unproved
 from .fitting import Slopes, fit, slopes
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
@@ -44,6 +44,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     decision = decide(recordings, moments, space, named, simulator)
     say("prediction on flights that were left out")
     proof = prove(moments, decision, simulator, seed)
+    if decision.findings and proof.held_out and not proof.better:
+        decision = unproved(moments, decision, space)
+        proof = prove(moments, decision, simulator, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ from nanobench_tools.physics import Model
 
 from .moments import Moments
 from .space import scales
+from .wrench import Wrench
 
 TIMING = "command_delay.delay_s"
 TIMING_SD_S = 0.003
@@ -22,6 +23,8 @@ SETTLED = 0.02
 """A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
 PRIOR_SD = 30.0
 """Scales: keeps directions the flights do not tell where they are."""
+OWN_SD = 1.0
+"""Scales: how far flights may differ."""
 FIXED_SUM = ("motor_imbalance.g",)
 """Lists whose mean is given by definition."""
 STIFF = 1e4
@@ -38,14 +41,17 @@ class Fit:
     loss: float
     left: np.ndarray
     on_bound: tuple[str, ...] = field(default=())
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Terms that differ between flights: flat name -> (flights,) what each has beside the shared value."""
 
 
 class Slopes:
     """Projected effects of parameters (K,) per scale, each computed once at a model's values; of some flights only
-    when ``flights`` are given."""
+    when ``flights`` are given. ``anchor``: a model whose slopes are good enough to rank hypotheses."""
 
     def __init__(self, moments: Moments, flights: Sequence[int] | None = None) -> None:
         self.moments, self._mask = moments, None
+        self.anchor: Model | None = None
         if flights is not None:
             wrench = moments.wrench
             mine = np.isin(wrench.flight, flights)
@@ -59,6 +65,10 @@ class Slopes:
             force, torque = force * self._mask[0].reshape(shape), torque * self._mask[1].reshape(shape)
         return self.moments.project(force, torque)
 
+    def near(self, model: Model) -> Model:
+        """The anchor where it has the same structure."""
+        return self.anchor if self.anchor is not None and self.anchor.structure == model.structure else model
+
     def columns(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
         """(K, F)."""
         new = [int(i) for i in which if (*model.key, int(i)) not in self._known]
@@ -70,6 +80,19 @@ class Slopes:
             return np.zeros((len(self.moments.owner), 0))
         return np.stack([self._known[(*model.key, int(i))] for i in which], axis=1)
 
+    def of_flights(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
+        """(K, F * flights): what each parameter does in each flight alone, parameter by parameter, at the anchor."""
+        wrench, model = self.moments.wrench, self.near(model)
+        numbers = np.unique(wrench.flight)
+        for i in which:
+            key = (*model.key, int(i), "flights")
+            if key not in self._known:
+                force, torque = (part[..., 0] for part in slopes(wrench, model, [int(i)]))
+                masks = [(wrench.flight[wrench.force_at] == f, wrench.flight[wrench.torque_at] == f) for f in numbers]
+                self._known[key] = self._project(np.stack([force * m[:, None] for m, _ in masks], -1),
+                                                 np.stack([torque * m[:, None] for _, m in masks], -1))
+        return np.concatenate([self._known[(*model.key, int(i), "flights")] for i in which], axis=1)
+
     def left(self, model: Model) -> np.ndarray:
         """(K,) projection of the residual of a model."""
         if model.key not in self._left:
@@ -77,23 +100,27 @@ class Slopes:
         return self._left[model.key]
 
 
-def slopes(wrench, model: Model, which: Sequence[int] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def slopes(wrench: Wrench, model: Model, which: Sequence[int] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a parameter does to force and torque: (N, 3, F), (M, 3, F), per scale of each parameter."""
     sizes = scales(model)
     force = np.empty((*wrench.measured[0].shape, len(which)))
     torque = np.empty((*wrench.measured[1].shape, len(which)))
     for column, i in enumerate(which):
-        up, down = model.values.copy(), model.values.copy()
-        up[i] = min(up[i] + STEP * sizes[i], model.upper[i])
-        down[i] = max(down[i] - STEP * sizes[i], model.lower[i])
-        above, below = wrench.model(model, up), wrench.model(model, down)
-        per = (up[i] - down[i]) / sizes[i]
-        force[..., column], torque[..., column] = (above[0] - below[0]) / per, (above[1] - below[1]) / per
+        key = (*model.key, int(i))
+        if key not in wrench.slopes:
+            moved, here = model.values.copy(), wrench.model(model)
+            step = STEP * sizes[i] * (1.0 if moved[i] + STEP * sizes[i] <= model.upper[i] else -1.0)
+            moved[i] += step
+            there = wrench.model(model, moved)
+            wrench.slopes[key] = tuple((b - a) * (sizes[i] / step) for a, b in zip(here, there, strict=True))
+        force[..., column], torque[..., column] = wrench.slopes[key]
     return force, torque
 
 
-def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: int = STEPS) -> Fit:
-    """Gauss-Newton with step halving, within the parameters' bounds.
+def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: int = STEPS,
+        own: Sequence[int] | np.ndarray = ()) -> Fit:
+    """Gauss-Newton with step halving, within the parameters' bounds; ``own``: parameters that every flight has another
+    value of, around the shared one and to first order.
 
     The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
     unless the delay itself is asked for.
@@ -104,6 +131,10 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     extra = np.zeros((len(known.moments.owner), 0))
     if timing is not None and timing not in free:
         extra = known.columns(model, [timing]) / scales(model)[timing] * TIMING_SD_S
+    own = np.asarray(own, int)
+    if len(own):
+        extra = np.concatenate([extra, OWN_SD * known.of_flights(model, own)], axis=1)
+    gram = np.linalg.inv(np.eye(extra.shape[1]) + extra.T @ extra)
     sums = _sums(model, free) / sizes.mean() if len(free) else np.zeros((0, 0))
     start = values = model.values[free]
 
@@ -112,24 +143,21 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
         vector[free] = chosen
         return model.with_values(vector)
 
-    def without_timing(left: np.ndarray) -> np.ndarray:
-        if not extra.shape[1]:
-            return left
-        column = extra[:, 0]
-        return left - column * (column @ left) / (1.0 + column @ column)
+    def without_nuisances(left: np.ndarray) -> np.ndarray:
+        return left - extra @ (gram @ (extra.T @ left)) if extra.shape[1] else left
 
     def cost_of(chosen: np.ndarray) -> tuple[float, np.ndarray]:
         left = known.left(at(chosen))
-        better, moved = without_timing(left), (chosen - start) / sizes if len(free) else start
+        better, moved = without_nuisances(left), (chosen - start) / sizes if len(free) else start
         penalty = float(np.sum((weight * moved) ** 2) + STIFF * np.sum((sums @ (chosen - start)) ** 2))
-        # the part along the timing that is left counts with its prior
+        # the part along the nuisances that is left counts with their prior
         return float(left @ better) + penalty, better
 
     cost, left = cost_of(values)
     matrix = np.zeros((len(left), len(free)))
     for _ in range(steps if len(free) else 0):
         matrix = known.columns(at(values), free)
-        clean = np.stack([without_timing(c) for c in matrix.T], axis=1)
+        clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1)
         stiff = STIFF * (sums * sizes).T @ (sums * sizes)
         normal = matrix.T @ clean + np.diag(weight**2) + stiff
         moved = (values - start) / sizes
@@ -148,7 +176,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
         gain, (values, left, cost) = cost - new_cost, (trial, new_left, new_cost)
         if gain < 0.05 or (share == 1.0 and abs(gain - promised) < SETTLED * promised):
             break
-    clean = np.stack([without_timing(c) for c in matrix.T], axis=1) if len(free) else matrix
+    clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1) if len(free) else matrix
     normal = matrix.T @ clean + np.diag(weight**2)
     if len(free):
         normal = normal + STIFF * (sums * sizes).T @ (sums * sizes)
@@ -156,7 +184,25 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     found = at(values)
     on = tuple(model.names[i] for i, v in zip(free, values, strict=True)
                if v <= model.lower[i] + 1e-12 or v >= model.upper[i] - 1e-12)
-    return Fit(found, free, covariance, cost, left, on)
+    nuisance = gram @ (extra.T @ known.left(found))
+    flights = len(np.unique(known.moments.wrench.flight))
+    each = nuisance[len(nuisance) - len(own) * flights:].reshape(len(own), flights) * OWN_SD
+    return Fit(found, free, covariance, cost, left, on,
+               {model.names[i]: row * scales(model)[i] for i, row in zip(own, each, strict=True)})
+
+
+def force_left(known: Slopes, fit: Fit) -> np.ndarray:
+    """(N, 3) residual of force, with what differs between flights taken out."""
+    wrench = known.moments.wrench
+    left = wrench.residual(fit.model)[0].copy()
+    if fit.own:
+        near, flight = known.near(fit.model), wrench.flight[wrench.force_at]
+        which = [fit.model.index(name) for name in fit.own]
+        force, _ = slopes(wrench, near, which)
+        sizes = scales(fit.model)
+        for column, (i, each) in enumerate(zip(which, fit.own.values(), strict=True)):
+            left -= force[..., column] * (each / sizes[i])[np.searchsorted(np.unique(flight), flight)][:, None]
+    return left
 
 
 def _sums(model: Model, free: np.ndarray) -> np.ndarray:

@@ -134,12 +134,10 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     dt = FORCE_ROWS * ROW_S
     grid = np.arange(*PERIODS_HZ, 0.02)
     for c in range(3):
-        memory = moments.channels[c].memory
-        white = memory.whiten(force[:, c])
         power, many = np.zeros(len(grid)), 0
         for f in np.unique(flight):
             mine = np.flatnonzero(flight == f)
-            x = white[mine]
+            x = force[mine, c] - force[mine, c].mean()
             time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
             if len(x) * dt < 6.0 or not x.any():
                 continue

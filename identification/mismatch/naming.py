@@ -25,7 +25,11 @@ ALIKE_LEFT = 0.5
 are not told apart."""
 REDUNDANT = 0.4
 """Beside the best, another explanation of the same thing has less than this share of its own left."""
-MOST = 4
+MOST = 5
+CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
+"""What may have been changed between two flights."""
+CHANGED = 0.3
+"""That flights differ has to explain more than one value for all by this share."""
 TRIED = 6
 """Hypotheses that are fitted to the end; the others are far behind already when linear."""
 
@@ -33,11 +37,12 @@ TRIED = 6
 @dataclass(frozen=True)
 class Hypothesis:
     """A term, the model in which it may change, and which parameters may. gain: loss it takes away beyond what its
-    number of parameters would by chance."""
+    number of parameters would by chance. own: every flight has its own value."""
 
     term: str
     fit: Fit
     gain: float
+    own: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,10 @@ class Named:
     before: float
     scores: dict[str, float] = field(default_factory=dict)
     rejected: dict[str, str] = field(default_factory=dict)
+
+    def own(self, *without: str) -> np.ndarray:
+        """Parameters that differ between flights, but for some terms."""
+        return free_of(self.space, [h.term for h in self.accepted if h.own and h.term not in without])
 
 
 STARTS: dict[str, dict[str, float]] = {"motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
@@ -86,8 +95,8 @@ def name_effects(moments: Moments, space: Space, simulator: Model,
         if progress:
             progress(f"{best.term} takes {best.gain:.0f} of {nothing.loss:.0f}")
     search.backward()
-    return Named(tuple(search.accepted), tuple(search.alike), search.space, search.current, nothing.loss, scores,
-                 search.rejected)
+    return Named(tuple(search.accepted), tuple(search.alike[h.term] for h in search.accepted), search.space,
+                 search.current, nothing.loss, scores, search.rejected)
 
 
 class _Search:
@@ -95,17 +104,18 @@ class _Search:
 
     def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
         self.moments, self.space, self.known = moments, space, Slopes(moments)
+        self.known.anchor = space.model
         volts = float(np.median(np.concatenate([t.battery_V[t.counts] for t in moments.wrench.tracks])))
         other = with_other_map(simulator, volts)
         self.other = None if other is None else space_around(other)
         self.current = fit(self.known, space.model, [])
         self.accepted: list[Hypothesis] = []
-        self.alike: list[tuple[str, ...]] = []
+        self.alike: dict[str, tuple[str, ...]] = {}
         self.rejected: dict[str, str] = {}
 
     @property
     def names(self) -> list[str]:
-        return [h.term for h in self.accepted]
+        return list(dict.fromkeys(h.term for h in self.accepted))
 
     def tried(self) -> list[Hypothesis]:
         """Every hypothesis to first order, the best of them fitted to the end; best first."""
@@ -117,15 +127,47 @@ class _Search:
         ranked = sorted(candidates, key=lambda c: -self._promise(*c))
         found = []
         for term, space, start in ranked[:TRIED]:
-            done = fit(self.known, start, free_of(space, [*self.names, term]))
+            done = fit(self.known, start, free_of(space, [*self.names, term]), own=self.own_of(space))
             found.append(Hypothesis(term, done, self.current.loss - done.loss - PER_PARAMETER * len(space.free(term))))
-        return sorted(found, key=lambda h: -h.gain)
+        return sorted([*found, *self._tried_own(found)], key=lambda h: -h.gain)
+
+    def own_of(self, space: Space, more: Sequence[str] = ()) -> np.ndarray:
+        """Parameters of terms that differ between flights."""
+        return free_of(space, [*(h.term for h in self.accepted if h.own), *more])
+
+    def _tried_own(self, shared: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Terms that may differ between flights, when that explains clearly more than one value for all."""
+        flights = len(np.unique(self.moments.wrench.flight))
+        found = []
+        if flights < 2:
+            return []
+        for term in CHANGING:
+            if term not in self.space.terms or any(h.own and h.term == term for h in self.accepted):
+                continue
+            free = self.space.free(term)
+            both = free_of(self.space, [*self.names, *([] if term in self.names else [term])])
+            done = fit(self.known, self.current.model, both, own=self.own_of(self.space, [term]))
+            gain = self.current.loss - done.loss - PER_PARAMETER * len(free) * flights
+            one = next((h.gain for h in shared if h.term == term), 0.0)
+            if gain > one + LEAST_GAIN + CHANGED * max(one, 0.0):
+                found.append(Hypothesis(term, done, gain, own=True))
+        return found
 
     def _promise(self, term: str, space: Space, start: Model) -> float:
         held, free = free_of(space, self.names), space.free(term)
-        left = self.known.left(start)
-        beside = np.concatenate([self.known.columns(start, held), self.known.columns(start, free)], axis=1)
+        left, near = self.known.left(start), self._near(start)
+        beside = np.concatenate([self._differing(start), self.known.columns(near, held),
+                                 self.known.columns(near, free)], axis=1)
         return -float(left @ left) + _explained(beside, left) - PER_PARAMETER * len(free)
+
+    def _near(self, start: Model) -> Model:
+        """Slopes do to rank hypotheses with where the simulator stands, unless the start was moved on purpose."""
+        return self.known.near(start) if start is self.current.model else start
+
+    def _differing(self, model: Model) -> np.ndarray:
+        """(K, N) columns of what differs between flights."""
+        own = free_of(self.space, [h.term for h in self.accepted if h.own])
+        return self.known.of_flights(model, own) if len(own) else np.zeros((len(self.moments.owner), 0))
 
     def best(self, tried: list[Hypothesis]) -> Hypothesis | None:
         """The first that is allowed; of those that take nearly as much, the one with fewest parameters."""
@@ -154,12 +196,14 @@ class _Search:
         """``alike``: those that take nearly as much, and the same: beside the best they have little left to take."""
         close = [h for h in tried if h.term != best.term and best.gain - h.gain < self._margin(best) and h.gain > 0.0
                  and not _contains(h.term, best.term)]
+        self.accepted = [h for h in self.accepted if h.term != best.term]  # one value for all gives way to one each
         self.accepted.append(best)
         self.current = best.fit
         if best.term in MAPS and best.term not in self.space.model and self.other is not None:
             self.space = self.other
-        self.alike.append(tuple(h.term for h in close if h.term not in self.names
-                                and self._beside(h.term) < REDUNDANT * h.gain))
+            self.known.anchor = best.fit.model
+        self.alike[best.term] = tuple(dict.fromkeys(h.term for h in close if h.term not in self.names
+                                                    and self._beside(h.term) < REDUNDANT * h.gain))
 
     def _beside(self, term: str, others: Sequence[str] = ()) -> float:
         """What a term would still take away beside those accepted, and beside ``others``, to first order."""
@@ -167,8 +211,9 @@ class _Search:
             return 0.0
         start = _start(self.moments, self.current.model, term)
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
-        left, beside = self.known.left(start), self.known.columns(start, held)
-        both = np.concatenate([beside, self.known.columns(start, self.space.free(term))], axis=1)
+        left, near = self.known.left(start), self._near(start)
+        beside = np.concatenate([self._differing(start), self.known.columns(near, held)], axis=1)
+        both = np.concatenate([beside, self.known.columns(near, self.space.free(term))], axis=1)
         return _explained(both, left) - _explained(beside, left)
 
     def backward(self) -> None:
@@ -178,13 +223,14 @@ class _Search:
             for i, h in enumerate(self.accepted):
                 names = [n for k, n in enumerate(self.names) if k != i]
                 rest = {n: v for n, v in self.space.model.parameters.items() if n.partition(".")[0] == h.term}
-                without = fit(self.known, self.current.model.with_parameters(rest), free_of(self.space, names))
+                own = free_of(self.space, [g.term for k, g in enumerate(self.accepted) if g.own and k != i])
+                without = fit(self.known, self.current.model.with_parameters(rest), free_of(self.space, names), own=own)
                 losses.append((without.loss - self.current.loss - PER_PARAMETER * len(self.space.free(h.term)), i,
                                without))
             lost, i, without = min(losses, key=lambda entry: entry[0])
             if lost >= LEAST_GAIN:
                 return
-            del self.accepted[i], self.alike[i]
+            del self.accepted[i]
             self.current = without
 
 

@@ -22,6 +22,10 @@ RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
 GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
 """Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
 the vehicle turns, the gain from command to torque is hardly known."""
+DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
+             "frame_tilt.roll_rad": 0.012, "frame_tilt.pitch_rad": 0.012, "wind.w_m_s": 0.25, "force_world.f_N": 0.004}
+"""Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
+scale as a share."""
 DAMPING_1_S = 6.0
 """Of angular damping over inertia, times the same share."""
 LEAST_FORCE_M_S2 = 0.03
@@ -39,10 +43,15 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
             continue
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
-        if change - 2.0 * sd > smallest(name, before, moments):
+        if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
+            least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
+            changed = changed or float(np.ptp(fit.own[name])) > least
+        elif change - 2.0 * sd > smallest(name, before, moments):
             changed = True
     if not changed:
         return f"{term} changes less than the logging can feign"
+    if any(name.startswith(f"{term}.") for name in fit.own):
+        return ""
     force, torque = effect(fit, before, moments)
     if force < LEAST_FORCE_M_S2 and torque < LEAST_TURNING_SHARE:
         return (f"{term} changes the force by {force:.3f} m/s^2 RMS and torque by {torque:.0%} of what is left: "
@@ -50,9 +59,14 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
     return ""
 
 
+def base_of(name: str) -> str:
+    """Flat name without the number of the element."""
+    return name.partition("[")[0]
+
+
 def smallest(name: str, before: Model, moments: Moments) -> float:
     """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns none."""
-    base, values = name.partition("[")[0], before.parameters
+    base, values = base_of(name), before.parameters
     if base in ABSOLUTE:
         return ABSOLUTE[base]
     if base in RELATIVE:

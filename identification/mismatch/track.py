@@ -11,13 +11,19 @@ from scipy.interpolate import CubicSpline
 from nanobench_tools import so3
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Span, Stream, intersect_spans
+from nanobench_tools.flight import Flight, Span, Stream, intersect_spans, merge_spans, subtract_spans
 
 ROW_S = 0.01
 BEFORE_S = 0.5
 """Inputs this long before a span warm the rotors up."""
 EDGE_S = 0.12
 """Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
+CONTACT_M = 0.05
+"""Above where it rested: lower, the legs may touch."""
+CONTACT_S = 0.2
+"""Rows this long around a touch are not judged."""
+BOUNCE_M = 0.4
+"""A vehicle that touched and does not rise higher again has landed."""
 LONGEST_GAP_S = 0.045
 """A hole in the motion capture up to this long is bridged by a cubic."""
 SHORTEST_S = 1.0
@@ -64,8 +70,27 @@ def tracks_of(flight: Flight, audit: Audit, number: int) -> list[Track]:
         raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
     spans = intersect_spans(audit.airborne, audit.clean_for((*NEEDED, "")))
     start = min((s.start_s for s in audit.airborne), default=0.0)
+    spans = subtract_spans(spans, _contacts(flight, audit.airborne))
     return [track for span in spans if span.duration_s >= SHORTEST_S
             for track in [_track(flight, span, number, start)] if track.counts.any()]
+
+
+def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
+    """Where the ground may have pushed: around every touch, and from the last one on."""
+    mocap = flight["mocap"]
+    time_s, z = mocap.time_s, mocap["pz"]
+    if not airborne:
+        return []
+    resting = z[time_s < airborne[0].start_s]
+    rest = float(np.median(resting)) if len(resting) > 10 else float(z.min())
+    inside = (time_s > airborne[0].start_s + CONTACT_S) & (time_s < airborne[-1].end_s + CONTACT_S)
+    touch = np.flatnonzero(inside & (z < rest + CONTACT_M))
+    spans = [Span(float(time_s[i]) - CONTACT_S, float(time_s[i]) + CONTACT_S) for i in touch]
+    for i in touch:
+        if z[i:].max() < rest + BOUNCE_M:
+            spans.append(Span(float(time_s[i]) - CONTACT_S, float(time_s[-1])))
+            break
+    return list(merge_spans(spans))
 
 
 def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:

@@ -59,11 +59,7 @@ class Verdict:
     def of(cls, recordings: Recordings, simulator: Model, moments: Moments, decision: Decision, proof: Proof,
            elapsed_s: float) -> Verdict:
         named = bool(decision.findings)
-        unproved = named and proof.held_out and not proof.better
         findings = [_finding(f, decision, recordings) for f in decision.findings]
-        for entry in findings:
-            if unproved:
-                entry["confidence"] = min(entry["confidence"], 0.6)
         unknown = None
         if decision.unknown:
             first = decision.unknown[0]
@@ -96,11 +92,32 @@ def _finding(f: Finding, decision: Decision, recordings: Recordings) -> dict[str
                          "unit": units[name], "believed": decision.space.model.parameters[name]}
                   for name, sd in f.sd.items()}
     settles = find_term(term).confused_with
+    changed = _changed(f, decision, recordings)
     return {"term": term, "equivalent": list(f.equivalent), "confidence": f.confidence,
             "where": {"axes": list(f.axes), "frame": LOCALE.get(term, "body"), "covariate": f.covariate,
-                      "flights": list(recordings.names), "regime": "all"},
+                      "flights": changed or list(recordings.names),
+                      "regime": "differs between flights" if f.hypothesis.own else "all"},
+            "by_flight": {name: {recordings.names[i]: values[name] + float(x) for i, x in
+                                 zip(_numbers(recordings), row, strict=True)}
+                          for name, row in decision.fit.own.items() if name.startswith(f"{term}.")},
             "parameters": parameters, "residual_share": f.share, "cause": CAUSES.get(term), "motors": [],
             "settle_with": "; ".join(f"{o}: {settles[o]}" for o in f.equivalent if o in settles) or None}
+
+
+def _numbers(recordings: Recordings) -> list[int]:
+    return sorted({t.flight for t in recordings.tracks})
+
+
+def _changed(f: Finding, decision: Decision, recordings: Recordings) -> list[str]:
+    """Flights in which a term that differs between flights is not as in most of them."""
+    rows = [row / (f.sd.get(name) or 1.0) for name, row in decision.fit.own.items()
+            if name.startswith(f"{f.hypothesis.term}.")]
+    if not rows:
+        return []
+    away = np.linalg.norm(np.array(rows) - np.median(rows, axis=1, keepdims=True), axis=0)
+    odd = away > max(0.3 * away.max(), 6.0)
+    numbers = _numbers(recordings)
+    return [recordings.names[numbers[i]] for i in np.flatnonzero(odd)] if odd.sum() <= len(odd) / 2 else []
 
 
 def data_faults(recordings: Recordings) -> list[dict[str, Any]]:
@@ -116,7 +133,7 @@ def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
     found = {}
     for term in decision.space.terms:
         free = decision.space.free(term)
-        columns = known.columns(decision.fit.model, free)
+        columns = known.columns(model, free)
         strength = np.linalg.norm(columns, axis=0)
         if not (strength > 1e-6).any():
             found[term] = {"minimum_detectable": None, "unit": model.units[free[0]]}

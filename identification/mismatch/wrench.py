@@ -11,7 +11,7 @@ angular accelerations their mean over the same stretch:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +59,9 @@ class Wrench:
     """Tracks, and where on them force and torque are compared."""
 
     tracks: Sequence[Track]
+    slopes: dict[tuple, tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
+    """Known effects of parameters, see ``fitting.slopes``."""
+    _known: dict[tuple, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def ends(self) -> np.ndarray:
@@ -119,10 +122,13 @@ class Wrench:
 
     def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """What the model gives along the measured states, as ``measured``; parameters (P,) in place of its own."""
-        values = model.values if parameters is None else parameters
+        if parameters is None:
+            if model.key not in self._known:
+                self._known[model.key] = self.model(model, model.values)
+            return self._known[model.key]
+        values = parameters
         made = equations(model, ROW_S, values)
-        inputs = [rows(model, t.motor[None], t.battery_V[None], row_hz=1.0 / ROW_S, parameters=values)[0][:, :, 0]
-                  for t in self.tracks]
+        inputs = self._inputs(model, values)
         flat = np.concatenate(inputs)
         thrust = np.stack([np.broadcast_to(c, len(flat)) for c in made.command(list(flat.T))])
         if "motor_lag" in model:
@@ -135,6 +141,15 @@ class Wrench:
         weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
         mean = np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
         return self._in_body(self._smooth(acceleration, 0)), mean
+
+    def _inputs(self, model: Model, values: np.ndarray) -> list[np.ndarray]:
+        """Rows of inputs of every track; they change with the delay only."""
+        delay = values[model.index("command_delay.delay_s")] if "command_delay" in model else 0.0
+        key = ("inputs", len(model.inputs), float(delay))
+        if key not in self.slopes:
+            self.slopes[key] = tuple(rows(model, t.motor[None], t.battery_V[None], row_hz=1.0 / ROW_S,
+                                          parameters=values)[0][:, :, 0] for t in self.tracks)
+        return list(self.slopes[key])
 
     def _lagged(self, model: Model, values: np.ndarray, inputs: list[np.ndarray], command: np.ndarray) -> np.ndarray:
         """Rotor states (4, rows) [N] of all tracks, from rest at the first command of each."""

@@ -1,0 +1,102 @@
+"""Effects concealed from a simulator come back under their own name; a right simulator is left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from carried_tracks import MODEL, track_of, wrench_of
+
+from identification.mismatch.decide import decide
+from identification.mismatch.diagnose import _named
+from identification.mismatch.fitting import slopes
+from identification.mismatch.recordings import Recordings
+from identification.mismatch.space import space_around, with_other_map
+from identification.mismatch.wrench import Wrench
+from nanobench_tools.physics import Model
+
+
+def decided(wrench: Wrench, simulator: Model):
+    space = space_around(simulator)
+    moments, named = _named(wrench, space, simulator, lambda text: None)
+    recordings = Recordings((), {}, tuple(wrench.tracks), (), {})
+    return moments, decide(recordings, moments, space, named, simulator)
+
+
+def names_of(decision) -> list[str]:
+    return [f.hypothesis.term for f in decision.findings]
+
+
+def test_a_right_simulator_has_no_mismatch(plain, model):
+    _, decision = decided(plain, model)
+    assert (decision.outcome, decision.findings) == ("none", ())
+
+
+def test_a_concealed_drag_is_found_again(plain, model):
+    _, decision = decided(plain, model.with_term("drag_linear", d=(0.004, 0.004, 0.006)))
+    assert names_of(decision) == ["drag_linear"]
+    assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
+
+
+def test_slow_commands_tell_no_lag_from_a_delay(plain, model):
+    """No input faster than 4 Hz."""
+    _, decision = decided(plain, model.with_term("motor_lag", tau_up_s=0.005, tau_down_s=0.005))
+    finding, = decision.findings
+    assert {finding.hypothesis.term, *finding.equivalent} == {"motor_lag", "command_delay"}
+
+
+def test_a_heavier_vehicle_is_found(plain, model):
+    _, decision = decided(plain, model.on(mass_kg=0.045))
+    finding = decision.findings[0]
+    assert "mass" in (finding.hypothesis.term, *finding.equivalent)
+    assert decision.fit.model.parameters["mass.m"] == pytest.approx(0.04, rel=0.01)
+
+
+def test_wind_is_not_called_drag(model):
+    windy = wrench_of(model.with_term("wind", w_m_s=(0.8, -0.5, 0.0)))
+    _, decision = decided(windy, model)
+    finding, = decision.findings
+    assert "wind" in (finding.hypothesis.term, *finding.equivalent)
+    assert not {"drag_linear", "drag_rotor", "drag_quadratic"} & {finding.hypothesis.term, *finding.equivalent}
+
+
+def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
+    def swinging(position, time):
+        return 0.5 * np.sin(2.0 * np.pi * 0.9 * time) * np.array([0.0, 1.0, 0.0])
+
+    _, decision = decided(Wrench([track_of(model, 30 + k, k, push=swinging) for k in range(3)]), model)
+    assert decision.findings == ()
+    assert decision.outcome == "unknown"
+    assert any(s.kind == "period" and "0.9" in s.hint for s in decision.unknown)
+
+
+def test_one_flight_with_a_heavier_vehicle_is_singled_out(model):
+    heavy = model.on(mass_kg=0.046)
+    tracks = [track_of(heavy if k == 2 else model, 40 + k, k) for k in range(4)]
+    _, decision = decided(Wrench(tracks), model)
+    assert decision.own
+    name = next(n for n in decision.fit.own if n.startswith(f"{decision.own[0]}."))
+    assert int(np.argmax(np.abs(decision.fit.own[name] - np.median(decision.fit.own[name])))) == 2
+
+
+def test_slopes_are_derivatives(plain, model):
+    """Against central differences of another step."""
+    space = space_around(model)
+    which = [space.model.index(n) for n in ("drag_linear.d[0]", "com_offset.r_m[1]", "inertia.inertia_kg_m2[0]")]
+    force, torque = slopes(plain, space.model, which)
+    from identification.mismatch.space import scales
+
+    for column, i in enumerate(which):
+        step = 0.01 * scales(space.model)[i]
+        up, down = space.model.values.copy(), space.model.values.copy()
+        up[i] += step
+        down[i] -= step
+        above, below = plain.model(space.model, up), plain.model(space.model, down)
+        np.testing.assert_allclose(force[..., column], (above[0] - below[0]) / 0.02, atol=1e-3 * np.ptp(force) + 1e-9)
+        np.testing.assert_allclose(torque[..., column], (above[1] - below[1]) / 0.02, atol=2e-3 * np.ptp(torque) + 1e-9)
+
+
+def test_the_other_map_gives_the_same_thrust_at_its_voltage():
+    other = with_other_map(MODEL, 3.7)
+    u = np.linspace(0.3, 1.0, 8)
+    old = np.polyval(MODEL.values_of("thrust_voltage")["c"][::-1], u * 3.7)
+    np.testing.assert_allclose(np.polyval(other.values_of("thrust_pwm")["c"][::-1], u), old, rtol=1e-12)
