@@ -1,0 +1,193 @@
+"""report.html: a diagnosis on one page that asks the network for nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.flight import Fault
+from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.physics.model import find_term
+from nanobench_tools.report.page import _template, breakable, plotly_source, safe_json
+from nanobench_tools.report.quantities import DASH
+from nanobench_tools.version import __version__
+
+from .pictures import pictures
+from .proof import HORIZONS, QUANTITIES
+from .recordings import Recordings
+from .track import ROW_S
+from .verdict import Verdict
+from .wrench import CHANNELS
+
+OUTCOMES = {"named": "Named", "unknown": "Unknown", "none": "No mismatch", "data_fault": "The data are at fault",
+            "insufficient": "Too little to say"}
+SECTIONS = (("verdict", "Verdict"), ("data", "Data first"), ("residual", "Residual"), ("locate", "Locate"),
+            ("name", "Name"), ("model", "Model"), ("prove", "Prove"))
+QUANTITY_UNITS = {"position_m": ("Position", "m"), "velocity_m_s": ("Velocity", "m/s"),
+                  "attitude_rad": ("Attitude", "rad"), "rate_rad_s": ("Rate", "rad/s")}
+
+
+@dataclass(frozen=True)
+class Table:
+    """title; heads (text, unit, whether numbers stand below); rows of cells, the first names the row."""
+
+    title: str
+    heads: tuple[tuple[str, str, bool], ...]
+    rows: Sequence[Sequence[str]]
+
+
+def write_page(verdict: Verdict, recordings: Recordings, path: Path, synthetic: bool) -> None:
+    """Writes the page of a verdict, one that judged nothing included. ``synthetic``: every caption says so."""
+    write_bytes(Path(path), page_text(verdict, recordings, synthetic).encode(errors="replace"))
+
+
+def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
+    """The page as text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
+                              lstrip_blocks=True, undefined=StrictUndefined)
+    environment.globals.update(breakable=breakable, dash=DASH)
+    body, drawn = plain(verdict.to_json()), plain(pictures(verdict, recordings))
+    held_out = bool(verdict.proof and verdict.proof.held_out)
+    real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
+    return environment.get_template("mismatch.html").render(
+        label="SYNTHETIC" if synthetic else "", version=__version__, library=plotly_source(),
+        css=_template("report.css"), scripts=[_template("draw.js"), _template("mismatch.js")], sections=SECTIONS,
+        outcome=OUTCOMES[body["outcome"]], body=body, drawn=drawn, judged=verdict.moments is not None,
+        named=bool(body["findings"]), held_out=held_out, steps=[(h, f"{1e3 * h * ROW_S:.0f} ms") for h in HORIZONS],
+        quantities=[QUANTITY_UNITS[q][0] for q in QUANTITIES],
+        n=f"n = {_flights(len({t.flight for t in recordings.tracks}))}, {recordings.judged_s:.0f} s{real}",
+        recorded=f"n = {_flights(len(recordings.flights))}{real}", real=real,
+        tables=tables(verdict, body, drawn, recordings), data=safe_json(drawn))
+
+
+def _flights(n: int) -> str:
+    return f"{n} flight{'s' * (n != 1)}"
+
+
+def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
+           recordings: Recordings) -> dict[str, Table]:
+    """Every table by name; those with nothing to show are left out."""
+    found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
+             "left_out": left_out(recordings), "rejected": reasons(body.get("not_named") or [], "Not named"),
+             "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
+             "by_flight": own_values(body), "improvement": improvement(body), "power": power(body)}
+    if "rms" in drawn:
+        found["rms"] = rms(drawn["rms"], bool(body["findings"]))
+    return {name: table for name, table in found.items() if table.rows}
+
+
+def findings(body: Mapping[str, Any]) -> Table:
+    rows = [(entry["term"], find_term(entry["term"]).sentence, f"{100 * entry['confidence']:.0f}",
+             f"{100 * entry['residual_share']:.0f}", ", ".join(entry["where"]["axes"]), entry["where"]["frame"],
+             entry["where"]["covariate"] or DASH, ", ".join(entry["equivalent"]) or "nothing else",
+             entry["settle_with"] or DASH) for entry in body["findings"]]
+    return Table("What the simulator leaves out",
+                 (("Effect", "", False), ("What it is", "", False), ("Confidence", "%", True),
+                  ("Of what was named", "%", True), ("Shows in", "", False), ("Frame", "", False),
+                  ("Goes with", "", False), ("Cannot be told from", "", False), ("What would settle it", "", False)),
+                 rows)
+
+
+def faults(verdict: Verdict, recordings: Recordings) -> Table:
+    """Faults of one kind together, and how many of them touch what was judged."""
+    groups: dict[str, list[tuple[str, Fault]]] = {}
+    for name, fault in recordings.faults:
+        groups.setdefault(fault.kind, []).append((name, fault))
+    touching = verdict.decision.faults if verdict.decision else ()
+    rows = []
+    for kind, entries in sorted(groups.items()):
+        streams = sorted({f.stream or "all" for _, f in entries})
+        name, worst = max(entries, key=lambda e: abs(e[1].size) if np.isfinite(e[1].size) else 0.0)
+        size = f"{worst.size:.3g} {worst.unit}" if np.isfinite(worst.size) else DASH
+        rows.append((kind, ", ".join(streams), str(len(entries)),
+                     f"{len({n for n, _ in entries})} of {len(recordings.flights)}",
+                     str(sum(f.kind == kind for _, f in touching)) if verdict.decision else DASH, size,
+                     f"{name}: {worst.evidence}"))
+    return Table("Faults of the data",
+                 (("Fault", "", False), ("Streams", "", False), ("Times", "", True), ("Flights", "", True),
+                  ("Matter", "", True), ("Largest", "", True), ("The largest, in words", "", False)), rows)
+
+
+def judged(recordings: Recordings) -> Table:
+    rows = []
+    for number, flight in enumerate(recordings.flights):
+        audit = recordings.audits.get(flight.name)
+        mine = [t for t in recordings.tracks if t.flight == number]
+        seconds = ROW_S * sum(int(np.sum(t.counts)) for t in mine)
+        air = sum(s.duration_s for s in audit.airborne) if audit else float("nan")
+        rows.append((flight.name, f"{air:.1f}" if np.isfinite(air) else DASH, f"{seconds:.1f}", str(len(mine))))
+    return Table("What was judged", (("Flight", "", False), ("In the air", "s", True), ("Judged", "s", True),
+                                     ("Spans", "", True)), rows)
+
+
+def left_out(recordings: Recordings) -> Table:
+    return Table("Left out", (("Flight", "", False), ("Why", "", False)), list(recordings.left_out.items()))
+
+
+def rms(drawn: Mapping[str, Any], named: bool) -> Table:
+    sides = [("Simulator as given", "before"), *([("Corrected", "after")] if named else []),
+             ("A right simulator leaves", "floor")]
+    rows = [(name, "m/s²" if c < 3 else "rad/s²", *(f"{drawn[key][c]:.3g}" for _, key in sides),
+             str(drawn["samples"][c])) for c, name in enumerate(CHANNELS)]
+    return Table("RMS of the residual by channel, body frame",
+                 (("Channel", "", False), ("Unit", "", False), *((text, "", True) for text, _ in sides),
+                  ("Samples", "", True)), rows)
+
+
+def reasons(entries: Sequence[Mapping[str, str]], title: str) -> Table:
+    return Table(title, (("Effect", "", False), ("Why not", "", False)), [(e["term"], e["why"]) for e in entries])
+
+
+def parameters(body: Mapping[str, Any]) -> Table:
+    rows = [(name, f"{p['believed']:.5g}", f"{p['value']:.5g}", f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"])
+            for entry in body["findings"] for name, p in entry["parameters"].items()]
+    return Table("Parameters of the corrected simulator",
+                 (("Parameter", "", False), ("Simulator", "", True), ("Flights say", "", True), ("95 %", "", True),
+                  ("Unit", "", False)), rows)
+
+
+def own_values(body: Mapping[str, Any]) -> Table:
+    """Values of terms that differ between flights."""
+    rows = [(name, flight, f"{value:.5g}", entry["parameters"][name]["unit"] if name in entry["parameters"] else "")
+            for entry in body["findings"] for name, values in (entry.get("by_flight") or {}).items()
+            for flight, value in values.items()]
+    return Table("Parameters that differ between flights",
+                 (("Parameter", "", False), ("Flight", "", False), ("Value", "", True), ("Unit", "", False)), rows)
+
+
+def improvement(body: Mapping[str, Any]) -> Table:
+    """Mean errors of prediction at every horizon, before and after."""
+    found = body["improvement"] or {}
+    named = bool(body["findings"])
+    rows = []
+    for h in HORIZONS:
+        entry = found.get(str(h))
+        if entry is None:
+            continue
+        cells = [_change(entry["before"][q], entry["after"][q], named) for q in QUANTITIES]
+        between = entry["relative_ci95"]
+        gained = DASH if not between else f"{100 * between[0]:.0f} .. {100 * between[1]:.0f}"
+        rows.append((f"{h}: {1e3 * h * ROW_S:.0f} ms", *cells, gained))
+    return Table("Mean error of prediction" + (", before → after" if named else ""),
+                 (("Steps ahead", "", False), *((*QUANTITY_UNITS[q], True) for q in QUANTITIES),
+                  ("Less error, 95 %", "%", True)), rows)
+
+
+def _change(before: float | None, after: float | None, named: bool) -> str:
+    texts = [DASH if x is None else f"{x:.3g}" for x in ((before, after) if named else (before,))]
+    return " → ".join(texts)
+
+
+def power(body: Mapping[str, Any]) -> Table:
+    rows = [(term, (entry.get("parameter") or DASH).removeprefix(f"{term}."),
+             "cannot be asked" if entry["minimum_detectable"] is None else f"{entry['minimum_detectable']:.3g}",
+             entry["unit"]) for term, entry in sorted(body["power"].items())]
+    return Table("The smallest change that would have been named in these flights",
+                 (("Effect", "", False), ("Parameter", "", False), ("Least change", "", True),
+                  ("Unit", "", False)), rows)

@@ -1,0 +1,301 @@
+"""What the page of a diagnosis draws, as plain data: where the residual is, what takes it away, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from nanobench_tools import so3
+from nanobench_tools.report.decimate import pack
+
+from .binned import binned, block_numbers
+from .decide import PLAIN, Decision
+from .fitting import Slopes
+from .moments import MEMORY, Covariate, Moments, force_covariates, torque_covariates
+from .naming import LEAST_GAIN
+from .proof import HORIZONS, QUANTITIES, Proof
+from .recordings import Recordings
+from .track import ROW_S
+from .verdict import Verdict
+from .wrench import CHANNELS, Wrench
+
+Residual = tuple[np.ndarray, np.ndarray]
+MEAN_S = 0.25
+"""Residuals over time are means of this long."""
+BINS = 10
+SHOWN = 4
+"""Covariates that are drawn."""
+CELLS = 9
+"""Cells of the map along its longer side."""
+LEAST_CELL_M = 0.1
+NOT_DRAWN = ("constant", "flight", "hypothesis", *MEMORY)
+"""Groups of covariates a person learns nothing from in a plot: rates follow a torque as well as they cause one."""
+UNITS = {"velocity": "m/s", "speed x": "m²/s²", "world": "1", "lateral": "m²/s²", "1 / height": "1/m²",
+         "height": "m", "position": "m", "battery": "V", "time": "s"}
+
+
+class Left:
+    """Residuals of the simulator as it was given and, where something was named, corrected; structure: of both, the
+    excess (6, G) of each channel along ``groups`` of covariates."""
+
+    def __init__(self, verdict: Verdict) -> None:
+        moments, decision, proof = verdict.moments, verdict.decision, verdict.proof
+        if moments is None or decision is None or proof is None:
+            raise ValueError("a diagnosis that judged nothing has no residual")
+        self.moments, self.decision, self.proof = moments, decision, proof
+        self.wrench: Wrench = moments.wrench
+        self.named = bool(decision.findings)
+        self.before: Residual = self.wrench.residual(proof.models[0])
+        self.after: Residual = self._corrected(decision) if self.named else self.before
+        start = Slopes(moments).left(decision.space.model)
+        sides = [excess_by_group(moments, side) for side in (start, decision.fit.left if self.named else start)]
+        self.groups, self.structure = sides[0][1], (sides[0][0], sides[1][0])
+
+    def _corrected(self, decision: Decision) -> Residual:
+        """What the corrected simulator leaves; a term that differs between flights has each flight's own value."""
+        model = self.proof.models[1]
+        own = {name: row for name, row in decision.fit.own.items() if name in model.names}
+        force, torque = (part.copy() for part in self.wrench.residual(model))
+        for k, flight in enumerate(np.unique(self.wrench.flight) if own else ()):
+            shared = model.parameters
+            here = self.wrench.residual(model.with_parameters({n: shared[n] + float(row[k])
+                                                               for n, row in own.items()}))
+            for whole, part, at in ((force, here[0], self.wrench.force_at), (torque, here[1], self.wrench.torque_at)):
+                mine = self.wrench.flight[at] == flight
+                whole[mine] = part[mine]
+        return force, torque
+
+    def at(self, channel: int) -> np.ndarray:
+        """Rows a channel is compared at."""
+        return self.wrench.force_at if channel < 3 else self.wrench.torque_at
+
+    def of(self, channel: int) -> list[np.ndarray]:
+        """[before, after], or [before] where nothing was named; (n,) each."""
+        sides = [self.before, self.after] if self.named else [self.before]
+        return [side[channel // 3][:, channel % 3] for side in sides]
+
+
+def pictures(verdict: Verdict, recordings: Recordings) -> dict[str, Any]:
+    """Everything the page's script needs, by picture; without a residual only the spans."""
+    found: dict[str, Any] = {"spans": spans(recordings)}
+    if verdict.moments is None:
+        return found
+    left = Left(verdict)
+    forces = by_flight(left)
+    names = {t.flight: t.name for t in left.wrench.tracks}
+    return {**found, "flights": [names[n] for n in sorted(names)], "channels": list(CHANNELS), "named": left.named,
+            "whole": whole(verdict, left), "rms": rms(left), "timeline": timeline(left), "share": share(left),
+            "first": int(np.argmax([b or 0.0 for b in forces["before"]])),
+            "worst": int(np.argmax(left.structure[0].sum(axis=1))), "by_flight": forces,
+            "covariates": covariates(left), "room": room(left), "scores": scores(left.decision),
+            "intervals": intervals(verdict.body), "errors": errors(left.proof)}
+
+
+def rounded(values: np.ndarray, digits: int = 4) -> list[Any]:
+    """Numbers with so many significant digits, None where there is none."""
+    return [rounded(v, digits) if np.ndim(v) else float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in values]
+
+
+def spans(recordings: Recordings) -> list[dict[str, Any]]:
+    """Of each flight: when it flew, what was judged, where its data are at fault."""
+    entries = []
+    for number, flight in enumerate(recordings.flights):
+        audit = recordings.audits.get(flight.name)
+        judged = [edge for t in recordings.tracks if t.flight == number for edge in _runs(t.time_s, t.counts)]
+        faults = [(f.start_s, f.end_s, f"{f.kind} in {f.stream}" if f.stream else f.kind)
+                  for name, f in recordings.faults if name == flight.name]
+        airborne = [[s.start_s, s.end_s] for s in audit.airborne] if audit else []
+        entries.append({"name": flight.name, "airborne": airborne, "judged": judged,
+                        "faults": [[float(a), float(b), text] for a, b, text in faults
+                                   if np.isfinite(a) and np.isfinite(b)]})
+    return entries
+
+
+def _runs(time_s: np.ndarray, counts: np.ndarray) -> list[list[float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], counts, [False]]).astype(int)))
+    return [[round(float(time_s[a]), 2), round(float(time_s[b - 1]), 2)]
+            for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def whole(verdict: Verdict, left: Left) -> list[dict[str, Any]]:
+    """Shares of all that the covariates predict: what each finding takes away, what stays, what chance would do."""
+    before, after = (float(side.sum()) for side in left.structure)
+    after = min(after, before)
+    chance = PLAIN * len(left.moments.owner)
+    shares = [(entry["term"], entry["residual_share"]) for entry in verdict.body["findings"]]
+    total = sum(s for _, s in shares) or 1.0
+    rest = "not explained" if verdict.body["unknown"] else "too small to be named"
+    parts = [*((name, (before - after) * s / total) for name, s in shares), (rest, after), ("chance", chance)]
+    return [{"name": name, "share": size / (before + chance)} for name, size in parts]
+
+
+def floor(moments: Moments) -> np.ndarray:
+    """(6,) RMS that a simulator would leave that is right: disturbances and noise that no covariate goes with."""
+    impulse = np.zeros(2000)
+    impulse[0] = 1.0
+    return np.array([c.sd * np.linalg.norm(lfilter([1.0], np.concatenate([[1.0], -c.memory.weights]), impulse))
+                     for c in moments.channels])
+
+
+def rms(left: Left) -> dict[str, Any]:
+    """RMS of each channel before and after, and of what a right simulator leaves."""
+    sides = np.array([[np.sqrt(np.mean(side**2)) for side in left.of(c)] for c in range(6)])
+    least = np.minimum(floor(left.moments), sides.min(axis=1))
+    return {"before": rounded(sides[:, 0]), "after": rounded(sides[:, -1]), "floor": rounded(least),
+            "samples": [len(left.at(c)) for c in range(6)]}
+
+
+def timeline(left: Left) -> list[list[dict[str, Any]]]:
+    """[flight][channel]: means over MEAN_S, before and after, over the time of the recording; nothing across holes."""
+    found = []
+    for flight in np.unique(left.wrench.flight):
+        lines: list[dict[str, Any]] = []
+        for c in range(6):
+            mine = left.wrench.flight[left.at(c)] == flight
+            slot = np.floor(left.wrench.of("time_s", left.at(c)[mine]) / MEAN_S).astype(int)
+            if not len(slot):
+                lines.append({})
+                continue
+            first, number = int(slot.min()), int(np.ptp(slot)) + 1
+            many = np.bincount(slot - first, minlength=number)
+            lines.append({"start_s": first * MEAN_S, "step_s": MEAN_S,
+                          "sides": [pack(np.where(many > 0, np.bincount(slot - first, side[mine], number)
+                                                  / np.maximum(many, 1), np.nan), 1e-3) for side in left.of(c)]})
+        found.append(lines)
+    return found
+
+
+def excess_by_group(moments: Moments, projection: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """(6, G) squared length, of each channel along each group of covariates, above what is plain; the groups."""
+    groups = list(dict.fromkeys(g for c in moments.channels for g in c.groups))
+    column = np.array([groups.index(g) for c in moments.channels for g in c.groups])
+    squares, many = np.zeros((6, len(groups))), np.zeros((6, len(groups)))
+    np.add.at(squares, (moments.owner, column), projection**2)
+    np.add.at(many, (moments.owner, column), 1.0)
+    return np.maximum(squares - PLAIN * many, 0.0), groups
+
+
+def share(left: Left) -> dict[str, Any]:
+    """Per cent of what the covariates predict before, chance included, by group of covariates and channel, and what is
+    left of it after."""
+    before, after = left.structure
+    total = float(before.sum()) + PLAIN * len(left.moments.owner)
+    seen = np.maximum(before, after).max(axis=0) > 5e-4 * total
+    return {"groups": [g for g, s in zip(left.groups, seen, strict=True) if s],
+            "before": rounded(100.0 * before.T[seen] / total), "after": rounded(100.0 * after.T[seen] / total)}
+
+
+def by_flight(left: Left) -> dict[str, Any]:
+    """RMS of the force residual of each flight."""
+    flight = left.wrench.flight[left.wrench.force_at]
+    sides = [np.sum(side[0] ** 2, axis=1) for side in (left.before, left.after)]
+    each = np.array([[np.sqrt(np.mean(side[flight == f])) if (flight == f).any() else np.nan for side in sides]
+                     for f in np.unique(left.wrench.flight)])
+    return {"before": rounded(each[:, 0]), "after": rounded(each[:, 1])}
+
+
+def covariates(left: Left) -> list[dict[str, Any]]:
+    """The pairs of channel and covariate that go together most, SHOWN of them and each channel and group once if that
+    can be: means in bins of equally many samples."""
+    nothing = np.zeros((len(left.wrench.force_at), 3, 0))
+    known: Sequence[list[Covariate]] = [*force_covariates(left.wrench, nothing, ()), *torque_covariates(left.wrench)]
+    found = []
+    for c in range(6):
+        at = left.at(c)
+        blocks = block_numbers(left.wrench.track[at], left.wrench.of("time_s", at))
+        for covariate in known[c]:
+            if covariate.group in NOT_DRAWN or np.ptp(covariate.values) < 1e-9:
+                continue
+            edges = np.unique(np.quantile(covariate.values, np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
+            bins = np.searchsorted(edges, covariate.values, side="right")
+            means = binned(np.stack([*left.of(c), covariate.values], axis=1), bins, blocks, len(edges) + 1)
+            if means.shown.sum() < 3:
+                continue
+            off = means.mean[:, 0] - np.average(means.mean[:, 0], weights=means.samples)
+            strength = float(np.mean((off[means.shown] / np.maximum(means.half[means.shown, 0], 1e-9)) ** 2))
+            found.append((strength, c, covariate, means))
+    chosen: list[tuple[float, int, Covariate, Any]] = []
+    for least in (True, False):
+        for entry in sorted(found, key=lambda e: -e[0]):
+            fresh = all(entry[1] != e[1] and entry[2].group != e[2].group for e in chosen)
+            if len(chosen) < SHOWN and entry[0] > 1.0 and (fresh if least else all(entry is not e for e in chosen)):
+                chosen.append(entry)
+    return [{"channel": CHANNELS[c], "unit": _unit(c), "covariate": covariate.name, "axis": _named_unit(covariate.name),
+             "x": rounded(means.mean[means.shown, -1]),
+             "sides": [{"mean": rounded(means.mean[means.shown, s]), "half": rounded(means.half[means.shown, s])}
+                       for s in range(2 if left.named else 1)], "samples": int(means.samples.sum())}
+            for _, c, covariate, means in sorted(chosen, key=lambda e: -e[0])]
+
+
+def _unit(channel: int) -> str:
+    return "m/s²" if channel < 3 else "rad/s²"
+
+
+def _named_unit(name: str) -> str:
+    return next((unit for start, unit in UNITS.items() if name.startswith(start)), "1")
+
+
+def room(left: Left) -> dict[str, Any]:
+    """The force residual in the world, in cells of the room seen from above; of every flight, then of all together."""
+    wrench, at = left.wrench, left.wrench.force_at
+    place = wrench.of("position_m", at)[:, :2]
+    low, extent = place.min(axis=0), np.ptp(place, axis=0)
+    size = max(float(extent.max()) / CELLS, LEAST_CELL_M)
+    many = np.floor(extent / size).astype(int) + 1
+    cell = np.minimum(np.floor((place - low) / size).astype(int), many - 1)
+    bins, count = cell[:, 0] * many[1] + cell[:, 1], int(many.prod())
+    sides = [left.before, left.after] if left.named else [left.before]
+    world = np.concatenate([so3.rotate(wrench.quaternion[at], side[0]) for side in sides], axis=1)
+    blocks = block_numbers(wrench.track[at], wrench.of("time_s", at))
+    flight = wrench.flight[at]
+    maps = []
+    for mine in [*(flight == f for f in np.unique(wrench.flight)), np.ones(len(at), bool)]:
+        values = np.concatenate([world[mine], place[mine]], axis=1)
+        means = binned(values, bins[mine], blocks[mine], count)
+        keep = means.samples >= int(0.2 / ROW_S / 4)
+        told = means.shown[keep]
+        maps.append({"x": rounded(means.mean[keep, -2]), "y": rounded(means.mean[keep, -1]),
+                     "sides": [{"mean": rounded(means.mean[keep, 3 * s:3 * s + 3]),
+                                "told": [(told & (np.linalg.norm(means.mean[keep, 3 * s:3 * s + 2], axis=1) >
+                                                  np.linalg.norm(means.half[keep, 3 * s:3 * s + 2], axis=1))).tolist(),
+                                         (told & (np.abs(means.mean[keep, 3 * s + 2]) >
+                                                  means.half[keep, 3 * s + 2])).tolist()]}
+                               for s in range(len(sides))]})
+    return {"cell_m": size, "maps": maps}
+
+
+def scores(decision: Decision) -> dict[str, Any]:
+    """What each hypothesis takes away when it is tried first, and what became of it."""
+    named = {f.hypothesis.term for f in decision.findings}
+    alike = {t for f in decision.findings for t in f.equivalent}
+    withdrawn = {t for t, _ in decision.withdrawn}
+
+    def fate(term: str, gain: float) -> str:
+        return ("named" if term in named else "withdrawn" if term in withdrawn else "equivalent" if term in alike else
+                "rejected" if term in decision.rejected else "small" if gain < LEAST_GAIN else "explained")
+
+    ordered = sorted(decision.scores.items(), key=lambda entry: -entry[1])
+    return {"least": LEAST_GAIN, "rows": [{"term": t, "gain": round(g, 1), "fate": fate(t, g)} for t, g in ordered]}
+
+
+def intervals(body: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Each parameter as a share of the way from the simulator's value (0) to the flights' (1)."""
+    found = []
+    for entry in body["findings"]:
+        for name, p in entry["parameters"].items():
+            way = p["value"] - p["believed"]
+            if way != 0.0:
+                ends = sorted((edge - p["believed"]) / way for edge in p["ci95"])
+                found.append({"name": name, "ends": rounded(np.array(ends)), "believed": p["believed"],
+                              "value": p["value"], "unit": p["unit"]})
+    return found
+
+
+def errors(proof: Proof) -> dict[str, Any]:
+    """Errors of prediction per flight: [horizon][quantity] lists."""
+    return {"flights": list(proof.flights), "steps": list(HORIZONS), "quantities": list(QUANTITIES),
+            "held_out": proof.held_out, "before": rounded(np.moveaxis(proof.before, 0, 2)),
+            "after": rounded(np.moveaxis(proof.after, 0, 2))}
