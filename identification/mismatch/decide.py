@@ -13,9 +13,9 @@ from nanobench_tools.physics import Model
 from .fitting import Fit, Slopes, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
-from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, free_of
+from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
 from .recordings import Recordings
-from .space import Space
+from .space import MAPS, Space
 from .track import NEEDED
 from .wrench import CHANNELS
 
@@ -97,11 +97,14 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         else:
             kept.append(h)
             alike.append(others)
-    if withdrawn and kept:  # what stays has to stand alone
+    here = named.space
+    if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
-        final = fit(known, _rested(named, gone), free_of(named.space, [h.term for h in kept]), own=named.own(*gone))
-    elif withdrawn:
-        final = fit(known, space.model, [])
+        here = space if any(t in MAPS for t in gone) else here
+        stays = carried(_rested(named, gone), here.model)
+        own = free_of(here, [h.term for h in kept if h.own])
+        final = fit(known, stays if kept else space.model, free_of(here, [h.term for h in kept]), own=own)
+        here = here if kept else space
     findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, final.loss)
                      for h, others in zip(kept, alike, strict=True))
     if withdrawn and not found:
@@ -113,7 +116,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     spoilt = [f for _, f in faults if f.kind in WHOLE]
     outcome = ("named" if findings else "data_fault" if spoilt else "unknown" if found else
                "data_fault" if faults else "none")
-    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, named.space,
+    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, here,
                     tuple(h.term for h in kept if h.own), faults, before, after, named.rejected, named.scores)
 
 

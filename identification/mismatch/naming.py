@@ -123,7 +123,7 @@ class _Search:
                       if t not in self.names]
         if self.other is not None and not any(name in MAPS for name in self.names):
             term = next(t for t in MAPS[:2] if t in self.other.model)
-            candidates.append((term, self.other, _carried(self.current.model, self.other.model)))
+            candidates.append((term, self.other, carried(self.current.model, self.other.model)))
         ranked = sorted(candidates, key=lambda c: -self._promise(*c))
         found = []
         for term, space, start in ranked[:TRIED]:
@@ -250,10 +250,10 @@ def _explained(columns: np.ndarray, left: np.ndarray) -> float:
     return float(columns @ np.linalg.lstsq(columns, left, rcond=1e-7)[0] @ left) if columns.shape[1] else 0.0
 
 
-def _carried(model: Model, other: Model) -> Model:
+def carried(model: Model, other: Model) -> Model:
     """``other`` at the values of ``model`` where both have the parameter."""
     values = model.parameters
     return other.with_parameters({n: values[n] for n in other.names if n in values})
 
 
-__all__ = ["Hypothesis", "Named", "free_of", "name_effects"]
+__all__ = ["Hypothesis", "Named", "carried", "free_of", "name_effects"]

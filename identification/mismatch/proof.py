@@ -15,7 +15,7 @@ from .decide import Decision
 from .fitting import Slopes, fit
 from .moments import Moments
 from .naming import free_of
-from .space import reduced
+from .space import reduced, space_around
 from .track import ROW_S, Track
 
 HORIZONS = (1, 10, 50)
@@ -53,14 +53,13 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     numbers = sorted({t.flight for t in tracks})
     names = {t.flight: t.name for t in tracks}
     terms = [f.hypothesis.term for f in decision.findings]
-    corrected = reduced(decision.fit.model, tuple(t.name for t in simulator.terms if t.name in decision.space.model),
-                        tuple(terms))
+    corrected = reduced(decision.fit.model, decision.space.believed, tuple(terms))
     before = _errors(simulator, tracks, numbers)
     if not terms:
         return Proof(before, before, tuple(names[n] for n in numbers), len(numbers) > 1, {}, None,
                      (simulator, simulator))
     after = np.empty_like(before)
-    gained, possible = 0.0, 0.0
+    gained, possible, first = 0.0, 0.0, space_around(simulator).model
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
     for left_out in folds:
@@ -70,7 +69,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
         after[[numbers.index(n) for n in left_out]] = _errors(corrected.with_parameters(
             {n: v for n, v in fitted.parameters.items() if n in corrected.names}), mine, left_out)
         judge = Slopes(moments, left_out)
-        start, end = judge.left(decision.space.model), judge.left(fitted)
+        start, end = judge.left(first), judge.left(fitted)
         gained += float(start @ start - end @ end)
         possible += float(start @ start) - len(start) * len(left_out) / len(numbers)
     return Proof(before, after, tuple(names[n] for n in numbers), len(numbers) > 1,
