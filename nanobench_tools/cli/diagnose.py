@@ -14,9 +14,12 @@ from .options import PATH, Options, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
+    from identification.mismatch.recordings import Recordings
     from identification.mismatch.verdict import Verdict
 
 CORRECTED = "simulator_corrected.toml"
+CODE = "simulators_corrected"
+"""Folder of the corrected simulator as CasADi functions and as C."""
 
 
 @click.command()
@@ -28,12 +31,13 @@ def diagnose(options: Options, simulator: Path) -> int:
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
     simulator would have produced along the measured states is then compared with what was measured, every effect of
-    the vocabulary is tried as an explanation, and what none explains is called unknown. --out DIR gets verdict.json
-    and, where something was named, simulator_corrected.toml.
+    the vocabulary is tried as an explanation, and what none explains is called unknown. --out DIR gets verdict.json,
+    report.html and, where something was named, simulator_corrected.toml and the same as CasADi functions and C.
     """
     import importlib.util
 
     from ..physics.simulator import read_simulator, write_simulator
+    from .convert import export_simulators
 
     model = read_simulator(simulator)
     if importlib.util.find_spec("casadi") is None:
@@ -51,8 +55,26 @@ def diagnose(options: Options, simulator: Path) -> int:
         path = options.out / CORRECTED
         write_simulator(verdict.corrected, path)
         body["corrected_simulator"] = str(path)
+        export_simulators(verdict.corrected, options.out / CODE, ("casadi", "c"))
     _show(options, body, verdict)
+    _write_page(options, verdict, recordings)
     return options.finish("verdict", body)
+
+
+def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> None:
+    """report.html into ``--out``."""
+    import importlib.util
+
+    if options.out is None:
+        return
+    if importlib.util.find_spec("plotly") is None:
+        options.say("report.html was not written: its pictures need plotly; pip install 'nanobench[report]'")
+        return
+    from identification.mismatch.page import write_page
+
+    path = options.out / "report.html"
+    write_page(verdict, recordings, path, options.synthetic)
+    options.say(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
 
 
 def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
