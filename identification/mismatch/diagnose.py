@@ -73,7 +73,7 @@ def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int =
     start = time.perf_counter()
     audits = {flight.name: audit(flight) for flight in flights}
     moved = on_clock(flights, audits, "retimed")
-    recordings = look_over(flights, audits, moved.flights, moved.audits)
+    recordings = look_over(flights, audits, moved.flights, moved.audits, "thrust_voltage" in simulator)
     body = diagnose(recordings, simulator, seed=seed, progress=progress).to_json()
     return {**body, "elapsed_s": time.perf_counter() - start}
 

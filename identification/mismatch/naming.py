@@ -25,6 +25,8 @@ ALIKE_LEFT = 0.5
 are not told apart."""
 REDUNDANT = 0.4
 """Beside the best, another explanation of the same thing has less than this share of its own left."""
+LEAST_SAG_V = 0.05
+"""A voltage that changes by less tells nothing about its influence."""
 MOST = 5
 CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
 """What may have been changed between two flights."""
@@ -105,8 +107,8 @@ class _Search:
     def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
         self.moments, self.space, self.known = moments, space, Slopes(moments)
         self.known.anchor = space.model
-        volts = float(np.median(np.concatenate([t.battery_V[t.counts] for t in moments.wrench.tracks])))
-        other = with_other_map(simulator, volts)
+        battery = np.concatenate([t.battery_V[t.counts] for t in moments.wrench.tracks])
+        other = with_other_map(simulator, float(np.median(battery))) if np.ptp(battery) > LEAST_SAG_V else None
         self.other = None if other is None else space_around(other)
         self.current = fit(self.known, space.model, [])
         self.accepted: list[Hypothesis] = []

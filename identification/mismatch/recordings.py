@@ -37,8 +37,10 @@ class Recordings:
 
 
 def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
-              on_clock: Sequence[Flight], on_clock_audits: Mapping[str, Audit]) -> Recordings:
-    """Flights as recorded with their audits, and the same on the motion capture's clock (``harness.clocks``)."""
+              on_clock: Sequence[Flight], on_clock_audits: Mapping[str, Audit],
+              with_battery: bool = True) -> Recordings:
+    """Flights as recorded with their audits, and the same on the motion capture's clock (``harness.clocks``).
+    with_battery: whether the simulator asks for the battery's voltage."""
     kept = distinct(list(flights))[0]
     moved = {f.name: f for f in on_clock}
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
@@ -46,8 +48,8 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     for number, flight in enumerate(kept):
         flight = moved.get(flight.name, flight)
         audit = on_clock_audits.get(flight.name, audits[flight.name])
-        lacks = missing(flight)
-        found = [] if lacks else tracks_of(flight, audit, number)
+        lacks = missing(flight, with_battery)
+        found = [] if lacks else tracks_of(flight, audit, number, with_battery)
         if not found:
             left_out[flight.name] = (f"no {', '.join(lacks)} stream" if lacks else
                                      "no second in the air without a fault in its data")

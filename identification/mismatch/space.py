@@ -79,6 +79,11 @@ def with_other_map(simulator: Model, battery_V: float) -> Model | None:
 def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:
     """The model without the terms at rest that nobody named."""
     keep = {*believed, *named}
+    gains = [i for i, name in enumerate(model.names) if name.startswith("motor_imbalance.g")]
+    if gains:  # a fit that touched a bound may have left the mean
+        values = model.values.copy()
+        values[gains] /= values[gains].mean()
+        model = model.with_values(values)
     if {"drag_rotor", "rotor_gyro"} & keep:
         keep.add("thrust_rpm")
     return model.without(*(t.name for t in model.terms if t.name not in keep))

@@ -11,13 +11,15 @@ from scipy.interpolate import CubicSpline
 from nanobench_tools import so3
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Span, Stream, intersect_spans, merge_spans, subtract_spans
+from nanobench_tools.flight import Flight, Span, Stream, intersect_spans, make_stream, merge_spans, subtract_spans
 
 ROW_S = 0.01
 BEFORE_S = 0.5
 """Inputs this long before a span warm the rotors up."""
 EDGE_S = 0.12
 """Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
+NO_BATTERY_V = 3.7
+"""Stands for a battery nobody logged, where the simulator does not ask for its voltage."""
 CONTACT_M = 0.05
 """Above where it rested: lower, the legs may touch."""
 CONTACT_S = 0.2
@@ -57,17 +59,23 @@ class Track:
         return len(self.time_s)
 
 
-def missing(flight: Flight) -> list[str]:
-    """What of NEEDED the recording lacks: stream names."""
+def missing(flight: Flight, with_battery: bool = True) -> list[str]:
+    """What of NEEDED the recording lacks: stream names. Without ``with_battery`` that one may be missing."""
     return [name for name, quantities in NEEDED.items()
-            if name not in flight or len(flight[name]) < 10 or any(q not in flight[name] for q in quantities)]
+            if (with_battery or name != "battery")
+            and (name not in flight or len(flight[name]) < 10 or any(q not in flight[name] for q in quantities))]
 
 
-def tracks_of(flight: Flight, audit: Audit, number: int) -> list[Track]:
-    """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing."""
-    lacks = missing(flight)
+def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True) -> list[Track]:
+    """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing; a battery that is not
+    asked for (``with_battery``) counts as constant where there is none."""
+    lacks = missing(flight, with_battery)
     if lacks:
         raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
+    if missing(flight):
+        stamps = flight["motor"].time_s
+        flight = flight.with_streams(battery=make_stream("battery", stamps, np.full((len(stamps), 1), NO_BATTERY_V),
+                                                         ("vbat",)))
     spans = intersect_spans(audit.airborne, audit.clean_for((*NEEDED, "")))
     start = min((s.start_s for s in audit.airborne), default=0.0)
     spans = subtract_spans(spans, _contacts(flight, audit.airborne))

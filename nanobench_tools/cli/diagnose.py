@@ -48,7 +48,8 @@ def diagnose(options: Options, simulator: Path) -> int:
     flights = options.load()
     audits, _ = options.audit(flights)
     moved = replace(options, clock="retimed").see_on_clock(flights, audits)
-    recordings = look_over([f for f in flights if f.name in audits], audits, moved.flights, moved.audits)
+    recordings = look_over([f for f in flights if f.name in audits], audits, moved.flights, moved.audits,
+                           "thrust_voltage" in model)
     verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
     body = dict(verdict.to_json())
     if verdict.corrected is not None and options.out is not None:
