@@ -180,7 +180,7 @@
       error_x: { type: "data", symmetric: false, array: list.map(p => p.ends[1] - 1), arrayminus: list.map(p => 1 - p.ends[0]), color: c.blue, thickness: 2, width: 5 },
       hovertemplate: "flights: %{text}<extra></extra>", marker: { size: 9, color: c.blue } }];
     return { traces, height: 90 + 28 * list.length, legend: [{ name: "simulator", colour: c.orange, shape: "mark", traces: [0] }, { name: "flights, 95 %", colour: c.blue, shape: "mark", traces: [1] }],
-      layout: layout(c, { xaxis: axis(c, "from the simulator's value to the flights' [1]", zero(c)), yaxis: axis(c, "", rows(list.map(p => p.name))) }) };
+      layout: layout(c, { xaxis: axis(c, "share of the way [1]", zero(c)), yaxis: axis(c, "", rows(list.map(p => p.name))) }) };
   }
 
   function errors(quantity, step) {
