@@ -54,13 +54,20 @@ def plan(n: int, seed: int, kinds: Sequence[str] = (), engine: str = "practice")
             for i, s in enumerate(specs)]
 
 
-def truths_item(specs: Sequence[CaseSpec]) -> dict[str, Any]:
-    """The truths of cases that fly together."""
-    return {"truths": [case.truth for case in make_cases(specs)]}
-
-
 _flown: dict[str, Case] = {}
 """The batch that this process flew last."""
+
+
+def _fly(batch: Sequence[CaseSpec]) -> list[Case]:
+    cases = make_cases(batch)
+    _flown.clear()
+    _flown.update({case.name: case for case in cases})
+    return cases
+
+
+def truths_item(specs: Sequence[CaseSpec]) -> dict[str, Any]:
+    """The truths of cases that fly together."""
+    return {"truths": [case.truth for case in _fly(specs)]}
 
 
 def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose: Diagnose) -> dict[str, Any]:
@@ -68,9 +75,7 @@ def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose
     which changes nothing but the time."""
     case = _flown.get(spec.name)
     if case is None or case.spec != spec:
-        _flown.clear()
-        _flown.update({c.name: c for c in make_cases(batch)})
-        case = _flown[spec.name]
+        case = next(c for c in _fly(batch) if c.name == spec.name)
     return {"verdict": diagnose(case.flights, case.simulator, seed=seed), "truth": seal([case.truth])}
 
 

@@ -88,6 +88,14 @@ def test_truths_that_are_not_the_sealed_ones_are_refused(tmp_path):
         proof.open_and_score(sealed, verdicts, tmp_path)
 
 
+def test_a_batch_is_flown_once(tmp_path, monkeypatch):
+    flown = []
+    monkeypatch.setattr(proof, "make_cases", lambda specs: flown.append(len(specs)) or made(specs))
+    sealed = proof.seal_cases(proof.plan(proof.TOGETHER, 0), runner(tmp_path))
+    assert len(proof.diagnose_cases(sealed, runner(tmp_path), silent)) == proof.TOGETHER
+    assert flown == [proof.TOGETHER]
+
+
 def test_one_case_that_fails_does_not_stop_the_others(tmp_path):
     sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path))
     verdicts = proof.diagnose_cases(sealed, runner(tmp_path), failing)
