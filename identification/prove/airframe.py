@@ -14,10 +14,14 @@ import numpy as np
 
 from nanobench_tools.physics.model import Model
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.practice.thrust_curve import THRUST_MAX_N, voltage_of_thrust
+from nanobench_tools.units import GRAVITY_M_S2
 
 CURVE_N_V = (0.0, 0.03104914, -0.01274291, 0.00478576)
 """Thrust [N] of a motor as a polynomial of its voltage: the firmware's cubic times 0.95, refitted over 1.2-3.8 V with
 no constant, within 2 mN. It rises everywhere and is zero at rest: no clipping is needed, which a simulator lacks."""
+LIFT = 1.16
+"""Least share of the weight that full command lifts, for an airframe without effects."""
 ARM_M = 0.0325
 SPIN = (-1.0, 1.0, -1.0, 1.0)
 POSITIONS_M = ((ARM_M, -ARM_M), (-ARM_M, -ARM_M), (-ARM_M, ARM_M), (ARM_M, ARM_M))
@@ -45,15 +49,28 @@ class Airframe:
                       "motor_lag": {"tau_up_s": self.tau_up_s, "tau_down_s": self.tau_down_s},
                       "yaw_torque": {"k_m": self.yaw_arm_m}, **drag, "drag_torque": {"c": self.drag_torque_N_s}})
 
+    def lift(self) -> float:
+        """Thrust at the onboard controllers' full command over the weight; the command is capped, not the battery."""
+        full_V = float(voltage_of_thrust(np.array(THRUST_MAX_N)))
+        most_N = 4.0 * sum(c * full_V**k for k, c in enumerate(self.curve_N_V))
+        return most_N / (self.mass_kg * GRAVITY_M_S2)
+
     def hover_V(self) -> float:
         """Motor voltage at which four motors carry the weight [V]."""
         volts = np.linspace(0.5, 4.2, 400)
         thrust = sum(c * volts**k for k, c in enumerate(self.curve_N_V))
-        return float(np.interp(self.mass_kg * 9.81 / 4.0, thrust, volts))
+        return float(np.interp(self.mass_kg * GRAVITY_M_S2 / 4.0, thrust, volts))
 
 
 def draw_airframe(rng: np.random.Generator) -> Airframe:
-    """Vehicles differ as individuals of one type do: mass 3 %, inertia 6 %, thrust 3 %, lag, drag and torque 15 %."""
+    """Vehicles differ as individuals of one type do: mass 3 %, inertia 6 %, thrust 3 %, lag, drag and torque 15 %.
+    Those whose controller could not hold them well in the air are drawn again."""
+    while (found := _draw(rng)).lift() < LIFT:
+        pass
+    return found
+
+
+def _draw(rng: np.random.Generator) -> Airframe:
     def about(value: float, share: float) -> float:
         return float(f"{value * (1.0 + share * np.clip(rng.standard_normal(), -2.0, 2.0)):.4g}")
 

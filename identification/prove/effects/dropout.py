@@ -13,12 +13,12 @@ MOST = 120
 class Dropout(Effect):
     name = "dropout"
     foreign = True
-    sizes: ClassVar = {"small": "15 % lost for about 0.12 s, every 1.5 s", "medium": "30 %", "large": "50 %"}
+    sizes: ClassVar = {"small": "15 % lost for about 0.12 s, every 1.5 s", "medium": "30 %", "large": "45 %"}
     wants = ("lateral",)
 
     @staticmethod
     def draw(size, rng, airframe):
-        return {"loss": near(rng, {"small": 0.15, "medium": 0.30, "large": 0.50}[size]), "every_s": near(rng, 1.5),
+        return {"loss": near(rng, {"small": 0.15, "medium": 0.30, "large": 0.45}[size]), "every_s": near(rng, 1.5),
                 "motor": int(rng.integers(4)), "seed": int(rng.integers(2**31))}
 
     @staticmethod

@@ -14,12 +14,12 @@ TICK_S, TICKS = 0.01, 9000
 class Gusts(Effect):
     name = "gusts"
     foreign = True
-    sizes: ClassVar = {"small": "0.25 m/s^2 standard deviation", "medium": "0.5 m/s^2", "large": "0.9 m/s^2"}
+    sizes: ClassVar = {"small": "0.25 m/s^2 standard deviation", "medium": "0.5 m/s^2", "large": "0.8 m/s^2"}
     wants = ("lateral",)
 
     @staticmethod
     def draw(size, rng, airframe):
-        return {"sd_m_s2": near(rng, {"small": 0.25, "medium": 0.5, "large": 0.9}[size]),
+        return {"sd_m_s2": near(rng, {"small": 0.25, "medium": 0.5, "large": 0.8}[size]),
                 "time_s": near(rng, 1.2), "seed": int(rng.integers(2**31)), "mass_kg": airframe.mass_kg}
 
     @staticmethod

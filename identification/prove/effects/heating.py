@@ -10,12 +10,12 @@ from .base import Effect, near
 class Heating(Effect):
     name = "heating"
     foreign = True
-    sizes: ClassVar = {"small": "4 % of the thrust in the long run", "medium": "7 %", "large": "11 %"}
+    sizes: ClassVar = {"small": "4 % of the thrust in the long run", "medium": "6 %", "large": "8 %"}
     wants = ("charges", "lateral", "vertical")
 
     @staticmethod
     def draw(size, rng, airframe):
-        return {"loss": near(rng, {"small": 0.04, "medium": 0.07, "large": 0.11}[size]), "time_s": near(rng, 12.0)}
+        return {"loss": near(rng, {"small": 0.04, "medium": 0.06, "large": 0.08}[size]), "time_s": near(rng, 12.0)}
 
     @staticmethod
     def arrays(p, airframe):
