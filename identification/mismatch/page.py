@@ -83,18 +83,17 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
 
 
 def findings(body: Mapping[str, Any]) -> Table:
-    rows = [(entry["term"], find_term(entry["term"]).sentence, "; ".join(
+    rows = [(entry["term"], find_term(entry["term"]).sentence, ";\n".join(
         f"{name.partition('.')[2]} {p['value']:.4g} ({p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}) {p['unit']}"
         for name, p in entry["parameters"].items()), f"{100 * entry['confidence']:.0f}",
-             f"{100 * entry['residual_share']:.0f}", ", ".join(entry["where"]["axes"]), entry["where"]["frame"],
+             f"{100 * entry['residual_share']:.0f}", f"{', '.join(entry['where']['axes'])} ({entry['where']['frame']})",
              entry["where"]["covariate"] or DASH, _where(entry["where"]),
              ", ".join(entry["equivalent"]) or "nothing else", entry["settle_with"] or DASH)
             for entry in body["findings"]]
     return Table("What the simulator leaves out",
                  (("Effect", "", False), ("What it is", "", False), ("Flights say (95 %)", "", False),
-                  ("Confidence", "%", True), ("Of what was named", "%", True), ("Shows in", "", False),
-                  ("Frame", "", False), ("Goes with", "", False), ("Flights", "", False),
-                  ("Cannot be told from", "", False), ("What would settle it", "", False)), rows)
+                  ("Confidence", "%", True), ("Share", "%", True), ("Shows in (frame)", "", False),
+                  ("Goes with", "", False), ("Flights", "", False), ("Cannot be told from", "", False), ("What would settle it", "", False)), rows)
 
 
 def _where(where: Mapping[str, Any]) -> str:
