@@ -93,7 +93,8 @@ def findings(body: Mapping[str, Any]) -> Table:
     return Table("What the simulator leaves out",
                  (("Effect", "", False), ("What it is", "", False), ("Flights say (95 %)", "", False),
                   ("Confidence", "%", True), ("Share", "%", True), ("Shows in (frame)", "", False),
-                  ("Goes with", "", False), ("Flights", "", False), ("Cannot be told from", "", False), ("What would settle it", "", False)), rows)
+                  ("Goes with", "", False), ("Flights", "", False), ("Cannot be told from", "", False),
+                  ("What would settle it", "", False)), rows)
 
 
 def _where(where: Mapping[str, Any]) -> str:
