@@ -16,7 +16,6 @@ from .moments import Moments
 from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
 from .recordings import Recordings
 from .space import MAPS, Space
-from .track import NEEDED
 from .wrench import CHANNELS
 
 PLAIN = 1.6
@@ -29,14 +28,10 @@ LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
 LEAST_FORCE_M_S2 = 0.045
 LEAST_TURNING = 0.3
 """Structure that is left is a finding from this RMS of force, or share of the turning, on."""
-GAP_S = 0.5
-"""Radio packets lost for less than this are usual; three times as long in a stream that is not judged."""
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
 BESIDE = 0.1
 """Share of all structure from which something left beside a name is worth saying."""
-LATE_S, WANDERS_S = 0.03, 0.1
-"""A clock off by a constant below this is re-timed like one that wanders; so is the mean of one that wanders."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     known = Slopes(moments)
     nothing = fit(known, space.model, [])
     before = excess(moments, nothing.left)
-    faults = tuple((n, f) for n, f in recordings.faults if touches(f, n, recordings))
+    faults = recordings.touching
     final = named.fit
     # what the logging can feign is no finding, and no unknown either
     feigned = [t for t in named.rejected if t in named.space.terms and t not in {h.term for h in named.accepted}]
@@ -139,19 +134,6 @@ def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
     owner = moments.owner
     return np.array([max(float(left[owner == c] @ left[owner == c]) - PLAIN * np.sum(owner == c), 0.0)
                      for c in range(6)])
-
-
-def touches(fault: Fault, name: str, recordings: Recordings) -> bool:
-    """Faults on the ground before take-off or after landing, and clocks that are a little late, are no explanation."""
-    if fault.kind == "clock_offset":
-        wanders = any(f.kind == "clock_wander" for a in recordings.audits.values() for f in a.faults)
-        return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
-    if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in NEEDED else 3.0):
-        return False
-    audit = recordings.audits.get(name)
-    if audit is None or not audit.airborne:
-        return True
-    return any(fault.start_s < s.end_s and fault.end_s > s.start_s for s in audit.airborne)
 
 
 def _rested(named: Named, terms: Sequence[str]) -> Model:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools import so3
 from nanobench_tools.audit import audit
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
@@ -25,6 +26,8 @@ from .wrench import Wrench
 
 LEAST_S = 8.0
 """Seconds of clean flight below which nothing is said about physics."""
+ANOTHER = 2.5
+"""A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
 
@@ -37,6 +40,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     if recordings.judged_s < LEAST_S:
         return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
     wrench = Wrench(recordings.tracks)
+    ratio = _lift(wrench, simulator)
+    if not 1.0 / ANOTHER < ratio < ANOTHER:
+        return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
     space = space_around(simulator)
     say("residual along the measured states")
     moments, named = _named(wrench, space, simulator, say)
@@ -48,6 +54,12 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
         decision = unproved(moments, decision, space)
         proof = prove(moments, decision, simulator, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def _lift(wrench: Wrench, simulator: Model) -> float:
+    """Mean thrust over mass of the simulator, over that of the flights."""
+    up = so3.rotate_inverse(wrench.quaternion[wrench.force_at], np.array([0.0, 0.0, simulator.vehicle.gravity_m_s2]))
+    return float(np.mean(wrench.model(simulator)[0][:, 2] + up[:, 2]) / np.mean(wrench.measured[0][:, 2] + up[:, 2]))
 
 
 def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], None]) -> tuple[Moments, Named]:

@@ -9,10 +9,14 @@ from nanobench_tools.audit import Audit
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.protocols.selection import distinct
 
-from .track import Track, missing, tracks_of
+from .track import NEEDED, Track, missing, tracks_of
 
 INFORMATION = ("interpolated", "clock_wander", "extra_column", "missing_column", "copy")
 """Kinds that are said but are no reason to call the data faulty: a clock that wanders is re-timed."""
+GAP_S = 0.5
+"""Radio packets lost for less than this are usual; three times as long in a stream that is not judged."""
+LATE_S, WANDERS_S = 0.03, 0.1
+"""A clock off by a constant below this is re-timed like one that wanders; so is the mean of one that wanders."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,22 @@ class Recordings:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(f.name for f in self.flights)
+
+    @property
+    def touching(self) -> tuple[tuple[str, Fault], ...]:
+        """Faults that are an explanation: not those on the ground, nor clocks a little late, nor usual losses."""
+        return tuple((name, fault) for name, fault in self.faults if self._touches(fault, name))
+
+    def _touches(self, fault: Fault, name: str) -> bool:
+        if fault.kind == "clock_offset":
+            wanders = any(f.kind == "clock_wander" for a in self.audits.values() for f in a.faults)
+            return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
+        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in NEEDED else 3.0):
+            return False
+        audit = self.audits.get(name)
+        if audit is None or not audit.airborne:
+            return True
+        return any(fault.start_s < s.end_s and fault.end_s > s.start_s for s in audit.airborne)
 
     @property
     def judged_s(self) -> float:

@@ -46,8 +46,9 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
             least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
             changed = changed or float(np.ptp(fit.own[name])) > least
-        elif change - 2.0 * sd > smallest(name, before, moments):
-            changed = True
+        else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
+            limit = smallest(name, before, moments)
+            changed = changed or limit == 0.0 or change - 2.0 * sd > limit
     if not changed:
         return f"{term} changes less than the logging can feign"
     if any(name.startswith(f"{term}.") for name in fit.own):

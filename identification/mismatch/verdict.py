@@ -47,11 +47,21 @@ class Verdict:
     def insufficient(cls, recordings: Recordings, simulator: Model, elapsed_s: float) -> Verdict:
         why = "; ".join(f"{name}: {reason}" for name, reason in recordings.left_out.items()) or \
             f"{recordings.judged_s:.1f} s of flight are too little"
-        outcome = "data_fault" if recordings.faults else "insufficient"
+        lacks = any(reason.endswith("stream") for reason in recordings.left_out.values())
+        outcome = "data_fault" if recordings.touching and not lacks else "insufficient"
         text = f"Nothing can be said about physics: {why}."
-        if recordings.faults:
+        if recordings.touching:
             text = f"The data are at fault, and what is left of them is too little. {_faults_text(recordings)} {text}"
         return cls({"outcome": outcome, "paragraph": text, "findings": [], "unknown": None,
+                    "data_faults": data_faults(recordings), "power": {}, "improvement": None,
+                    "corrected_simulator": None, "elapsed_s": elapsed_s}, None)
+
+    @classmethod
+    def another_vehicle(cls, recordings: Recordings, ratio: float, elapsed_s: float) -> Verdict:
+        """The simulator is wrong by so much that nothing finer can be asked."""
+        text = (f"The simulator is of another vehicle: along these flights it lifts {ratio:.2g} times what flew. Look "
+                "at mass_kg and the thrust term, and at their units; nothing finer is asked.")
+        return cls({"outcome": "insufficient", "paragraph": text, "findings": [], "unknown": None,
                     "data_faults": data_faults(recordings), "power": {}, "improvement": None,
                     "corrected_simulator": None, "elapsed_s": elapsed_s}, None)
 
@@ -148,7 +158,7 @@ def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
 
 def _faults_text(recordings: Recordings) -> str:
     kinds: dict[str, list[str]] = {}
-    for name, f in recordings.faults:
+    for name, f in recordings.touching:
         kinds.setdefault(f"{f.kind} in {f.stream}", []).append(name)
     return "Faults of the data: " + "; ".join(
         f"{what} ({len(set(names))} of {len(recordings.flights)} flights)" for what, names in kinds.items()) + "."
