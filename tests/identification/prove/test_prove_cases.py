@@ -14,7 +14,9 @@ from identification.prove.plan import QUOTAS, plan_cases
 from identification.prove.seal import open_truth, seal, write_truth
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics.simulator import read_simulator
+from nanobench_tools.practice import flying
 from nanobench_tools.practice.references import path_spec
+from nanobench_tools.practice.timeline import Events
 from nanobench_tools.sources.discover import load_recordings
 
 FLIGHTS = (FlightSpec(path_spec("circle", "medium", duration_s=1.0), "pid", 0.9),)
@@ -33,11 +35,19 @@ SPECS = [
 
 
 @pytest.fixture(scope="module")
-def cases():
+def short():
+    """Recordings of seven seconds: up, hardly a circle, down."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flying, "draw_events", lambda spec, rng: Events(0.4, 3.9, 4.1, 7.1, 7.6))
+        yield
+
+
+@pytest.fixture(scope="module")
+def cases(short):
     return make_cases(SPECS)
 
 
-def test_a_case_is_the_same_alone_and_in_a_crowd(cases):
+def test_a_case_is_the_same_alone_and_in_a_crowd(cases, short):
     alone = make_case(SPECS[1])
     assert alone.truth == cases[1].truth
     for name, stream in alone.flights[0].streams.items():
