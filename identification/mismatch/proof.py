@@ -48,7 +48,8 @@ class Proof:
 
 
 def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0) -> Proof:
-    """Leave flights out in turn (at most FOLDS times), fit what was named to the others, predict them."""
+    """Leave flights out in turn (at most FOLDS times), fit what was named to the others, predict them. Where flights
+    differ each is predicted with its own value, and nothing is held out."""
     tracks = moments.wrench.tracks
     numbers = sorted({t.flight for t in tracks})
     names = {t.flight: t.name for t in tracks}
@@ -62,6 +63,12 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     gained, possible, first = 0.0, 0.0, space_around(simulator).model
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
+    if decision.own:  # a flight that differs can only be predicted with a value of its own
+        for k, number in enumerate(numbers):
+            own = {name: decision.fit.model.parameters[name] + float(row[k]) for name, row in decision.fit.own.items()}
+            after[k] = _errors(corrected.with_parameters(own), [t for t in tracks if t.flight == number], [number])[0]
+        return Proof(before, after, tuple(names[n] for n in numbers), False, _intervals(before, after, seed), None,
+                     (simulator, corrected))
     for left_out in folds:
         others = [n for n in numbers if n not in left_out] or numbers
         fitted = fit(Slopes(moments, others), _rest(decision), free, own=free_of(decision.space, decision.own)).model

@@ -22,6 +22,8 @@ RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
 GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
 """Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
 the vehicle turns, the gain from command to torque is hardly known."""
+MOST_GAIN, MOST_DAMPING_1_S = 0.45, 8.0
+"""However much the gyro shakes, more is not feigned."""
 DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
              "frame_tilt.roll_rad": 0.012, "frame_tilt.pitch_rad": 0.012, "wind.w_m_s": 0.25, "force_world.f_N": 0.004}
 """Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
@@ -47,7 +49,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
             least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
             changed = changed or float(np.ptp(fit.own[name])) > least
         else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
-            limit = smallest(name, before, moments)
+            limit = smallest(name, before, moments, fit.model)
             changed = changed or limit == 0.0 or change - 2.0 * sd > limit
     if not changed:
         return f"{term} changes less than the logging can feign"
@@ -65,18 +67,21 @@ def base_of(name: str) -> str:
     return name.partition("[")[0]
 
 
-def smallest(name: str, before: Model, moments: Moments) -> float:
-    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns none."""
+def smallest(name: str, before: Model, moments: Moments, best: Model | None = None) -> float:
+    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns none. ``best``: the
+    model whose residual says how much of the turning the commands do not explain."""
     base, values = base_of(name), before.parameters
     if base in ABSOLUTE:
         return ABSOLUTE[base]
     if base in RELATIVE:
         return RELATIVE[base] * abs(values[name])
     if base in GAIN:
-        return GAIN[base] * abs(values[name]) * max(unexplained_share(before, moments)[_axis(name)], 0.1)
+        share = unexplained_share(best or before, moments)[_axis(name)]
+        return min(GAIN[base] * max(share, 0.1), MOST_GAIN) * abs(values[name])
     if base == "angular_damping.d_r":
         inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
-        return DAMPING_1_S * inertia[_axis(name)] * max(unexplained_share(before, moments)[_axis(name)], 0.1)
+        share = unexplained_share(best or before, moments)[_axis(name)]
+        return min(DAMPING_1_S * max(share, 0.1), MOST_DAMPING_1_S) * inertia[_axis(name)]
     return 0.0
 
 

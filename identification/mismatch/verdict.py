@@ -120,12 +120,11 @@ def _numbers(recordings: Recordings) -> list[int]:
 
 def _changed(f: Finding, decision: Decision, recordings: Recordings) -> list[str]:
     """Flights in which a term that differs between flights is not as in most of them."""
-    rows = [row / (f.sd.get(name) or 1.0) for name, row in decision.fit.own.items()
-            if name.startswith(f"{f.hypothesis.term}.")]
-    if not rows:
+    rows = np.array([row for name, row in decision.fit.own.items() if name.startswith(f"{f.hypothesis.term}.")])
+    if not len(rows):
         return []
-    away = np.linalg.norm(np.array(rows) - np.median(rows, axis=1, keepdims=True), axis=0)
-    odd = away > max(0.3 * away.max(), 6.0)
+    away = np.linalg.norm(rows - np.median(rows, axis=1, keepdims=True), axis=0)
+    odd = away > 0.4 * away.max()
     numbers = _numbers(recordings)
     return [recordings.names[numbers[i]] for i in np.flatnonzero(odd)] if odd.sum() <= len(odd) / 2 else []
 
@@ -190,5 +189,6 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         parts.append(f"On flights left out of the fit the error after half a second falls from "
                      f"{before['position_m']:.4f} to {after['position_m']:.4f} m and from {before['attitude_rad']:.4f} "
                      f"to {after['attitude_rad']:.4f} rad." if proof.held_out else
-                     "One flight only: the fit was not tested on another.")
+                     "One flight only: the fit was not tested on another." if len(proof.flights) == 1 else
+                     "Flights differ; each was predicted with its own value, so nothing was held out.")
     return " ".join(parts)

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of, wrench_of
 
+from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
-from identification.mismatch.diagnose import _named
+from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import slopes
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
 from identification.mismatch.wrench import Wrench
+from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.physics import Model
 
 
@@ -76,6 +78,23 @@ def test_one_flight_with_a_heavier_vehicle_is_singled_out(model):
     assert decision.own
     name = next(n for n in decision.fit.own if n.startswith(f"{decision.own[0]}."))
     assert int(np.argmax(np.abs(decision.fit.own[name] - np.median(decision.fit.own[name])))) == 2
+
+
+def test_the_flight_that_differs_is_in_the_verdict(model):
+    heavy = model.on(mass_kg=0.046)
+    tracks = tuple(track_of(heavy if k == 2 else model, 40 + k, k) for k in range(4))
+    flights = tuple(Flight(t.name, {}, {}, Provenance(t.name, "", "made")) for t in tracks)
+    body = diagnose(Recordings(flights, {}, tracks, (), {}), model).to_json()
+    assert body["outcome"] == "named"
+    assert any(f["where"]["flights"] == ["flight_3"] for f in body["findings"])
+
+
+def test_beliefs_of_a_simulator_from_its_flights(plain, model):
+    found = beliefs(Recordings((), {}, tuple(plain.tracks), (), {}), model.vehicle)
+    assert found.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.05)
+    assert found.parameters["motor_lag.tau_up_s"] == pytest.approx(0.04, abs=0.008)
+    force, _ = plain.residual(found)
+    assert np.sqrt(np.mean(force**2)) < 0.08  # the air alone is 0.04 a axis
 
 
 def test_slopes_are_derivatives(plain, model):

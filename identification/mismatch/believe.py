@@ -1,0 +1,51 @@
+"""What a simulator believes, identified from recordings it produced: any black box can be diagnosed that can fly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.physics import Model, Vehicle
+
+from .fitting import Slopes, fit, slopes
+from .moments import moments_of
+from .naming import free_of, name_effects
+from .recordings import Recordings
+from .space import reduced, space_around
+from .wrench import Wrench
+
+START: dict[str, dict[str, Any]] = {
+    "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "motor_lag": {"tau_up_s": 0.04, "tau_down_s": 0.04},
+    "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.01, 0.01, 0.005)}, "drag_torque": {"c": -5e-5}}
+"""Where the search begins; every term here is fitted, whatever it turns out to be."""
+LEAST_S = 15.0
+PASSES = 3
+
+
+def beliefs(recordings: Recordings, vehicle: Vehicle | None = None, progress: Callable[[str], None] | None = None,
+            place: str = "--simulated") -> Model:
+    """The model that reproduces recordings of a simulator: START fitted, and further terms as long as they explain.
+
+    vehicle: what is known of it (mass, arms); in free flight only thrust over mass is seen. InputError when the
+    recordings are too short.
+    """
+    if recordings.judged_s < LEAST_S:
+        raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight",
+                         f"give at least {LEAST_S:.0f} s from the simulator")
+    wrench = Wrench(recordings.tracks)
+    model = Model(vehicle or Vehicle(), START)
+    for number in range(PASSES):
+        space = space_around(model)
+        asked = np.concatenate([space.free(t) for t in space.terms])
+        moments = moments_of(wrench, wrench.residual(space.model), slopes(wrench, space.model, asked)[0],
+                             [space.model.names[i] for i in asked])
+        core = fit(Slopes(moments), space.model, free_of(space, tuple(START)))
+        fitted = reduced(core.model, space.believed, ())
+        if number == PASSES - 1:
+            named = name_effects(moments, space_around(fitted), fitted, progress)
+            fitted = reduced(named.fit.model, named.space.believed, tuple(h.term for h in named.accepted))
+        model = fitted
+    return model
