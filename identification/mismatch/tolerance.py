@@ -30,6 +30,9 @@ DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, 
 scale as a share."""
 DAMPING_1_S = 6.0
 """Of angular damping over inertia, times the same share."""
+ANSWERED, ANSWER = ("thrust_voltage", "thrust_pwm", "inflow", "saturation"), 0.12
+"""Slopes of thrust: a gust up is answered with less thrust, so that thrust seems to lift the less, by some 5 % at
+0.1 m/s^2 of gusts. Such terms have to change the force by this share of how the vertical force moves."""
 LEAST_FORCE_M_S2 = 0.03
 LEAST_TURNING_SHARE = 0.12
 """An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
@@ -56,6 +59,11 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
     if any(name.startswith(f"{term}.") for name in fit.own):
         return ""
     force, torque = effect(fit, before, moments)
+    if term in ANSWERED:
+        moves = float(moments.wrench.model(fit.model)[0][:, 2].std())
+        if force < ANSWER * moves:
+            return (f"{term} changes the force by {force:.3f} m/s^2 RMS, and the controller's answers to the air look "
+                    f"like up to {ANSWER * moves:.3f}")
     if force < LEAST_FORCE_M_S2 and torque < LEAST_TURNING_SHARE:
         return (f"{term} changes the force by {force:.3f} m/s^2 RMS and torque by {torque:.0%} of what is left: "
                 "too little")
