@@ -30,6 +30,8 @@ LEAST_TURNING = 0.3
 """Structure that is left is a finding from this RMS of force, or share of the turning, on."""
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
+WIDER, SYSTEMATIC = 1.6, 0.015
+"""Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any value."""
 BESIDE = 0.1
 """Share of all structure from which something left beside a name is worth saying."""
 
@@ -194,8 +196,10 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     gone = without - final.left
     slow = [(abs(g), name) for g, name, group in zip(gone, _names(moments), _groups(moments), strict=True)
             if group not in ("hypothesis", "turning", "flight")]
-    sd = {model.names[i]: float(np.sqrt(final.covariance[k, k])) for k, i in enumerate(final.free)
-          if model.names[i].startswith(f"{h.term}.")}
+    wide = np.sqrt(WIDER * max(final.loss / max(len(final.left), 1), 1.0))
+    sd = {model.names[i]: float(np.hypot(wide * np.sqrt(final.covariance[k, k]),
+                                         SYSTEMATIC * abs(model.values[i]) if model.values[i] else 0.0))
+          for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
     return Finding(h, alike, sd, float(taken.sum() / max(before - after, taken.sum(), 1e-9)), axes,
                    max(slow)[1] if slow else "", float(np.clip(0.99 - 0.35 * doubt, 0.5, 0.99)))

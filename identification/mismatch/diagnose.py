@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools import so3
 from nanobench_tools.audit import audit
+from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
@@ -49,8 +50,12 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     say("what is left")
     decision = decide(recordings, moments, space, named, simulator)
     say("prediction on flights that were left out")
-    proof = prove(moments, decision, simulator, seed)
-    if decision.findings and proof.held_out and not proof.better:
+    try:
+        proof = prove(moments, decision, simulator, seed)
+        stands = proof.better or not (decision.findings and proof.held_out)
+    except InputError:  # what was named together is no possible vehicle
+        stands = False
+    if not stands:
         decision = unproved(moments, decision, space)
         proof = prove(moments, decision, simulator, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)

@@ -22,8 +22,10 @@ RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
 GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
 """Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
 the vehicle turns, the gain from command to torque is hardly known."""
-MOST_GAIN, MOST_DAMPING_1_S = 0.45, 8.0
+MOST_GAIN, MOST_DAMPING_1_S = 0.35, 8.0
 """However much the gyro shakes, more is not feigned."""
+IMPLAUSIBLE = {"inertia.inertia_kg_m2": 3.0, "yaw_torque.k_m": 5.0}
+"""A gain that is off by this factor is no vehicle, but a residual that something else made."""
 DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
              "frame_tilt.roll_rad": 0.012, "frame_tilt.pitch_rad": 0.012, "wind.w_m_s": 0.25, "force_world.f_N": 0.004}
 """Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
@@ -42,12 +44,18 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
     """Why a fitted term is no finding: a sentence, empty when it is one."""
     old = before.parameters
     changed = False
+    for name in fit.on_bound:
+        if name.startswith(f"{term}.") and fit.model.parameters[name] != _neutral(fit.model, name):
+            return f"{term} ends on the bound of {name}, which is no result"
     for place, i in enumerate(fit.free):
         name = fit.model.names[i]
         if not name.startswith(f"{term}."):
             continue
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
+        factor, times = IMPLAUSIBLE.get(base_of(name)), fit.model.values[i] / old[name] if old.get(name) else 1.0
+        if factor and not 1.0 / factor < times < factor:
+            return f"{term} would be {times:.2g} times what is believed: no vehicle"
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
             least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
             changed = changed or float(np.ptp(fit.own[name])) > least
@@ -68,6 +76,10 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         return (f"{term} changes the force by {force:.3f} m/s^2 RMS and torque by {torque:.0%} of what is left: "
                 "too little")
     return ""
+
+
+def _neutral(model: Model, name: str) -> float | str | None:
+    return next(slot.parameter.neutral for slot in model.slots if slot.name == name)
 
 
 def base_of(name: str) -> str:
