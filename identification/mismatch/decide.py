@@ -23,6 +23,8 @@ PLAIN = 1.6
 unit variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = 0.35
 """A name stands only where it explains more than what is left is large, in this proportion."""
+FOREIGN = 0.25
+"""A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
 LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
 """Squared standard deviations: what is left beside a name, and what is left that nothing names."""
 LEAST_FORCE_M_S2 = 0.045
@@ -153,6 +155,12 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
     if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
         where = ", ".join(np.array(CHANNELS)[here])
         return f"{h.term} explains {taken[here].sum():.0f} but leaves {left:.0f} in {where}"
+    wrench = moments.wrench
+    moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term]))[0]
+    acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+    beside = [s for s in found if s.kind != "motion" and s.size_m_s2 > FOREIGN * acts and here[:3].any()]
+    if beside and not h.own:
+        return f"{h.term} is there beside {beside[0].hint}"
     strange = [s for s in found if s.gain > UNEXPLAINED * float(taken.sum()) and here[:3].any()]
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
 

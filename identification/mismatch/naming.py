@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nanobench_tools.physics import Model
+from nanobench_tools.physics.numeric import equations
 
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
 from .space import MAPS, Space, space_around, with_other_map
 from .tolerance import feigned
+from .track import ROW_S
 
 LEAST_GAIN = 45.0
 """Squared standard deviations a hypothesis has to take away: 23 terms of up to 4 parameters are tried a few times, and
@@ -64,19 +66,27 @@ class Named:
         return free_of(self.space, [h.term for h in self.accepted if h.own and h.term not in without])
 
 
+HIGH = 0.93
+"""Quantile of what is commanded where the fit of a saturation begins."""
 STARTS: dict[str, dict[str, float]] = {"motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
                                       "ground_effect": {"ground_effect.rho": 1.0}}
 """Where the fit of a term begins that acts far from linearly where it rests."""
 
 
 def _start(moments: Moments, model: Model, term: str) -> Model:
-    if term == "saturation" and "saturation.u_max" in model.names:
-        ratio = np.concatenate([t.motor[t.counts] for t in moments.wrench.tracks])
-        limit = model.parameters["saturation.u_max"]
-        return model.with_parameters({"saturation.u_max": min(limit, float(np.quantile(ratio, 0.93)))})
     values = model.parameters
     moved = {n: v for n, v in STARTS.get(term, {}).items() if values.get(n) == 0.0}
     return model.with_parameters(moved) if moved else model
+
+
+def _limits(moments: Moments, model: Model) -> list[Model]:
+    """Two starts for a saturation, which does nothing where it rests: of the input, and of the thrust."""
+    inputs = np.concatenate([np.column_stack([t.motor, t.battery_V])[t.counts] for t in moments.wrench.tracks])
+    thrust = np.stack(equations(model, ROW_S).command([*inputs.T, *inputs.T[:4], np.zeros(len(inputs))]))
+    high = {"saturation.u_max": float(np.quantile(inputs[:, :4], HIGH)),
+            "saturation.T_max_N": float(np.quantile(thrust, HIGH))}
+    values = model.parameters
+    return [model.with_parameters({n: v}) for n, v in high.items() if n in values and v < values[n]]
 
 
 def name_effects(moments: Moments, space: Space, simulator: Model,
@@ -122,7 +132,9 @@ class _Search:
     def tried(self) -> list[Hypothesis]:
         """Every hypothesis to first order, the best of them fitted to the end; best first."""
         candidates = [(t, self.space, _start(self.moments, self.current.model, t)) for t in self.space.terms
-                      if t not in self.names]
+                      if t not in self.names and t != "saturation"]
+        if "saturation" in self.space.terms and "saturation" not in self.names:
+            candidates += [("saturation", self.space, m) for m in _limits(self.moments, self.current.model)]
         if self.other is not None and not any(name in MAPS for name in self.names):
             term = next(t for t in MAPS[:2] if t in self.other.model)
             candidates.append((term, self.other, carried(self.current.model, self.other.model)))

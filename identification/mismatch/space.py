@@ -19,7 +19,7 @@ K_F = 2.3e-8
 which the drag of turning rotors is measured."""
 HELD = ("ground_effect.rho", "thrust_rpm.k_f")
 """Parameters that are not asked for: they are only seen in products, rho R^2 and d / sqrt(k_f)."""
-AT_REST = {"saturation": {"u_max": 1.0}}
+AT_REST = {"saturation": {"u_max": 1.0, "T_max_N": 50.0}}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from nanobench_tools.flight import Flight, Span, Stream, intersect_spans, make_s
 ROW_S = 0.01
 BEFORE_S = 0.5
 """Inputs this long before a span warm the rotors up."""
-EDGE_S = 0.12
+EDGE_S = 0.16
 """Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
 PACKET_S, STEADY_S = 0.12, 1.0
 """How far apart packets of the battery come, and how slowly it moves under a steady load."""
@@ -112,7 +112,7 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
     last = min(span.end_s, *(flight[name].time_s[-1] for name in NEEDED))
     time_s = np.arange(first, last, ROW_S)
     stamps, keep = np.unique(mocap.time_s, return_index=True)
-    near = np.searchsorted(stamps, [first - 1.0, last + 1.0])
+    near = np.searchsorted(stamps, [span.start_s, span.end_s])  # what lies beyond may be at fault
     stamps, keep = stamps[slice(*near)], keep[slice(*near)]
     path = CubicSpline(stamps, mocap["px", "py", "pz"][keep])
     counts = (time_s >= span.start_s + EDGE_S) & (time_s <= span.end_s - EDGE_S)
@@ -123,8 +123,9 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
     force = _at(imu, acc, time_s) if all(a in imu for a in acc) else np.full((len(time_s), 3), np.nan)
     motor = _at(flight["motor"], NEEDED["motor"], time_s + 0.5 * ROW_S)
     battery = steadied(_at(flight["battery"], ("vbat",), time_s + 0.5 * ROW_S)[:, 0], motor)
-    return Track(flight.name, number, time_s, path(time_s), path(time_s, 1),
-                 so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], time_s),
+    seen_s = np.clip(time_s, stamps[0], stamps[-1])
+    return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1),
+                 so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], seen_s),
                  _at(imu, NEEDED["imu"], time_s), force, motor, battery, counts, time_s - take_off_s)
 
 
