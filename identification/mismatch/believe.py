@@ -19,7 +19,8 @@ from .wrench import Wrench
 
 START: dict[str, dict[str, Any]] = {
     "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "motor_lag": {"tau_up_s": 0.04, "tau_down_s": 0.04},
-    "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.01, 0.01, 0.005)}, "drag_torque": {"c": -5e-5}}
+    "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.01, 0.01, 0.005)}, "drag_torque": {"c": -5e-5},
+    "motor_imbalance": {"g": (1.0, 1.0, 1.0, 1.0)}, "com_offset": {"r_m": (0.0, 0.0, 0.0)}}
 """Where the search begins; every term here is fitted, whatever it turns out to be."""
 LEAST_S = 15.0
 PASSES = 3
