@@ -1,0 +1,82 @@
+"""What a cause is: sizes it may have, and what each does to the trim of a hovering vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+DRAWS = 4096
+"""Of the sizes of a hypothesis, spread evenly over their ranges (Sobol): marginal likelihoods to 1 %."""
+PLACES = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
+"""Where the motors of a Crazyflie sit."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg, and its sd; height_m it
+    flew at; swing: a periodic force that the flights show, or None."""
+
+    motors: np.ndarray
+    mass_kg: float
+    mass_sd_kg: float = 0.0
+    height_m: float = float("nan")
+    swing: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Size:
+    """One number of a hypothesis: its name, unit, and values (n,) of the draws in that unit."""
+
+    name: str
+    unit: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One way a cause may act: at ``motors``, with sizes drawn from their ranges. gains (n, 4): change of the ln
+    thrust that the commands ask for; push (n, 2) m/s^2 of horizontal force over mass. spread: instead of draws,
+    {quantity: sd} of Gaussian changes without further shape. share: of the cause's prior."""
+
+    cause: str
+    motors: tuple[int, ...]
+    share: float
+    sizes: tuple[Size, ...] = ()
+    gains: np.ndarray = field(default_factory=lambda: np.zeros((1, 4)))
+    push: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
+    spread: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """name as in verdict.json; term of the vocabulary that models it, or None; prior: how often, before any flight was
+    seen, it is what changed a vehicle; make(body) -> hypotheses; say(sizes, motors) -> the sentence's beginning,
+    sizes {name: (value, low, high)}; excludes: why it is not it when it is not, given what it would have had to be."""
+
+    name: str
+    term: str | None
+    prior: float
+    make: Callable[[Body], Sequence[Hypothesis]]
+    say: Callable[[Mapping[str, tuple[float, float, float]], Sequence[int]], str]
+    short: str
+
+
+def draws(k: int) -> np.ndarray:
+    """(DRAWS, k) evenly spread over the unit cube, the same each time."""
+    return qmc.Sobol(k, seed=11).random(DRAWS)
+
+
+def interval(size: tuple[float, float, float], digits: int, unit: str) -> str:
+    """``13 % (95 %: 8 to 18)``."""
+    value, low, high = size
+    return f"{value:.{digits}f} {unit} (95 %: {low:.{digits}f} to {high:.{digits}f})"
+
+
+def motor_words(motors: Sequence[int]) -> str:
+    """``motor 3 (back left)``, ``motors 1 (front right) and 2 (back right)``."""
+    said = [f"{m} ({PLACES[m]})" for m in motors]
+    return f"motor {said[0]}" if len(said) == 1 else f"motors {', '.join(said[:-1])} and {said[-1]}"

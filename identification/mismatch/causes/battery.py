@@ -1,0 +1,22 @@
+"""The battery's voltage does to the thrust what the simulator does not know: all four motors change alike.
+
+From the trim alone it cannot be told from another mass; flights at other states of charge would tell.
+"""
+
+from __future__ import annotations
+
+from .base import Body, Cause, Hypothesis, interval
+from .mass import alike
+
+
+def make(body: Body) -> list[Hypothesis]:
+    sizes, gains = alike(body)
+    return [Hypothesis("battery", (), 1.0, sizes, gains)]
+
+
+def say(sizes, motors) -> str:
+    return f"All four motors are asked for alike more by {interval(sizes['change'], 1, '%')}: thrust against voltage " \
+           "is not what it was"
+
+
+CAUSE = Cause("battery", "thrust_voltage", 0.025, make, say, "thrust that follows the battery otherwise")

@@ -1,0 +1,27 @@
+"""All four motors are asked for alike more, or less: the vehicle weighs something else in its middle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base import Body, Cause, Hypothesis, Size, draws, interval
+
+MOST = 0.3
+
+
+def alike(body: Body) -> tuple[tuple[Size, ...], np.ndarray]:
+    """(change of the mass %) of draws, and the change of the ln thrust (n, 4)."""
+    share = MOST * (2.0 * draws(1)[:, 0] - 1.0)
+    return (Size("change", "%", 100.0 * share),), np.log1p(share)[:, None] * np.ones(4)
+
+
+def make(body: Body) -> list[Hypothesis]:
+    sizes, gains = alike(body)
+    return [Hypothesis("mass", (), 1.0, sizes, gains)]
+
+
+def say(sizes, motors) -> str:
+    return f"The vehicle weighs more, in its middle, by {interval(sizes['change'], 1, '%')}"
+
+
+CAUSE = Cause("mass", "mass", 0.025, make, say, "another mass")

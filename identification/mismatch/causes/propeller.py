@@ -1,0 +1,39 @@
+"""A damaged propeller: it gives less thrust at the same voltage, so its motor alone is asked for more.
+
+The thrusts that balance the vehicle stay what they were; of the commands only that motor's changes. A weight cannot do
+that: its moment falls on pairs of motors, never on the yaw balance.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+
+MOST_LOSS = 0.5
+"""Share of its thrust beyond which one motor cannot be made up for."""
+ONE = 2.0 / 3.0
+"""Share of cases in which a single one is damaged."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    found = []
+    one, two = MOST_LOSS * draws(1), MOST_LOSS * draws(2)
+    for motors, loss, share in [*(((i,), one, ONE / 4) for i in range(4)),
+                                *((pair, two, (1.0 - ONE) / 6) for pair in combinations(range(4), 2))]:
+        gains = np.zeros((len(loss), 4))
+        gains[:, list(motors)] = -np.log1p(-loss)
+        sizes = tuple(Size(f"loss_m{m + 1}", "%", 100.0 * loss[:, k]) for k, m in enumerate(motors))
+        found.append(Hypothesis("propeller", tuple(m + 1 for m in motors), share, sizes, gains))
+    return found
+
+
+def say(sizes, motors) -> str:
+    losses = ", ".join(interval(size, 0, "%") for size in sizes.values())
+    word = "propeller" if len(motors) == 1 else "propellers"
+    return f"The {word} of {motor_words(motors)} lost thrust: at the same motor voltage it gives less by {losses}"
+
+
+CAUSE = Cause("propeller", "motor_imbalance", 0.20, make, say, "a damaged propeller")

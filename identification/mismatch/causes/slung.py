@@ -1,0 +1,27 @@
+"""A load on a string: in the mean a weight at the place of the knot, and a pendulum that pulls to and fro.
+
+Its mode is sqrt(g / L (1 + m / M)) / (2 pi) with L the length of the string, m its mass, M the vehicle's. Without a
+swing in the flights it is a weight; a string longer than the flight is high leaves the load on the ground, where it
+neither swings nor weighs in full.
+"""
+
+from __future__ import annotations
+
+from .base import Body, Cause, Hypothesis, interval
+from .weight import loads, where
+
+UNSEEN = 0.2
+"""Share of slung loads whose swing a flight of half a minute would not show: damped, or touching the ground."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    sizes, gains = loads(body)
+    return [Hypothesis("slung", (), 1.0 if body.swing is not None else UNSEEN, sizes, gains)]
+
+
+def say(sizes, motors) -> str:
+    near = f", nearest to motor {motors[0]}" if motors else ""
+    return f"A load hangs on a string: {interval(sizes['mass'], 1, 'g')}, its knot {where(sizes)}{near}"
+
+
+CAUSE = Cause("slung", "slung_load", 0.05, make, say, "a load on a string")

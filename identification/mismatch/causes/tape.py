@@ -1,0 +1,31 @@
+"""A strip of tape, or dirt, on a propeller: it shakes, and costs a few per cent of that motor's thrust at most.
+
+Below LOSS a damaged blade looks the same in the trim; both are then said.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+
+LOSS = 0.05
+"""Most that a strip of a tenth of a millimetre does to the lift of a blade; more is damage, whatever did it."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    loss = LOSS * draws(1)[:, 0]
+    found = []
+    for i in range(4):
+        gains = np.zeros((len(loss), 4))
+        gains[:, i] = -np.log1p(-loss)
+        found.append(Hypothesis("tape", (i + 1,), 0.25, (Size(f"loss_m{i + 1}", "%", 100.0 * loss),), gains))
+    return found
+
+
+def say(sizes, motors) -> str:
+    (size,) = sizes.values()
+    return f"The propeller of {motor_words(motors)} is unclean or taped: it gives less by {interval(size, 1, '%')}"
+
+
+CAUSE = Cause("tape", "motor_imbalance", 0.05, make, say, "tape on a propeller")

@@ -1,0 +1,20 @@
+"""Another vehicle: every motor has a gain of its own, and its thrust stands at another angle to its sensors."""
+
+from __future__ import annotations
+
+from .base import Body, Cause, Hypothesis
+
+GAINS, LEVEL_M_S2 = 0.10, 0.20
+"""Standard deviation between vehicles of one type: thrust of a motor and propeller, and the mounting of the sensors
+(1.2 degrees)."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    return [Hypothesis("vehicle", (), 1.0, spread={"gains": GAINS, "level": LEVEL_M_S2})]
+
+
+def say(sizes, motors) -> str:
+    return "This is another vehicle: gains of the motors and the angle between thrust and sensors differ at once"
+
+
+CAUSE = Cause("vehicle", None, 0.05, make, say, "another vehicle")

@@ -1,0 +1,48 @@
+"""An added weight at a place: mass and centre of mass change together, and the yaw balance does not.
+
+A mass m at (x, y) needs a force m g at that place. Four motors give it without turning the vehicle about z by
+
+    dT_i = m g / 4 (1 + x x_i / X^2 + y y_i / Y^2),    X^2, Y^2 mean squares of the motors' places x_i, y_i,
+
+so that all three numbers follow from the four motors, and a moment without a weight to it is refused.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base import Body, Cause, Hypothesis, Size, draws, interval
+
+MOST = 0.3
+"""Of the vehicle's mass: more it does not lift."""
+REACH = 1.6
+"""Times the distance of the motors from the middle, per axis: the tips of the propellers."""
+
+
+def loads(body: Body) -> tuple[tuple[Size, ...], np.ndarray]:
+    """(mass g, x mm, y mm) of draws, and the change of the ln thrust (n, 4) each asks for."""
+    u = draws(3)
+    span = REACH * np.abs(body.motors).max(axis=0)
+    share, place = MOST * u[:, 0], (2.0 * u[:, 1:] - 1.0) * span
+    lever = body.motors / np.mean(body.motors**2, axis=0)  # (4, 2)
+    more = share[:, None] * (1.0 + place @ lever.T)
+    sizes = (Size("mass", "g", 1e3 * share * body.mass_kg), Size("x", "mm", 1e3 * place[:, 0]),
+             Size("y", "mm", 1e3 * place[:, 1]))
+    return sizes, np.log(np.maximum(1.0 + more, 0.05))
+
+
+def make(body: Body) -> list[Hypothesis]:
+    sizes, gains = loads(body)
+    return [Hypothesis("weight", (), 1.0, sizes, gains)]
+
+
+def where(sizes) -> str:
+    return f"{interval(sizes['x'], 0, 'mm')} forward and {interval(sizes['y'], 0, 'mm')} to the left of the middle"
+
+
+def say(sizes, motors) -> str:
+    near = f", nearest to motor {motors[0]}" if motors else ""
+    return f"A weight was added: {interval(sizes['mass'], 1, 'g')}, {where(sizes)}{near}"
+
+
+CAUSE = Cause("weight", "mass", 0.10, make, say, "an added weight")

@@ -1,0 +1,24 @@
+"""A steady wind: the vehicle leans against it while its motors stay in balance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base import Body, Cause, Hypothesis, Size, draws, interval
+
+MOST_M_S2 = 3.0
+"""Horizontal force over mass: 17 degrees of tilt."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    push = MOST_M_S2 * (2.0 * draws(2) - 1.0)
+    sizes = (Size("push_forward", "m/s^2", push[:, 0]), Size("push_left", "m/s^2", push[:, 1]))
+    return [Hypothesis("wind", (), 1.0, sizes, np.zeros((len(push), 4)), push)]
+
+
+def say(sizes, motors) -> str:
+    text = " and ".join(f"{interval(size, 2, 'm/s^2')} {name[5:]}" for name, size in sizes.items())
+    return f"Wind pushes the vehicle: force over mass of {text}"
+
+
+CAUSE = Cause("wind", "wind", 0.025, make, say, "wind")

@@ -1,0 +1,204 @@
+"""Steady trim: what the four motors were asked for so that a hovering vehicle was in balance.
+
+On the mean over a flight nothing accelerates: the thrusts carry the weight and their moments about the centre of mass
+cancel. Few flights excite more than that, yet it shows a propeller that lost thrust (one motor is asked for more, the
+others for what they were) and a weight (all are asked for more, according to where it sits). One flight is one sample:
+its own rows say how well its mean is known, and only other flights say how much a vehicle differs from day to day.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from identification.thrust.firmware import PLUS
+from nanobench_tools.audit import Audit
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Fault, Flight, Span, intersect_spans, mask_of
+from nanobench_tools.units import GRAVITY_M_S2
+
+from .reconstruct import States, states_of
+
+IDLE = 0.1
+"""A motor below this share of full command does not carry."""
+AFTER_START_S, BEFORE_STOP_S = 1.2, 1.3
+"""Take-off and landing are left out."""
+LEAST_S = 3.0
+"""Seconds of flight without which there is no trim."""
+SHORTEST_S = 2.0
+"""Of one run of the motors that counts."""
+BLOCK_S = 0.25
+"""Rows are averaged over this long, longer than the motors' lag and shorter than the manoeuvres."""
+STUCK_V = 0.006
+"""A battery that moves by less than a step of its converter while the motors run was not measured."""
+SLOPES = {"gains": 0.1, "level": 0.6, "push": 0.6}
+"""Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
+FULL = 0.998
+MOST_SATURATED = 0.1
+"""Share of rows at full command beyond which the command no longer says what was needed."""
+
+
+@dataclass(frozen=True)
+class Trim:
+    """One flight. gains (4,) ln of the thrust [N] that the commands of motors 1..4 would give on a vehicle of the type,
+    at rest and per g carried; level (2,) m/s^2 mean horizontal accelerometer in the frame of the heading, forward and
+    left: the angle between thrust and sensor; push (2,) m/s^2 horizontal force over mass that the tilt balances;
+    nan where it cannot be known. sd the same keys: how well the rows tell these means. known_lift: False where no
+    battery was measured, so that only shares among the motors count."""
+
+    name: str
+    gains: np.ndarray
+    level: np.ndarray
+    push: np.ndarray
+    sd: dict[str, np.ndarray]
+    known_lift: bool
+    battery_V: float
+    seconds: float
+    height_m: float
+    notes: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = field(default=())
+
+    def to_json(self) -> dict[str, Any]:
+        return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),
+                "push": self.push.tolist(), "sd": {k: v.tolist() for k, v in self.sd.items()},
+                "known_lift": self.known_lift, "battery_V": self.battery_V, "seconds": self.seconds,
+                "height_m": self.height_m, "notes": list(self.notes)}
+
+    @classmethod
+    def from_json(cls, body: dict[str, Any]) -> Trim:
+        def numbers(values: list[float | None]) -> np.ndarray:
+            return np.array([np.nan if v is None else v for v in values], float)
+
+        def number(value: float | None) -> float:
+            return float("nan") if value is None else value
+
+        return cls(body["name"], numbers(body["gains"]), numbers(body["level"]), numbers(body["push"]),
+                   {k: numbers(v) for k, v in body["sd"].items()}, body["known_lift"], number(body["battery_V"]),
+                   body["seconds"], number(body["height_m"]), tuple(body["notes"]))
+
+
+def trim_of(flight: Flight, audit: Audit) -> Trim:
+    """The trim of one recording. InputError saying why there is none: no motors logged, never flew, too short, too
+    much of it at full command."""
+    place = flight.provenance.path
+    if "motor" not in flight or any(f"m{i}" not in flight["motor"] for i in (1, 2, 3, 4)):
+        raise InputError(place, "motor commands are not among its variables", "no trim can be told")
+    command = flight["motor"]["m1", "m2", "m3", "m4"]
+    states = states_of(flight)
+    runs = _runs(flight, audit, command, states.time_s)
+    seconds = sum(r.duration_s for r in runs)
+    if seconds < LEAST_S:
+        why = "never left the ground" if not audit.airborne else f"{seconds:.1f} s of steady flight"
+        raise InputError(place, why, f"{LEAST_S:g} s are needed for a trim")
+    rows = mask_of(runs, states.time_s)
+    saturated = float((command[rows] >= FULL).any(axis=1).mean())
+    if saturated > MOST_SATURATED:
+        raise InputError(place, f"a motor is at full command in {saturated:.0%} of the flight",
+                         "a command that is cut off does not say what was needed")
+    notes = [f"{name}: {text}" for name, text in states.sources.items()]
+    voltage, why_not = _voltage(flight, states.time_s, rows)
+    if voltage is None:
+        notes.append(f"{why_not}: only shares among the motors count")
+    thrust = _thrust(command * (3.7 if voltage is None else voltage[:, None]))
+    values, sd = _at_rest(states, thrust, runs)
+    return Trim(flight.name, values["gains"], values["level"], values["push"], sd, voltage is not None,
+                float("nan") if voltage is None else float(voltage[rows].mean()), seconds,
+                _height(flight, states.time_s, rows), tuple(notes))
+
+
+def _runs(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarray) -> list[Span]:
+    """Runs of all motors in the air, without take-off and landing, and without faults of the commands."""
+    on = command.min(axis=1) > IDLE
+    steps = np.diff(np.concatenate([[0], on.astype(int), [0]]))
+    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
+    runs = [Span(float(time_s[a]) + AFTER_START_S, float(time_s[b]) - BEFORE_STOP_S)
+            for a, b in zip(starts, stops, strict=True) if time_s[b] - time_s[a] > AFTER_START_S + BEFORE_STOP_S]
+    kinds = {"gap", "spike", "dead_stream", "frozen_stream", "bad_cell", "checksum", "crash"}
+    clean = audit.clean_for(["motor"], kinds)
+    found = intersect_spans(intersect_spans(runs, audit.airborne), clean)
+    return [s for s in found if s.duration_s >= SHORTEST_S]
+
+
+def _voltage(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray | None, str]:
+    """Battery voltage (n,) at the rows of the motors, or None and why."""
+    if "battery" not in flight or "vbat" not in flight["battery"] or len(flight["battery"]) < 2:
+        return None, "no battery voltage was logged"
+    voltage = flight["battery"].interpolate("vbat", time_s)
+    if np.isnan(voltage[rows]).any() or np.ptp(voltage[rows]) < STUCK_V:
+        return None, f"the battery voltage stands still at {np.nanmean(voltage[rows]):.2f} V"
+    return voltage, ""
+
+
+def _thrust(motor_V: np.ndarray) -> np.ndarray:
+    """[N] of motors at these voltages by the firmware's curve; below its lowest useful point a parabola through it."""
+    low = 1.0
+    curve = np.polynomial.polynomial.polyval(np.maximum(motor_V, low), PLUS.c)
+    return np.where(motor_V < low, curve * (motor_V / low) ** 2, curve)
+
+
+def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Means at zero velocity per quantity and their standard deviations, from blocks of BLOCK_S."""
+    t = states.time_s
+    block = np.full(len(t), -1)
+    count = 0
+    for run in runs:
+        inside = run.mask(t)
+        block[inside] = count + ((t[inside] - run.start_s) / BLOCK_S).astype(int)
+        count = int(block.max()) + 1
+    rows = block >= 0
+    numbers, index = np.unique(block[rows], return_inverse=True)
+    size = np.bincount(index)
+
+    def means(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(index, column) / size for column in values[rows].T], axis=1)
+
+    whole = size >= 0.5 * np.median(size)
+    lift = 1.0 if states.acceleration_m_s2 is None else \
+        1.0 + means(states.acceleration_m_s2)[whole][:, 2:3] / GRAVITY_M_S2
+    signals = {"gains": np.log(means(thrust)[whole] / np.maximum(lift, 0.3))}
+    horizontal = None if states.acceleration_m_s2 is None else means(states.heading(states.acceleration_m_s2))[whole]
+    if states.felt_m_s2 is not None and horizontal is not None:
+        signals["level"] = means(states.felt_m_s2)[whole][:, :2] - horizontal
+    if states.roll_rad is not None and horizontal is not None and states.yaw_rad is not None:
+        tilt = np.stack([np.full(len(t), np.nan) if states.pitch_rad is None else states.pitch_rad,
+                         -states.roll_rad], axis=1)
+        signals["push"] = horizontal - GRAVITY_M_S2 * means(tilt)[whole]
+    velocity = np.zeros((int(whole.sum()), 0)) if states.velocity_m_s is None else means(
+        np.column_stack([states.heading(states.velocity_m_s), states.velocity_m_s[:, 2]]))[whole]
+    values, sd = {}, {}
+    for name, slope in SLOPES.items():
+        k = 4 if name == "gains" else 2
+        values[name], sd[name] = _intercept(signals[name], velocity, slope) if name in signals else \
+            (np.full(k, np.nan), np.full(k, np.nan))
+    return values, sd
+
+
+def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[np.ndarray, np.ndarray]:
+    """Value at zero velocity of each column and its standard deviation; slopes have a Gaussian prior. Blocks that
+    follow each other are alike: the spread of the mean is widened by their lag-one correlation."""
+    design = np.column_stack([np.ones(len(signal)), velocity])
+    spread = np.maximum(np.std(signal, axis=0), 1e-9)
+    values, sd = np.full(signal.shape[1], np.nan), np.full(signal.shape[1], np.nan)
+    for j in range(signal.shape[1]):
+        y = signal[:, j]
+        if np.isnan(y).any():
+            continue
+        prior = np.diag([0.0, *[(spread[j] / slope) ** 2] * velocity.shape[1]])
+        inverse = np.linalg.pinv(design.T @ design + prior)
+        beta = inverse @ design.T @ y
+        left = y - design @ beta
+        alike = float(np.clip(left[1:] @ left[:-1] / max(left @ left, 1e-30), 0.0, 0.9))
+        variance = left @ left / max(len(y) - design.shape[1], 1) * (1.0 + alike) / (1.0 - alike)
+        values[j], sd[j] = beta[0], np.sqrt(variance * inverse[0, 0])
+    return values, sd
+
+
+def _height(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> float:
+    """Height over where it stood first [m]: a load on a longer string never leaves the ground."""
+    for name, z in (("estimator", "z"), ("mocap", "pz")):
+        if name in flight and z in flight[name]:
+            stream = flight[name]
+            return float(np.median(stream.interpolate(z, time_s[rows])) - np.median(stream[z][:20]))
+    return float("nan")
