@@ -1,11 +1,11 @@
 """The vehicle's own PID cascade as a controller row: what flew most of the recordings.
 
-The equations are in ``nanobench_tools.practice.onboard``, where the practice flights use them too.
+The equations are in ``nanobench_tools.firmware``, where the practice flights use them too.
 """
 
 from __future__ import annotations
 
-from nanobench_tools.practice.onboard import PidCascade
+from nanobench_tools.firmware.onboard import PidCascade
 
 
 class OnboardPid(PidCascade):

@@ -118,12 +118,15 @@ class VehicleState:
 @dataclass(frozen=True)
 class Reference:
     """What n vehicles are asked to do now: position_m (n, 3) world, yaw_rad (n,); velocity_m_s and
-    acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints only)."""
+    acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints only); jerk_m_s3
+    (n, 3) and yaw_rate_rad_s (n,) may be None where nobody knows them."""
 
     position_m: np.ndarray
     yaw_rad: np.ndarray
     velocity_m_s: np.ndarray
     acceleration_m_s2: np.ndarray
+    jerk_m_s3: np.ndarray | None = None
+    yaw_rate_rad_s: np.ndarray | None = None
 
 
 @runtime_checkable

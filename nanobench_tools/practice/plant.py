@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..firmware.thrust_curve import thrust_of_voltage
 from ..units import GRAVITY_M_S2
-from .thrust_curve import thrust_of_voltage
 from .vehicle import OPEN_CIRCUIT, Vehicles
 
 POSITION, VELOCITY, QUATERNION, RATE, THRUST = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 17)

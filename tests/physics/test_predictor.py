@@ -17,7 +17,7 @@ from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.physics.simulator import write_simulator
 from nanobench_tools.practice import practice_flight
 from nanobench_tools.practice.plant import Plant
-from nanobench_tools.practice.thrust_curve import COEFFICIENTS
+from nanobench_tools.firmware.thrust_curve import COEFFICIENTS
 from nanobench_tools.practice.vehicle import draw_vehicles
 from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.windows import PAST, cut_windows

@@ -9,15 +9,11 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
+from nanobench_tools.firmware.motors import compensated
+from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage, voltage_of_thrust
 from nanobench_tools.frames import MOTOR_SIGNS
 from nanobench_tools.methods import Controller, Reference, VehicleState
-from nanobench_tools.practice.onboard import MellingerLike, OnboardFleet, PidCascade, cap, mix
-from nanobench_tools.practice.thrust_curve import (
-    THRUST_MAX_N,
-    compensated_ratio,
-    thrust_of_voltage,
-    voltage_of_thrust,
-)
+from nanobench_tools.practice.onboard import Mellinger, OnboardFleet, PidCascade
 from nanobench_tools.practice.timeline import planner
 
 
@@ -25,68 +21,6 @@ def read(path):
     data = path.read_bytes()
     table = pyarrow.csv.read_csv(io.BytesIO(lzma.decompress(data) if path.suffix == ".xz" else data))
     return {name: table[name].to_numpy() for name in table.column_names}
-
-
-def vectors(table, rows, *names):
-    return np.stack([table[name][rows] for name in names], axis=1).astype(float)
-
-
-def state_at(table, rows):
-    angles = np.radians(vectors(table, rows, "roll_deg", "pitch_legacy_deg", "yaw_deg")) * [1.0, -1.0, 1.0]
-    rates = np.radians(vectors(table, rows, "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"))
-    return VehicleState(vectors(table, rows, "x", "y", "z"), vectors(table, rows, "vx", "vy", "vz"),
-                        so3.from_euler_zyx(*angles.T), rates, np.full(len(rows), 4.0))
-
-
-def reference_at(table, rows):
-    return Reference(vectors(table, rows, "sp_x", "sp_y", "sp_z"), np.radians(table["sp_yaw_deg"][rows].astype(float)),
-                     vectors(table, rows, "sp_vx", "sp_vy", "sp_vz"), vectors(table, rows, "sp_ax", "sp_ay", "sp_az"))
-
-
-def replay(controller, table, scenario):
-    """Largest difference of thrust and of roll, pitch, yaw over the controller's steps of a scenario."""
-    rows = np.flatnonzero((table["scenario"] == scenario) & (table["step"] % 2 == 0) & (table["mode_x"] == 1))
-    controller.reset(1)
-    worst = np.zeros(4)
-    for row in rows:
-        out = controller.actuation(state_at(table, [row]), reference_at(table, [row]))
-        told = [table[f"out_{name}"][row] for name in ("thrust", "roll", "pitch", "yaw")]
-        worst = np.maximum(worst, np.abs(np.array(out)[:, 0] - told))
-    return worst
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("scenario", ["figure8_position_only", "helix_yaw_wraps", "star_corners_saturating",
-                                      "blocked_windup_then_free"])
-def test_pid_gives_the_firmwares_numbers(real_data, scenario):
-    table = read(real_data / "firmware_reference" / "pid_controller.csv.xz")
-    worst = replay(PidCascade(), table, scenario)
-    assert worst[0] < 0.5
-    assert np.all(worst[1:] <= 2.0)
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("scenario", ["position_only_steps", "position_only_figure8",
-                                      "far_target_integrator_and_output_clamp"])
-def test_mellinger_gives_the_firmwares_numbers(real_data, scenario):
-    table = read(real_data / "firmware_reference" / "mellinger.csv.xz")
-    worst = replay(MellingerLike(), table, scenario)
-    assert worst[0] < 0.5
-    assert np.all(worst[1:] <= 2.0)
-
-
-@pytest.mark.real
-def test_mixer_cap_and_compensation_give_the_firmwares_numbers(real_data):
-    folder = real_data / "firmware_reference"
-    table = read(folder / "power_distribution_legacy.csv")
-    rows = np.arange(len(table["thrust"]))
-    counts = mix(*vectors(table, rows, "thrust", "roll", "pitch", "yaw").T)
-    told = vectors(table, rows, *(f"m{i}_uncapped" for i in (1, 2, 3, 4)))
-    np.testing.assert_allclose(counts.T, told, atol=1.0)  # one row is rounded up in float32
-    np.testing.assert_array_equal(cap(told.T).T, vectors(table, rows, "m1", "m2", "m3", "m4"))
-    table = read(folder / "battery_compensation.csv")
-    found = 65535.0 * compensated_ratio(table["thrust_command"] / 65535.0, table["supply_voltage_V"])
-    np.testing.assert_allclose(found, table["pwm_float"], atol=0.1, rtol=2e-6)
 
 
 @pytest.mark.real
@@ -105,7 +39,7 @@ def test_thrust_curve_is_the_inverse_of_itself_and_hits_published_points():
     assert voltage_of_thrust(THRUST_MAX_N) == pytest.approx(3.0799, abs=1e-4)
     assert thrust_of_voltage(4.0) == pytest.approx(0.2412, abs=1e-4)
     assert thrust_of_voltage(0.0) == 0.0
-    assert compensated_ratio(np.array([6900.0 / 65535.0, 0.5]), np.array([3.7, 1.9])).tolist() == [0.0, 0.0]
+    assert compensated(np.float32([6900.0, 32767.0]), np.float32([3.7, 1.9])).tolist() == [0.0, 0.0]
 
 
 def hovering(n=1, **changes):
@@ -118,7 +52,7 @@ def hovering(n=1, **changes):
     return VehicleState(**state), Reference(target, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
 
 
-@pytest.mark.parametrize("kind", [PidCascade, MellingerLike])
+@pytest.mark.parametrize("kind", [PidCascade, Mellinger])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_turn_about_an_axis_is_answered_by_the_opposite_moment(kind, axis):
     controller = kind()
@@ -134,7 +68,7 @@ def test_a_turn_about_an_axis_is_answered_by_the_opposite_moment(kind, axis):
     assert np.all(np.abs(np.delete(moment, axis)) < 0.3 * abs(moment[axis]))
 
 
-@pytest.mark.parametrize("kind", [PidCascade, MellingerLike])
+@pytest.mark.parametrize("kind", [PidCascade, Mellinger])
 def test_a_target_ahead_pitches_the_nose_down_and_one_to_the_left_rolls_left(kind):
     controller = kind()
     controller.reset(2)
@@ -158,7 +92,7 @@ def test_the_fleet_flies_each_vehicle_as_if_it_were_alone():
                                     rate_rad_s=rng.standard_normal((4, 3)))
         together = fleet.command(0.002 * step, state, reference)
         for i, single in enumerate(singles):
-            one = [type(x)(*(np.asarray(v)[[i]] for v in vars(x).values())) for x in (state, reference)]
+            one = [type(x)(*(v if v is None else v[[i]] for v in vars(x).values())) for x in (state, reference)]
             np.testing.assert_array_equal(single.command(0.002 * step, *one)[0], together[i])
     assert fleet.log.written.tolist() == [False, True, True, False]
     with pytest.raises(UsageError, match="known: pid, mellinger"):

@@ -24,21 +24,14 @@ def thrust_of_voltage(voltage_V: np.ndarray) -> np.ndarray:
     return np.maximum(c0 + v * (c1 + v * (c2 + v * c3)), 0.0)
 
 
-def voltage_of_thrust(thrust_N: np.ndarray) -> np.ndarray:
-    """Thrust [N], any shape -> motor voltage [V]; the cubic is strictly rising, so its one real root by Cardano."""
+def voltage_of_thrust(thrust_N):
+    """Thrust [N], a float or an array -> motor voltage [V]; the cubic is strictly rising: its one real root by Cardano.
+
+    ``motors.py`` compiles this same function.
+    """
     c0, c1, c2, c3 = COEFFICIENTS
     p = -c2 / (3.0 * c3)
-    q = p**3 + (c2 * c1 - 3.0 * c3 * (c0 - np.asarray(thrust_N, float))) / (6.0 * c3**2)
+    q = p**3 + (c2 * c1 - 3.0 * c3 * (c0 - thrust_N)) / (6.0 * c3**2)
     r = c1 / (3.0 * c3)
     s = np.sqrt(q * q + (r - p * p) ** 3)
     return np.cbrt(q + s) + np.cbrt(q - s) + p
-
-
-def compensated_ratio(command: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
-    """Command before compensation (ratio of 65535, not capped) and battery [V] -> PWM ratio, not capped.
-
-    Any shapes that broadcast. This is inverse_cubic(0.12 N * command) / battery.
-    """
-    thrust = np.asarray(command, float) * THRUST_MAX_N
-    alive = (thrust >= THRUST_MIN_N) & (battery_V >= VOLTAGE_MIN_V)
-    return np.where(alive, voltage_of_thrust(thrust) / np.maximum(battery_V, VOLTAGE_MIN_V), 0.0)

@@ -1,0 +1,116 @@
+"""From a controller's output to the four motors: mixer, battery compensation, cap, and the vehicle's filtered voltage.
+
+Sources: power_distribution_quadrotor.c (mixers, cap), motors.c (compensation), stabilizer.c (order, voltage filter).
+Motors 1..4 are front right, back right, back left, front left. Compiled, one vehicle at a time, float32 where the
+firmware's rounding can be seen in the counts.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from .float32 import TWO, ZERO, F
+from .records import CONTROL, WRENCH
+from .thrust_curve import THRUST_MAX_N, THRUST_MIN_N, VOLTAGE_MIN_V, voltage_of_thrust
+
+VOLTAGE_SHARE = F(0.01)
+"""Share of a new voltage in the filtered one, every millisecond."""
+VOLTAGE_START_V = F(4.2)
+FULL = 65535
+ARM_M, YAW_ARM_M = F(0.70710678118) * F(0.046), F(0.0069928948992470565)
+"""Lever of a motor about x and y, torque of a motor per newton (platform_defaults_cf2.h)."""
+_THRUST_MAX, _THRUST_MIN, _VOLTAGE_MIN = F(THRUST_MAX_N), F(THRUST_MIN_N), F(VOLTAGE_MIN_V)
+_voltage_of_thrust = nb.njit(cache=True)(voltage_of_thrust)
+
+
+@nb.njit(cache=True)
+def mix_legacy(control, motor):
+    """control CONTROL -> counts (4,) int32, not capped: roll and pitch are halved, yaw is not."""
+    thrust, r, p, y = control.thrust, F(int(control.roll / TWO)), F(int(control.pitch / TWO)), F(control.yaw)
+    motor[0], motor[1] = int(thrust - r + p + y), int(thrust - r - p - y)
+    motor[2], motor[3] = int(thrust + r - p + y), int(thrust + r + p - y)
+
+
+@nb.njit(cache=True)
+def mix_wrench(wrench, motor):
+    """wrench WRENCH -> counts (4,) int32, not capped; a motor that would have to pull stands still."""
+    quarter = F(0.25)
+    r, p = quarter / ARM_M * wrench.torque_N_m[0], quarter / ARM_M * wrench.torque_N_m[1]
+    y, f = quarter * wrench.torque_N_m[2] / YAW_ARM_M, quarter * wrench.thrust_N
+    for i, force in enumerate((f - r - p - y, f - r + p + y, f + r + p - y, f + r - p + y)):
+        motor[i] = int(max(force, ZERO) / _THRUST_MAX * F(FULL))
+
+
+@nb.vectorize(cache=True)
+def compensated(counts, filtered_V):
+    """A motor's command [counts, not capped] and the filtered battery [V] -> PWM counts, float32, not capped.
+
+    Float32 arrays that broadcast, or numbers in compiled code.
+    """
+    thrust = F(counts) / F(FULL) * _THRUST_MAX
+    if filtered_V < _VOLTAGE_MIN or thrust < _THRUST_MIN:
+        return ZERO
+    return F(FULL) * (F(_voltage_of_thrust(thrust)) / filtered_V)
+
+
+@nb.njit(cache=True)
+def cap(motor):
+    """(4,) int32 in place: what the strongest has too much is taken from all, and none goes below zero."""
+    over = max(motor[0], motor[1], motor[2], motor[3]) - FULL
+    for i in range(4):
+        motor[i] = max(motor[i] - max(over, 0), 0)
+
+
+@nb.njit(cache=True)
+def filter_voltage(filtered_V, battery_V):
+    """The filtered voltage one millisecond later."""
+    return filtered_V + VOLTAGE_SHARE * (battery_V - filtered_V)
+
+
+@nb.njit(cache=True)
+def drive(filtered_V, motor):
+    """What has been mixed (4,) int32 -> PWM counts, in place: compensation, whole counts, cap, in this order."""
+    for i in range(4):
+        motor[i] = int(compensated(motor[i], filtered_V))
+    cap(motor)
+
+
+@nb.njit(cache=True, nogil=True)
+def drive_legacy(milliseconds, control, battery_V, filtered_V, motor):
+    """control (n,) CONTROL, battery_V (n,) float32 held for so many ms -> motor (n, 4) int32; filtered_V (n,) goes on.
+
+    What is no voltage leaves the filtered one as it was.
+    """
+    for i in range(len(control)):
+        for _ in range(milliseconds):
+            if battery_V[i] == battery_V[i]:
+                filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
+        mix_legacy(control[i], motor[i])
+        drive(filtered_V[i], motor[i])
+
+
+@nb.njit(cache=True, nogil=True)
+def drive_wrench(milliseconds, wrench, battery_V, filtered_V, motor):
+    """``drive_legacy`` for wrench (n,) WRENCH."""
+    for i in range(len(wrench)):
+        for _ in range(milliseconds):
+            if battery_V[i] == battery_V[i]:
+                filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
+        mix_wrench(wrench[i], motor[i])
+        drive(filtered_V[i], motor[i])
+
+
+class MotorOutput:
+    """The motors of n vehicles behind either mixer; remembers the filtered voltage."""
+
+    def __init__(self, n: int, period_s: float) -> None:
+        self.milliseconds = round(period_s * 1000.0)
+        self.filtered_V = np.full(n, VOLTAGE_START_V)
+        self._counts = np.zeros((n, 4), np.int32)
+
+    def __call__(self, command: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
+        """command (n,) CONTROL or WRENCH, battery (n,) V -> PWM ratios (n, 4)."""
+        into = {CONTROL: drive_legacy, WRENCH: drive_wrench}[command.dtype]
+        into(self.milliseconds, command, np.asarray(battery_V, np.float32), self.filtered_V, self._counts)
+        return self._counts / FULL

@@ -1,0 +1,134 @@
+"""The firmware's controllers behind the Controller Protocol: SI states and references in, motor PWM ratios out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import so3
+from ..guard import Guard
+from ..methods import Reference, VehicleState
+from ..units import PWM_FULL_SCALE
+from . import lee, mellinger, pid
+from .flatness import body_rates
+from .motors import MotorOutput
+from .records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT, WRENCH
+
+PERIOD_S = 0.002
+STEPS = 2
+"""Steps of the 1 kHz loop in a period: controllers are run at even ones, where the attitude loops are."""
+
+
+@dataclass(frozen=True)
+class ControllerLog:
+    """What the log group ``controller`` shows: desired roll, pitch, yaw (n, 3) rad FLU, cmd_thrust (n,) ratio.
+
+    written (n,) bool: vehicles whose controller fills the group at all.
+    """
+
+    attitude_rad: np.ndarray
+    cmd_thrust: np.ndarray
+    written: np.ndarray
+
+
+def estimates(state: VehicleState, out: np.ndarray) -> None:
+    """Writes n states into out (n,) ESTIMATE."""
+    angles = np.degrees(so3.euler_zyx(state.quaternion))
+    angles[:, 1] = -angles[:, 1]
+    out["position_m"], out["velocity_m_s"], out["attitude_deg"] = state.position_m, state.velocity_m_s, angles
+    out["quaternion"], out["gyro_deg_s"] = state.quaternion, np.degrees(state.rate_rad_s)
+
+
+def setpoints(reference: Reference, out: np.ndarray, full: bool) -> None:
+    """Writes n references into out (n,) SETPOINT, absolute in place and yaw; ``full``: also body rates and jerk."""
+    for mode in ("mode_x", "mode_y", "mode_z", "mode_yaw"):
+        out[mode] = ABSOLUTE
+    out["attitude_deg"][:, 2] = np.degrees(reference.yaw_rad)
+    out["position_m"], out["velocity_m_s"] = reference.position_m, reference.velocity_m_s
+    out["acceleration_m_s2"] = reference.acceleration_m_s2
+    if full and reference.jerk_m_s3 is not None and reference.yaw_rate_rad_s is not None:
+        out["jerk_m_s3"] = reference.jerk_m_s3
+        out["rate_deg_s"] = np.degrees(body_rates(reference.acceleration_m_s2, reference.jerk_m_s3, reference.yaw_rad,
+                                                  reference.yaw_rate_rad_s))
+
+
+class Onboard:
+    """A controller of the firmware for n vehicles. ``parameters``: (1,) for all or (n,), by default as released.
+
+    Like the firmware it counts its own steps and does not look at the time. ``guard`` counts what was replaced.
+    """
+
+    information = "as flown"
+    period_s = PERIOD_S
+    _run: Callable[..., None]
+    _state: np.dtype
+    _output: np.dtype = CONTROL
+    _defaults: Callable[..., np.ndarray]
+
+    def __init__(self, parameters: np.ndarray | None = None) -> None:
+        self.parameters = type(self)._defaults() if parameters is None else parameters
+
+    def reset(self, n: int) -> None:
+        self.state = np.zeros(n, self._state)
+        self.guard = Guard(n, PERIOD_S)
+        self._motors = MotorOutput(n, PERIOD_S)
+        self._step = 0
+        self._setpoint, self._estimate = np.zeros((1, n), SETPOINT), np.zeros((1, n), ESTIMATE)
+        self._control = np.zeros((1, n), self._output)
+        self._no_trace = np.zeros((0, n), self._state)
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        state, reference = self.guard.admit(state, reference)
+        estimates(state, self._estimate[0])
+        setpoints(reference, self._setpoint[0], self.information == "preview")
+        self._step += STEPS
+        type(self)._run(np.array([self._step]), self.parameters, self.state, self._setpoint, self._estimate,
+                        self._control, self._no_trace)
+        return self.guard.release(self._motors(self._control[0], state.battery_V))
+
+    @property
+    def log(self) -> ControllerLog:
+        """Nothing: only the PID cascade writes the group."""
+        n = len(self.state)
+        return ControllerLog(np.zeros((n, 3)), np.zeros(n), np.zeros(n, dtype=bool))
+
+
+class PidCascade(Onboard):
+    """Position -> velocity -> attitude -> rate -> motors. Uses position and yaw setpoints only."""
+
+    name = "pid"
+    _run, _defaults, _state = staticmethod(pid.run_steps), staticmethod(pid.defaults), pid.STATE
+
+    @property
+    def log(self) -> ControllerLog:
+        """What the last command wanted."""
+        angles = np.radians(self.state["attitude_deg"].astype(float)) * [1.0, -1.0, 1.0]
+        return ControllerLog(angles, self.state["thrust"] / PWM_FULL_SCALE, np.ones(len(angles), dtype=bool))
+
+
+class Mellinger(Onboard):
+    """Force from position and velocity errors, attitude by rotation error. Believes in 0.029 kg: it hangs low.
+
+    ``information="preview"`` is for references with derivatives, from which it takes velocity, acceleration and rates.
+    """
+
+    name = "mellinger"
+    _run, _defaults, _state = staticmethod(mellinger.run_steps), staticmethod(mellinger.defaults), mellinger.STATE
+
+    def __init__(self, parameters: np.ndarray | None = None, information: str = "as flown") -> None:
+        super().__init__(parameters)
+        self.information = information
+
+
+class Lee(Onboard):
+    """The geometric controller as released; it was not flown in the recordings."""
+
+    name = "lee"
+    information = "preview"
+    _run, _defaults, _state = staticmethod(lee.run_steps), staticmethod(lee.defaults), lee.STATE
+    _output = WRENCH
+
+
