@@ -1,6 +1,7 @@
 """Finds methods, sources and faults by entry point, so that a new one is one new file and one line.
 
-Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources``, ``.terms``, ``.faults``.
+Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources``, ``.terms``, ``.faults``,
+``.simulators``.
 ``module:Class`` loads anything importable without registration.
 """
 
@@ -16,7 +17,7 @@ from typing import Any
 
 from .errors import UsageError
 
-GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults")
+GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults", "simulators")
 
 
 @functools.cache
@@ -48,7 +49,7 @@ def load(group: str, name: str) -> Any:
         raise UsageError(f"{name}: {error}; run from the folder of the module or install it") from error
     except AttributeError as error:
         raise UsageError(f"{name}: {error}") from error
-    except Exception as error:  # the module is the user's and may fail in any way while it is imported
+    except (Exception, SystemExit) as error:  # the module is the user's and may fail in any way while it is imported
         raise UsageError(f"{name}: importing it raised {type(error).__name__}: {error}") from error
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,19 @@ from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
-from nanobench_tools.physics import Model
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.adapters.given import Simulator
 
 from .decide import Decision, decide, unproved
+from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
 from .proof import Proof, prove
 from .recordings import Recordings, look_over
 from .space import Space, space_around
-from .verdict import Verdict
-from .wrench import Wrench
+from .verdict import Verdict, data_faults
+from .wrench import CHANNELS, Wrench
 
 LEAST_S = 8.0
 """Seconds of clean flight below which nothing is said about physics."""
@@ -34,13 +37,16 @@ PASSES = 2
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
-             progress: Callable[[str], None] | None = None) -> Verdict:
-    """What is wrong with ``simulator``, given recordings that were looked over."""
+             progress: Callable[[str], None] | None = None, given: Equivalent | None = None) -> Verdict:
+    """What is wrong with ``simulator``, given recordings that were looked over. ``given``: the callable that it stands
+    for, whose own residual is judged then."""
     start = time.perf_counter()
     say = progress or (lambda text: None)
     if recordings.judged_s < LEAST_S:
         return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
     wrench = Wrench(recordings.tracks)
+    if given is not None:  # what it gives beyond its equivalent is no residual
+        wrench.measured = wrench.measured[0] - given.gap[0], wrench.measured[1] - given.gap[1]
     ratio = _lift(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
         return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
@@ -59,6 +65,41 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
         decision = unproved(moments, decision, space)
         proof = prove(moments, decision, simulator, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, *, vehicle: Vehicle | None = None,
+                      seed: int = 0, progress: Callable[[str], None] | None = None) -> Verdict:
+    """What is wrong with a simulator that is only a callable (``nanobench_tools.physics.adapters.given``); ``place``
+    is its name, ``vehicle`` what is known of it where it does not say. Raises InputError for one that fails, or answers
+    in other units or axes."""
+    start = time.perf_counter()
+    if recordings.judged_s < LEAST_S:
+        return Verdict.insufficient(recordings, Model(vehicle or Vehicle(), {}), time.perf_counter() - start)
+    given = equivalent(recordings, simulator, place, vehicle, progress)
+    if given.alike:
+        verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)
+    else:
+        verdict = _unlike(recordings, given)
+    verdict.body["paragraph"] = f"{given.sentence} {verdict.paragraph}"
+    verdict.body["simulator"] = given.to_json()
+    verdict.body["elapsed_s"] = time.perf_counter() - start
+    return replace(verdict, believed=given.model)
+
+
+def _unlike(recordings: Recordings, given: Equivalent) -> Verdict:
+    """A simulator that no terms reproduce: its residual has a size, and no name."""
+    wrench = Wrench(recordings.tracks)
+    force = wrench.measured[0] - wrench.model(given.model)[0] - given.gap[0]
+    size = float(np.sqrt(np.mean(np.sum(force**2, axis=1))))
+    worst = CHANNELS[int(np.argmax(given.by_channel))]
+    hint = f"the simulator's {worst} is like no model of terms"
+    text = (f"Unknown: the force it gives differs from these flights by {size:.2f} m/s^2 RMS, noise included, and "
+            "which effect that is cannot be asked.")
+    return Verdict({"outcome": "unknown", "paragraph": text, "findings": [],
+                    "unknown": {"where": {"axes": [worst], "kind": "simulator", "flights": list(recordings.names)},
+                                "bound_m_s2": 2.0 * size, "hint": hint},
+                    "data_faults": data_faults(recordings), "power": {}, "improvement": None,
+                    "corrected_simulator": None, "elapsed_s": 0.0}, None)
 
 
 def _lift(wrench: Wrench, simulator: Model) -> float:
@@ -95,4 +136,4 @@ def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int =
     return {**body, "elapsed_s": time.perf_counter() - start}
 
 
-__all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_flights", "fit", "free_of"]
+__all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of"]

@@ -28,13 +28,15 @@ CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "wei
 
 @dataclass(frozen=True)
 class Verdict:
-    """body: verdict.json (DESIGN, diagnose); corrected: the simulator with what was named, None where nothing was."""
+    """body: verdict.json (DESIGN, diagnose); corrected: the simulator with what was named, None where nothing was;
+    believed: the model that stands for a simulator that is only a callable."""
 
     body: dict[str, Any]
     corrected: Model | None
     decision: Decision | None = None
     proof: Proof | None = None
     moments: Moments | None = None
+    believed: Model | None = None
 
     def to_json(self) -> dict[str, Any]:
         return self.body

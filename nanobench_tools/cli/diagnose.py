@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,29 +18,47 @@ if TYPE_CHECKING:
     from identification.mismatch.recordings import Recordings
     from identification.mismatch.verdict import Verdict
 
-    from ..physics import Model
+    from ..physics import Model, Vehicle
 
 CORRECTED = "simulator_corrected.toml"
 BELIEVED = "simulator_believed.toml"
+EQUIVALENT = "simulator_equivalent.toml"
 CODE = "simulators_corrected"
 """Folder of the corrected simulator as CasADi functions and as C."""
 
 
 @click.command()
 @shared_options("clock")
-@click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml: what is believed of the vehicle.")
+@click.option("--simulator", metavar="WHAT",
+              help="What is believed of the vehicle: simulator.toml; module:callable, a simulator of your own (below); "
+                   "or an adapter: rotorpy, crazyflow (their own Crazyflie), rotorpy:FILE, crazyflow:FILE (a "
+                   "simulator.toml as they can hold it, or rotorpy_params.json), crazyflow:DRONE.")
 @click.option("--simulated", multiple=True, type=PATH, metavar="PATH",
               help="Recordings a simulator produced, instead of --simulator: what it believes is identified from them "
                    "first. May repeat.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
-              help="Mass the simulator was given, with --simulated: flights show only thrust over mass.")
-def diagnose(options: Options, simulator: Path | None, simulated: tuple[Path, ...], mass_kg: float) -> int:
+              help="Mass the simulator was given, with --simulated and module:callable: flights show only thrust over "
+                   "mass.")
+def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
     simulator would have produced along the measured states is then compared with what was measured, every effect of
     the vocabulary is tried as an explanation, and what none explains is called unknown. --out DIR gets verdict.json,
     report.html and, where something was named, simulator_corrected.toml and the same as CasADi functions and C.
+
+    \b
+    A simulator of your own is called once for every stretch of flight of n rows:
+      def accelerations(along):              # my_simulator.py -> --simulator my_simulator:accelerations
+          lift = 0.0105 * (along.motor * along.battery_V[:, None]) ** 2    # N, (n, 4)
+          force, torque = ...                                              # N, N m, body, (n, 3)
+          return force / 0.041, torque / np.array([1.8e-5, 1.8e-5, 3.1e-5])
+
+    along.time_s (n), position_m, velocity_m_s (n, 3; world), quaternion (n, 4; x y z w), rotation (n, 3, 3; body to
+    world), rate_rad_s (n, 3; body), motor (n, 4; 0..1), battery_V (n), row_s. Returned: specific force in the body
+    m/s^2 (+9.81 in z at hover) and angular acceleration rad/s^2, both (n, 3). A class with reset() and step(row) works
+    too. Terms are fitted to what it gives (simulator_equivalent.toml), and how well they reproduce it is said; where
+    they do not, nothing is named. More: nanobench_tools/physics/adapters/given.py.
     """
     import importlib.util
 
@@ -47,15 +66,21 @@ def diagnose(options: Options, simulator: Path | None, simulated: tuple[Path, ..
     from .convert import export_simulators
 
     if (simulator is None) == (not simulated):
-        raise UsageError("diagnose: give either --simulator FILE or --simulated DIR, which say what is believed")
+        raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed")
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
-    model = read_simulator(simulator) if simulator is not None else _beliefs(options, simulated, mass_kg)
-    from identification.mismatch.diagnose import diagnose as run_diagnosis
+    if simulator is not None and not _is_file(simulator):
+        recordings, verdict = _of_callable(options, simulator, mass_kg)
+    else:
+        model = read_simulator(Path(simulator)) if simulator is not None else _beliefs(options, simulated, mass_kg)
+        from identification.mismatch.diagnose import diagnose as run_diagnosis
 
-    recordings = _looked_over(options, "thrust_voltage" in model)
-    verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
+        recordings = _read(options)("thrust_voltage" in model)
+        verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
     body = dict(verdict.to_json())
+    if verdict.believed is not None and options.out is not None:
+        write_simulator(verdict.believed, options.out / EQUIVALENT)
+        body["simulator"] = {**body["simulator"], "equivalent": str(options.out / EQUIVALENT)}
     if verdict.corrected is not None and options.out is not None:
         path = options.out / CORRECTED
         write_simulator(verdict.corrected, path)
@@ -66,28 +91,59 @@ def diagnose(options: Options, simulator: Path | None, simulated: tuple[Path, ..
     return options.finish("verdict", body)
 
 
-def _looked_over(options: Options, with_battery: bool) -> Recordings:
+def _is_file(simulator: str) -> bool:
+    return Path(simulator).is_file() or (":" not in simulator and (
+        Path(simulator).suffix != "" or os.path.sep in simulator))
+
+
+def _of_callable(options: Options, simulator: str, mass_kg: float) -> tuple[Recordings, Verdict]:
+    """A simulator of somebody else's. Recordings without a battery are judged where it does not look at one."""
+    from identification.mismatch.diagnose import diagnose_callable
+    from identification.mismatch.equivalent import needs_battery
+    from identification.mismatch.track import missing
+
+    from ..physics.adapters.given import load_simulator
+
+    vehicle, function = _vehicle(mass_kg), load_simulator(simulator)
+    look = _read(options)
+    recordings = look(False)
+    unlogged = any("battery" in missing(flight) for flight in options.flights)
+    if unlogged and recordings.tracks and needs_battery(function, recordings.tracks[0], simulator):
+        recordings = look(True)
+    return recordings, diagnose_callable(recordings, function, simulator, vehicle=vehicle, seed=options.seed,
+                                         progress=options.say)
+
+
+def _vehicle(mass_kg: float) -> Vehicle:
+    from ..physics import Vehicle
+    from ..physics.vehicle import BOUNDS
+
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    return Vehicle(mass_kg=mass_kg)
+
+
+def _read(options: Options) -> Callable[[bool], Recordings]:
+    """Reads and audits ``--data``; what comes back looks it over, with or without a need of the battery's voltage."""
     from identification.mismatch.recordings import look_over
 
     flights = options.load()
     audits, _ = options.audit(flights)
     moved = replace(options, clock="retimed").see_on_clock(flights, audits)
-    return look_over([f for f in flights if f.name in audits], audits, moved.flights, moved.audits, with_battery)
+    kept = [f for f in flights if f.name in audits]
+    return lambda with_battery: look_over(kept, audits, moved.flights, moved.audits, with_battery)
 
 
 def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Model:
     """What the simulator that made the recordings believes; written to ``--out`` too."""
     from identification.mismatch.believe import beliefs
 
-    from ..physics import Vehicle
     from ..physics.simulator import write_simulator
-    from ..physics.vehicle import BOUNDS
 
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    vehicle = _vehicle(mass_kg)
     theirs = replace(options, data=tuple(simulated), flights=[])
-    model = beliefs(_looked_over(theirs, True), Vehicle(mass_kg=mass_kg), options.say)
+    model = beliefs(_read(theirs)(True), vehicle, options.say)
     options.say(f"the simulator believes {', '.join(t.name for t in model.terms)}")
     if options.out is not None:
         write_simulator(model, options.out / BELIEVED)

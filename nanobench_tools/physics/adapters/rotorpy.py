@@ -7,18 +7,23 @@ rotor states here as thrusts k_eta Omega^2. Its integrator is set to a tight tol
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
+from ... import so3
 from ...errors import InputError, MissingExtraError
 from ..equations import Equations
-from ..export.rotorpy import SCHEMA
+from ..export.rotorpy import SCHEMA, commands_beside, quad_params
 from ..inputs import rows
 from ..model import POSITION, QUATERNION, RATE, RIGID, ROTOR, STATE, VELOCITY, Model
 from ..ops import NUMPY
 from ..vehicle import Vehicle
+from .given import UP, Along
+from .pwm import CURVE, in_our_order, stated
 
 NUMBERS = ("mass", "Ixx", "Iyy", "Izz", "Ixy", "Iyz", "Ixz", "rotor_speed_min", "rotor_speed_max", "k_eta", "k_m",
            "tau_m")
@@ -66,6 +71,13 @@ class RotorPySimulator:
             raise InputError(f"{path}: key nanobench", f"cannot be used ({error})", "write the file anew") from None
         return cls(params, commands, wind, bool(lag), tolerance, str(path))
 
+    @classmethod
+    def from_model(cls, model: Model, place: str = "model") -> RotorPySimulator:
+        """A model as RotorPy flies it, by way of ``nanobench convert --to rotorpy``."""
+        beside = commands_beside(model)
+        return cls(quad_params(model)[0], Model(Vehicle(input=model.vehicle.input), beside["commands"]["terms"]),
+                   beside["wind_m_s"], beside["rotors_lag"], place=place)
+
     def speeds(self, motor: np.ndarray, battery_V: np.ndarray | None = None, *, row_hz: float) -> np.ndarray:
         """Commands (n, 4), PWM ratio or rad/s, and battery voltage (n,) -> rotor speeds to command (n, 4) rad/s."""
         if self.commands is None:
@@ -111,6 +123,62 @@ class RotorPySimulator:
                                         "wind": self.wind_m_s, "rotor_speeds": speed}, {"cmd_motor_speeds": speed}, 0.0)
                  for s, speed in zip(states, speeds, strict=True)]
         return np.array([[*one["vdot"], *one["wdot"]] for one in found]).reshape(-1, 6)
+
+    def turning(self, asked: np.ndarray, row_s: float) -> np.ndarray:
+        """Rotor speeds (n, 4) rad/s at the start of rows that ask for speeds (n, 4), settled on the first."""
+        asked = np.clip(asked, self.vehicle.rotor_speed_min, self.vehicle.rotor_speed_max)
+        if not self.rotors_lag:
+            return asked
+        keep = np.exp(-row_s / self.vehicle.tau_m)
+        return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], asked, axis=0, zi=asked[:1])[0])
+
+    @property
+    def own(self) -> Vehicle:
+        """Mass and arms as RotorPy has them."""
+        about = self.vehicle
+        places = [np.asarray(place, float) for place in about.rotor_pos.values()]
+        return Vehicle(float(about.mass), tuple(float(j) for j in np.diag(about.inertia)),  # type: ignore[arg-type]
+                       tuple((float(p[0]), float(p[1])) for p in places),
+                       tuple(float(d) for d in np.ravel(about.rotor_dir)))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class RotorPyAlong:
+    """RotorPy evaluated along measured states: see ``given``. ``notes`` say what had to be assumed."""
+
+    simulator: RotorPySimulator
+    vehicle: Vehicle
+    notes: tuple[str, ...] = ()
+
+    def __call__(self, along: Along) -> tuple[np.ndarray, np.ndarray]:
+        asked = self.simulator.speeds(along.motor, along.battery_V, row_hz=1.0 / along.row_s)
+        speeds = self.simulator.turning(asked, along.row_s)
+        states = np.concatenate([along.position_m, along.velocity_m_s, along.quaternion, along.rate_rad_s,
+                                 self.simulator.k_f * speeds**2], axis=1)
+        found = self.simulator.accelerations(states)
+        return so3.rotate_inverse(along.quaternion, found[:, :3] + UP), found[:, 3:]
+
+
+def simulator(argument: str | None) -> RotorPyAlong:
+    """``rotorpy``: RotorPy's own Crazyflie; ``rotorpy:FILE``: a simulator.toml, or parameters in JSON."""
+    if argument is None:
+        try:
+            from rotorpy.vehicles.crazyflie_params import quad_params as crazyflie
+        except ImportError:
+            raise MissingExtraError("rotorpy", "rotorpy") from None
+        there = RotorPySimulator(in_our_order(crazyflie), CURVE)
+        return RotorPyAlong(there, there.own, stated("RotorPy's own Crazyflie", there.own.mass_kg))
+    path = Path(argument)
+    if path.suffix != ".json":
+        from ..simulator import read_simulator
+
+        there = RotorPySimulator.from_model(read_simulator(path), argument)
+        return RotorPyAlong(there, there.own)
+    there = RotorPySimulator.from_file(path)
+    notes: tuple[str, ...] = ()
+    if there.commands is None:
+        there.commands, notes = CURVE, stated(argument, there.own.mass_kg)
+    return RotorPyAlong(there, there.own, notes)
 
 
 def checked(quad_params: Mapping[str, Any], place: str) -> dict[str, Any]:

@@ -80,14 +80,19 @@ def _assumed(model: Model, about: Rotors) -> dict[str, str]:
     return found
 
 
+def commands_beside(model: Model) -> dict[str, Any]:
+    """What RotorPy's parameters do not hold: from PWM to thrust asked for, wind, whether rotors lag."""
+    lags = get(model, "motor_lag", "tau_up_s", 0.0), get(model, "motor_lag", "tau_down_s", 0.0)
+    return {"commands": {"input": model.vehicle.input, "terms": commands(model, True).as_dict()},
+            "wind_m_s": get(model, "wind", "w_m_s", (0.0, 0.0, 0.0)), "rotors_lag": max(lags) > 0.0}
+
+
 def write_rotorpy(model: Model, folder: Path, assumed: Assumed | None = None) -> Exported:
     """rotorpy_params.json, for the adapter, and rotorpy_params.py, to import ``quad_params`` from."""
     from ...harness.results import to_text, write_bytes
 
     made, about = quad_params(model, assumed)
-    tau_s = get(model, "motor_lag", "tau_up_s", 0.0), get(model, "motor_lag", "tau_down_s", 0.0)
-    beside = {"schema": SCHEMA, "commands": {"input": model.vehicle.input, "terms": commands(model, True).as_dict()},
-              "wind_m_s": get(model, "wind", "w_m_s", (0.0, 0.0, 0.0)), "rotors_lag": max(tau_s) > 0.0,
+    beside = {"schema": SCHEMA, **commands_beside(model),
               "exact": about.exact, "approximated": about.approximated, "left_out": about.left_out,
               "assumed": about.assumed}
     folder = Path(folder)

@@ -1,0 +1,302 @@
+"""A simulator that is only a callable, as a model: what it gives along the flights, and terms that give the same.
+
+The residual is what the callable itself leaves. Hypotheses about it need something that has parameters, and predictions
+over half a second something that flies: a model of terms is fitted to what the callable gives along the measured states
+and inputs, without noise, and what it does not reproduce stays part of the simulator. Where that is much, nothing is
+named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.adapters.given import UP, Along, Simulator, run
+
+from .believe import START
+from .naming import free_of
+from .recordings import Recordings
+from .space import Space, reduced, scales, space_around
+from .track import BEFORE_S, NO_BATTERY_V, ROW_S, Track
+from .wrench import CHANNELS, TORQUE_ROWS, Wrench
+
+NEVER = ("mass", "thrust_scale", "saturation", "thrust_rpm")
+"""Terms that are not fitted: only seen in products with the thrust map, or without a slope where they rest."""
+FIXED = ("inertia.inertia_kg_m2[2]", "com_offset.r_m[2]")
+"""Only seen in products with k_m, and in sums with the torque of drag."""
+TOLERANCE = 0.01, 0.3
+"""m/s^2 and rad/s^2 RMS below which more terms are not looked for; a fifth of the air's and a tenth of the gyro's."""
+LEAST_GAIN = 0.1
+"""A term has to take away this share of what is left."""
+IDLE = 0.1
+"""Squared tolerances: a term that takes away less goes out again."""
+MOST = 8
+BLOCK_S, MOST_S = 4.0, 100.0
+"""Of long recordings blocks of this length are fitted, evenly taken, so many seconds in all."""
+LAG_S = 2e-3
+"""Rotors that lag by less do not lag."""
+RIDGE = 1e-2
+ALIKE = 0.1, 0.25
+"""RMS of what is not reproduced, as a share of how force and torque move: above it nothing is named."""
+LIFTS, TURNS, AGAINST = 2.5, 8.0, -0.3
+"""A simulator whose lift, or RMS turning, is off by these factors, or that turns against what flew, is not judged."""
+PROBED_V = 0.4
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """``model`` stands for the simulator ``name``; gap: what the simulator gives beyond it, as ``Wrench.measured``;
+    shares (force, torque): RMS of the gap over the standard deviation of what the simulator gives; rms of the gap
+    m/s^2, rad/s^2; by_channel (6,) as shares; needs_battery: whether the simulator looks at it."""
+
+    name: str
+    model: Model
+    gap: tuple[np.ndarray, np.ndarray]
+    shares: tuple[float, float]
+    rms: tuple[float, float]
+    by_channel: np.ndarray
+    needs_battery: bool
+    notes: tuple[str, ...] = ()
+
+    @property
+    def alike(self) -> bool:
+        return self.shares[0] <= ALIKE[0] and self.shares[1] <= ALIKE[1]
+
+    @property
+    def sentence(self) -> str:
+        """What was done, for a person."""
+        how = (f"reproduce its force to {self.rms[0]:.3f} m/s^2 ({self.shares[0]:.1%} of how it moves) and its angular "
+               f"acceleration to {self.rms[1]:.2f} rad/s^2 ({self.shares[1]:.1%})")
+        terms = ", ".join(t.name for t in self.model.terms)
+        notes = "".join(f" {note}." for note in self.notes)
+        if not self.alike:
+            return (f"{self.name} was evaluated along the measured states and inputs. Terms fitted to what it gives "
+                    f"({terms}) only {how}, worst in {CHANNELS[int(np.argmax(self.by_channel))]}; without parameters "
+                    f"that can be changed no effect can be named.{notes}")
+        return (f"{self.name} was evaluated along the measured states and inputs, and what it leaves is judged. It has "
+                f"no parameters to change: terms fitted to what it gives ({terms}) {how}; what is said of its values, "
+                f"and predictions, are of this equivalent simulator.{notes}")
+
+    def to_json(self) -> dict[str, Any]:
+        return {"name": self.name, "sentence": self.sentence, "terms": [t.name for t in self.model.terms],
+                "force_rms_m_s2": self.rms[0], "force_share": self.shares[0], "angular_rms_rad_s2": self.rms[1],
+                "angular_share": self.shares[1], "alike": self.alike}
+
+
+def along(track: Track, battery_V: float | None = None) -> Along:
+    """A track as a simulator is given it; its arrays are copies."""
+    volts = np.array(track.battery_V) if battery_V is None else np.full(len(track), battery_V)
+    return Along(np.array(track.time_s), np.array(track.position_m), np.array(track.velocity_m_s),
+                 np.array(track.quaternion), np.array(track.rate_rad_s), np.array(track.motor), volts, ROW_S)
+
+
+def needs_battery(simulator: Simulator, track: Track, place: str) -> bool:
+    """Whether the answer changes with the battery's voltage."""
+    low, high = (run(simulator, along(_cut(track, 0, 100), v), place)
+                 for v in (NO_BATTERY_V, NO_BATTERY_V + PROBED_V))
+    return not all(np.array_equal(a, b) for a, b in zip(low, high, strict=True))
+
+
+def equivalent(recordings: Recordings, simulator: Simulator, place: str, vehicle: Vehicle | None = None,
+               progress: Callable[[str], None] | None = None) -> Equivalent:
+    """The model that gives what ``simulator`` does along the recordings.
+
+    vehicle: what is known of it where the simulator says nothing (mass, arms). Raises InputError for a simulator that
+    fails (``given.run``), and for one of other units or axes.
+    """
+    say = progress or (lambda text: None)
+    tracks = recordings.tracks
+    say(f"{place} along {sum(len(t) for t in tracks)} rows")
+    answers = [run(simulator, along(t), place) for t in tracks]
+    wrench = Wrench(tracks)
+    given = _compared(wrench, answers)
+    _look_over(wrench, given, answers, place)
+    battery = needs_battery(simulator, tracks[0], place)
+    own = getattr(simulator, "vehicle", None)
+    if own is not None and not isinstance(own, Vehicle):
+        raise InputError(place, f"its vehicle is a {type(own).__name__}", "give a nanobench_tools.physics.Vehicle")
+    blocks = _blocks(tracks)
+    part = Wrench([_cut(tracks[k], first, last) for k, first, last in blocks])
+    target = _compared(part, [tuple(a[first:last] for a in answers[k]) for k, first, last in blocks])
+    model = _fitted(part, target, _start(own or vehicle or Vehicle(), battery), say)
+    made = wrench.model(model)
+    gap = given[0] - made[0], given[1] - made[1]
+    rms = tuple(float(np.sqrt(np.mean(np.sum(g**2, axis=1)))) for g in gap)
+    moves = tuple(float(np.sqrt(np.sum(g.var(axis=0)))) for g in given)
+    each = np.concatenate([np.sqrt(np.mean(g**2, axis=0)) / max(m, 1e-9) for g, m in zip(gap, moves, strict=True)])
+    return Equivalent(place, model, gap, (rms[0] / max(moves[0], 1e-9), rms[1] / max(moves[1], 1e-9)),
+                      (rms[0], rms[1]), each, battery, tuple(getattr(simulator, "notes", ())))
+
+
+def _compared(wrench: Wrench, answers: Sequence[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray]:
+    """Answers of a simulator through the filters of ``Wrench.model``."""
+    force, turning = (np.concatenate([a[i] for a in answers]) for i in (0, 1))
+    acceleration = so3.rotate(wrench.quaternion, force) - UP
+    steps = np.arange(TORQUE_ROWS + 1)
+    weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
+    mean = np.einsum("k,nkc->nc", weight, turning[wrench.torque_at[:, None] + steps])
+    return wrench._in_body(wrench._smooth(acceleration, 0)), mean
+
+
+def _look_over(wrench: Wrench, given: tuple[np.ndarray, np.ndarray], answers: Sequence[tuple[np.ndarray, ...]],
+               place: str) -> None:
+    """Units and axes. Raises InputError."""
+    up = so3.rotate_inverse(wrench.quaternion[wrench.force_at], UP)[:, 2]
+    flown, lifts = float(np.mean(wrench.measured[0][:, 2] + up)), float(np.mean(given[0][:, 2] + up))
+    if not 1.0 / LIFTS < lifts / flown < LIFTS:
+        times = lifts / flown
+        guess = ("is gravity in it? return it, in the world, as {'acceleration_m_s2': ...}" if abs(times) < 0.05 else
+                 "is it in g?" if abs(times * UP[2] - 1.0) < 0.5 else
+                 "is it a force in N? divide it by the mass" if 0.0 < times < 0.2 else
+                 "is z down?" if times < 0.0 else "another vehicle, or other units")
+        raise InputError(place, f"its specific force along the body's z is {lifts:.3g} m/s^2 on average where these "
+                         f"flights have {flown:.3g}", guess)
+    sizes = np.sqrt(np.mean(given[1]**2, axis=0)) / np.maximum(np.sqrt(np.mean(wrench.measured[1]**2, axis=0)), 1e-9)
+    times = float(np.median(sizes[:2]))
+    if not 1.0 / TURNS < times < TURNS:
+        guess = ("is it in degrees?" if 30.0 < times < 110.0 else "is it a torque in N m? divide it by the inertia"
+                 if times < 1e-3 else "another vehicle, or other units")
+        raise InputError(place, f"its angular acceleration is {times:.2g} times what these flights have (RMS)", guess)
+    for i, axis in enumerate("xy"):
+        r = float(np.corrcoef(given[1][:, i], wrench.measured[1][:, i])[0, 1])
+        if r < AGAINST:
+            raise InputError(place, f"it turns against what flew about {axis} (correlation {r:.2f})",
+                             "body axes are x forward, y left, z up; motors front right, back right, back left, front "
+                             "left")
+
+
+def _cut(track: Track, first: int, last: int) -> Track:
+    """Rows first to last, none of them judged before the rotors have warmed up."""
+    arrays = {f: getattr(track, f)[first:last] for f in track.__dataclass_fields__
+              if isinstance(getattr(track, f), np.ndarray)}
+    counts = arrays["counts"].copy()
+    if first > 0:
+        counts[:round(BEFORE_S / ROW_S)] = False
+    return replace(track, **{**arrays, "counts": counts})
+
+
+def _blocks(tracks: Sequence[Track]) -> list[tuple[int, int, int]]:
+    """(track, first row, last row) of what is fitted: all, or every k-th block."""
+    total = ROW_S * sum(len(t) for t in tracks)
+    if total <= MOST_S:
+        return [(k, 0, len(t)) for k, t in enumerate(tracks)]
+    rows, warm = round(BLOCK_S / ROW_S), round(BEFORE_S / ROW_S)
+    every = [(k, max(first - warm, 0), min(first + rows, len(t))) for k, t in enumerate(tracks)
+             for first in range(0, len(t), rows) if t.counts[first:first + rows].any()]
+    many = max(round(MOST_S / BLOCK_S), 1)
+    return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, many).round().astype(int))]
+
+
+def _start(vehicle: Vehicle, battery: bool) -> Model:
+    if battery:
+        return Model(vehicle, START)
+    c = np.array(START["thrust_voltage"]["c"])
+    terms = {"thrust_pwm": {"c": tuple(c * NO_BATTERY_V ** np.arange(len(c)))}, **START}
+    return Model(vehicle, {n: v for n, v in terms.items() if n != "thrust_voltage"})
+
+
+def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
+            say: Callable[[str], None]) -> Model:
+    """Forward: the term that takes away most, until what is left is small or nothing helps; then out with idle ones."""
+    space = space_around(start)
+    held = [*(t.name for t in start.terms), "inertia"]
+    say(f"what it believes, from {ROW_S * sum(len(t) for t in wrench.tracks):.0f} s")
+    scale = np.concatenate([np.full(target[0].size, TOLERANCE[0] * np.sqrt(target[0].size / 3.0)),
+                            np.full(target[1].size, TOLERANCE[1] * np.sqrt(target[1].size / 3.0))])
+    wanted = np.concatenate([part.ravel() for part in target])
+
+    def left(values: np.ndarray) -> np.ndarray:
+        return (wanted - np.concatenate([p.ravel() for p in wrench.model(space.model, values)])) / scale
+
+    values, cost = _least(left, space, space.model.values, held)
+    while cost > 2.0 and len(held) < len(start.terms) + 1 + MOST:
+        others = [t for t in space.terms if t not in held and t not in NEVER]
+        columns = {t: _columns(left, space, values, _free(space, [t])) for t in others}
+        beside = _columns(left, space, values, _free(space, held))
+        now = left(values)
+        gains = {t: _explained(np.concatenate([beside, c], axis=1), now) for t, c in columns.items()}
+        best = max(gains, key=lambda t: gains[t])
+        tried, less = _least(left, space, values, [*held, best])
+        if cost - less < LEAST_GAIN * cost:
+            break
+        held, values, cost = [*held, best], tried, less
+        say(f"the simulator has {best}")
+    rest = space.model.values
+    for term in [t for t in held if not t.startswith("thrust_")]:  # what rests in START has its neutral value
+        still = _at_rest(space, values, term, rest)
+        if still is not None and float(np.sum(left(still)**2)) - cost < IDLE:
+            held, values = [t for t in held if t != term], still
+            cost = float(np.sum(left(values)**2))
+    values, _ = _least(left, space, values, held)
+    found = space.model.with_values(values)
+    return reduced(found, tuple(held), ())
+
+
+def _at_rest(space: Space, values: np.ndarray, term: str, rest: np.ndarray) -> np.ndarray | None:
+    """Values with a term at rest; None for one that has none."""
+    still = values.copy()
+    for i, slot in enumerate(space.model.slots):
+        if slot.term.name == term:
+            neutral = slot.parameter.neutral
+            if neutral is None:
+                return None
+            still[i] = rest[i] if isinstance(neutral, str) else neutral
+    return still
+
+
+def _free(space: Space, terms: Sequence[str]) -> np.ndarray:
+    return np.array([i for i in free_of(space, terms) if space.model.names[i] not in FIXED], int)
+
+
+def _columns(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.ndarray,
+             free: np.ndarray) -> np.ndarray:
+    """Slopes of what is left (K, F), per scale."""
+    sizes, here, found = scales(space.model), left(values), []
+    for i in free:
+        moved = values.copy()
+        step = 1e-4 * sizes[i] * (1.0 if moved[i] + 1e-4 * sizes[i] <= space.model.upper[i] else -1.0)
+        moved[i] += step
+        found.append((left(moved) - here) * (sizes[i] / step))
+    return np.stack(found, axis=1) if found else np.zeros((len(here), 0))
+
+
+def _explained(columns: np.ndarray, left: np.ndarray) -> float:
+    gram = columns.T @ columns
+    size = np.sqrt(np.diag(gram))
+    keep = size > 1e-9
+    scaled = gram[np.ix_(keep, keep)] / np.outer(size[keep], size[keep])
+    along_left = columns[:, keep].T @ left / size[keep]
+    return float(along_left @ np.linalg.lstsq(scaled, along_left, rcond=1e-9)[0])
+
+
+def _least(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.ndarray,
+           terms: Sequence[str]) -> tuple[np.ndarray, float]:
+    """Values with the parameters of some terms fitted, and the squared length of what is left."""
+    free = _free(space, terms)
+    sizes, model = scales(space.model)[free], space.model
+    gains = np.array([model.names[i].startswith("motor_imbalance.g") for i in free], float)
+
+    def whole(moved: np.ndarray) -> np.ndarray:
+        vector = values.copy()
+        vector[free] += moved * sizes
+        return vector
+
+    def asked(moved: np.ndarray) -> np.ndarray:
+        return np.concatenate([left(whole(moved)), RIDGE * moved, [100.0 * float(gains @ (moved * sizes))]])
+
+    def slope(moved: np.ndarray) -> np.ndarray:
+        return np.concatenate([_columns(left, space, whole(moved), free), RIDGE * np.eye(len(free)),
+                               100.0 * (gains * sizes)[None]])
+
+    inside = 1e-6
+    low, high = (model.lower[free] - values[free]) / sizes - inside, (model.upper[free] - values[free]) / sizes + inside
+    found = least_squares(asked, np.zeros(len(free)), slope, bounds=(low, high), xtol=1e-6, ftol=1e-6, max_nfev=25)
+    best = np.clip(whole(found.x), model.lower, model.upper)
+    return best, float(np.sum(left(best)**2))
