@@ -13,23 +13,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import f as fisher
 
 from nanobench_tools.errors import InputError
 
 from .causes import CAUSES, Body, Hypothesis
 from .periodic import Swing, swing_of
 from .ruled_out import against
+from .steady_proof import SURE, TWINS, held_out, smallest
+from .steady_words import paragraph, unknown_of
 from .trim import Trim
-from .weigh import GROUPS, NONE, Normal, Weighed, normal_of, quantiles, weigh, weigh_change
+from .weigh import NONE, Normal, Weighed, normal_of, quantiles, weigh
 
-SURE = 0.9
-"""Probability from which a cause, or a motor, is named."""
+SUREST = 0.99
+"""No statement of a few flights is surer."""
 ODD = 0.5
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
-TWINS = ({"mass", "battery"}, {"weight", "slung"})
-"""Causes that a trim cannot tell from each other, whatever their size."""
+STRANGE = 0.001
+"""Chance below which a flight does not belong to the others of its folder."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items()) or "no flight"
         return _body("insufficient", f"Nothing can be said: {why}.", [], None, left_out, flights, {}, None, started)
     normal = flights.normal
+    trims, apart = _apart(trims, normal)
+    left_out.update(apart)
     swing = swing_of(*swings)
     body = replace(body, swing=swing, height_m=float(np.nanmean([t.height_m for t in trims])))
     found = weigh(trims, normal, body)
@@ -76,13 +81,13 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     unknown = None
     if findings:
         outcome = "named"
-    elif nothing < 1.0 - SURE and len(trims) >= least or swing is not None:
-        outcome, unknown = "unknown", _unknown(found, swing)
+    elif (nothing < 1.0 - SURE and len(trims) >= least) or swing is not None:
+        outcome, unknown = "unknown", unknown_of(found, swing)
     else:
         outcome = "none" if len(trims) >= least else "insufficient"
     power = smallest(normal, found.sd, body)
-    improvement = held_out(trims, flights, body, findings)
-    text = _paragraph(outcome, findings, unknown, found, trims, flights, power, improvement, left_out, least)
+    improvement = held_out(trims, normal, body, findings)
+    text = paragraph(outcome, findings, unknown, found, trims, normal, flights.odd, power, improvement, left_out, least)
     verdict = _body(outcome, text, findings, unknown, left_out, flights, power, improvement, started)
     verdict["trim"] = _trim_table(trims, normal, found)
     verdict["not_named"] = [{"cause": name, "probability": p} for name, p in
@@ -91,12 +96,31 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     return verdict
 
 
+def _apart(trims: Sequence[Trim], normal: Normal) -> tuple[Sequence[Trim], dict[str, str]]:
+    """Without the one flight of three or more that is none of them: further from the others than normal flights of
+    different days are from each other."""
+    if len(trims) < FEWEST + 1:
+        return trims, {}
+    gains = np.array([t.gains for t in trims])
+    n = len(trims)
+    away = gains - (gains.sum(axis=0) - gains) / (n - 1)
+    away = away if normal.known_lift else away - away.mean(axis=1, keepdims=True)
+    scale = normal.sd["gains"] ** 2 * (1.0 + 1.0 / (n - 1)) * 4.0
+    chance = n * fisher.sf((away**2).sum(axis=1) / scale, 4, normal.freedom["gains"])
+    worst = int(np.argmin(chance))
+    if chance[worst] > STRANGE:
+        return trims, {}
+    why = (f"its trim is not that of the other {n - 1} flights (p = {chance[worst]:.1e}): another log than those, or "
+           "something changed in between")
+    return [t for i, t in enumerate(trims) if i != worst], {trims[worst].name: why}
+
+
 def _body(outcome: str, text: str, findings: list, unknown: Any, left_out: Mapping[str, str], flights: Flights,
           power: Mapping[str, Any], improvement: Any, started: float) -> dict[str, Any]:
-    faults = [{"flight": name, "kind": "no_trim", "stream": "motor", "columns": [], "start_s": None, "end_s": None,
-               "size": None, "unit": "", "evidence": reason} for name, reason in left_out.items()]
-    faults += [{"flight": name, "kind": "stands_apart", "stream": "motor", "columns": [], "start_s": None,
-                "end_s": None, "size": None, "unit": "", "evidence": reason} for name, reason in flights.odd.items()]
+    faults = [{"flight": name, "kind": kind, "stream": "motor", "columns": [], "start_s": None, "end_s": None,
+               "size": None, "unit": "", "evidence": reason}
+              for kind, reasons in (("no_trim", left_out), ("stands_apart", flights.odd))
+              for name, reason in reasons.items()]
     return {"outcome": outcome, "paragraph": text, "findings": findings, "unknown": unknown, "data_faults": faults,
             "power": dict(power), "improvement": improvement, "corrected_simulator": None,
             "elapsed_s": time.perf_counter() - started}
@@ -119,7 +143,8 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     sentence = cause.say({k: v[:3] for k, v in sizes.items()}, motors)
     twins = sorted(causes - {best})
     return [{"term": cause.term, "equivalent": sorted({t for c in twins if (t := CAUSES[c].term)} - {cause.term}),
-             "cause": best if not twins else None, "causes": [best, *twins], "confidence": together,
+             "cause": best if not twins else None, "causes": [best, *twins],
+             "confidence": min(together, SUREST),
              "motors": list(motors),
              "where": {"axes": _axes(best), "frame": "per motor" if motors else "body", "covariate": None,
                        "flights": [], "regime": "steady"},
@@ -174,76 +199,6 @@ def _settle(causes: set[str]) -> str | None:
     return None
 
 
-def _unknown(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any]:
-    chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)
-    hint = " or ".join(f"{CAUSES[name].short} ({p:.0%})" for p, name in chances[:3] if p >= 0.02)
-    if swing is not None:
-        hint = (f"a horizontal force that comes and goes at {swing['frequency_hz']:.2f} Hz along "
-                f"{swing['direction_deg']:.0f} degrees; " + hint)
-    size = float(np.abs(found.delta["gains"]).max())
-    return {"where": {"axes": ["force z", "torque x", "torque y", "torque z"],
-                      "kind": "steady" if swing is None else "periodic", "flights": []},
-            "bound_m_s2": size * 9.81 / 4.0, "hint": hint,
-            "frequency_hz": None if swing is None else swing["frequency_hz"]}
-
-
-def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:
-    """Of each cause the smallest size that would be named, had the flights shown it exactly: thrust lost by motor 1
-    [%], a weight under motor 1 [g], a change of the mass [%]."""
-    lever = body.motors / np.mean(body.motors**2, axis=0)
-    under = 1.0 + lever @ body.motors[0]
-
-    def named(cause: str, gains: np.ndarray) -> bool:
-        delta = {**{name: np.where(np.isnan(normal.mean[name]), np.nan, 0.0) for name in GROUPS}, "gains": gains}
-        chances = weigh_change(delta, sd, normal, body, normal.known_lift).by_cause()
-        twins = next((t for t in TWINS if cause in t), {cause})
-        return sum(chances[c] for c in twins) >= SURE
-
-    found = {}
-    for cause, unit, factor, change in (
-            ("propeller", "%", 100.0, lambda s: -np.log1p(-s) * np.eye(4)[0]),
-            ("weight", "g", 1e3 * body.mass_kg, lambda s: np.log(np.maximum(1.0 + s * under, 0.05))),
-            ("mass", "%", 100.0, lambda s: np.full(4, np.log1p(s)))):
-        low, high = 0.0, 0.3
-        if not named(cause, change(high)):
-            found[cause] = {"minimum_detectable": None, "unit": unit}
-            continue
-        for _ in range(6):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if named(cause, change(middle)) else (middle, high)
-        found[cause] = {"minimum_detectable": factor * high, "unit": unit}
-    return found
-
-
-def held_out(trims: Sequence[Trim], flights: Flights, body: Body, findings: Sequence[Mapping[str, Any]]
-             ) -> dict[str, Any] | None:
-    """Each flight's motors predicted from the normal flights, and from these with what the other flights of its folder
-    say of the cause: root mean square error of the thrust asked of a motor [%]. floor: a normal flight's."""
-    if not findings or len(trims) < 2:
-        return None
-    names = set(findings[0]["causes"])
-    before, after = [], []
-    for t in trims:
-        others = weigh([o for o in trims if o is not t], flights.normal, body)
-        shift = np.zeros(4)
-        share = 0.0
-        for h, p, w in zip(others.hypotheses, others.probability, others.weights, strict=True):
-            if h is not None and h.cause in names:
-                shift = shift + p * (others.delta["gains"] if w is None else w @ h.gains)
-                share += float(p)
-        away = t.gains - flights.normal.mean["gains"]
-        before.append(100.0 * float(np.sqrt(np.mean(away**2))))
-        after.append(100.0 * float(np.sqrt(np.mean((away - shift / max(share, 1e-9)) ** 2))))
-    floor = 100.0 * flights.normal.sd["gains"]
-    gain = float(np.mean(before)) - floor
-    return {"trim": {"before": float(np.mean(before)), "after": float(np.mean(after)), "floor": floor, "unit": "%"},
-            "by_flight": [{"flight": t.name, "before": b, "after": a} for t, b, a in
-                          zip(trims, before, after, strict=True)],
-            "share_of_achievable": None if gain <= 0.0 else
-            min(1.0, (float(np.mean(before)) - float(np.mean(after))) / gain),
-            "held_out": [t.name for t in trims]}
-
-
 def _trim_table(trims: Sequence[Trim], normal: Normal, found: Weighed) -> dict[str, Any]:
     """What the picture shows: change of the thrust asked of each motor [%], its spread, and each flight's."""
     base = normal.mean["gains"]
@@ -255,45 +210,3 @@ def _trim_table(trims: Sequence[Trim], normal: Normal, found: Weighed) -> dict[s
             "level_m_s2": found.delta["level"].tolist(), "level_sd_m_s2": found.sd["level"]}
 
 
-def _paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapping[str, Any] | None, found: Weighed,
-               trims: Sequence[Trim], flights: Flights, power: Mapping[str, Any],
-               improvement: Mapping[str, Any] | None, left_out: Mapping[str, str], least: int) -> str:
-    """What, where, how big, how sure, what it is not and why, what flights left out say."""
-    change = ", ".join(f"{100 * d:+.1f}" for d in found.delta["gains"])
-    seen = (f"Thrust asked of motors 1 to 4 against normal: {change} % (spread of a normal flight "
-            f"{100 * flights.normal.sd['gains']:.1f} %, {flights.normal.n} normal flights, {len(trims)} here).")
-    parts: list[str] = []
-    for f in findings:
-        parts.append(f"{f['sentence']}, with {f['confidence']:.0%} confidence.")
-        if len(f["causes"]) > 1:
-            parts.append("Flights like these cannot tell " + " from ".join(CAUSES[c].short for c in f["causes"]) +
-                         f"; what would: {f['settle_with']}.")
-        parts.append(seen)
-        if f["ruled_out"]:
-            parts.append("Ruled out: " + "; ".join(r["why"] for r in f["ruled_out"]) + ".")
-    if improvement is not None:
-        t = improvement["trim"]
-        parts.append(f"Of a flight left out the thrust asked of a motor is predicted to {t['after']:.1f} % instead of "
-                     f"{t['before']:.1f} %.")
-    loss, load = power.get("propeller", {}), power.get("weight", {})
-    limits = ", ".join(f"{words} from {entry['minimum_detectable']:.{d}f} {entry['unit']} on" for words, entry, d in (
-        ("one motor's thrust lost", loss, 0), ("a weight under a motor", load, 1))
-        if entry.get("minimum_detectable") is not None)
-    if outcome == "none":
-        parts.append(f"No change can be shown: {seen} These flights would show {limits or 'nothing smaller than 30 %'}"
-                     f"; what is smaller is below what they can show (probability of no change "
-                     f"{found.of(NONE):.2f}).")
-    if outcome == "insufficient":
-        parts.append(f"{len(trims)} flight with a trim, {least} are needed for a name. {seen}")
-    if unknown is not None:
-        parts.append(f"Something changed, and no single cause is sure: {unknown['hint']}. {seen}")
-    if not found.known_lift:
-        parts.append("Without a measured battery voltage only the shares of the motors count; a weight in the middle, "
-                     "or all motors weaker alike, cannot be asked for.")
-    if np.isnan(found.delta["push"]).all():
-        parts.append("Without an attitude wind cannot be asked for.")
-    elif np.isnan(found.delta["push"]).any():
-        parts.append("Without a measured pitch wind from ahead or behind cannot be asked for.")
-    for name, why in {**left_out, **flights.odd}.items():
-        parts.append(f"{name} is left out: {why}.")
-    return " ".join(parts)

@@ -8,7 +8,7 @@ its own rows say how well its mean is known, and only other flights say how much
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from identification.thrust.firmware import PLUS
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Fault, Flight, Span, intersect_spans, mask_of
+from nanobench_tools.flight import Flight, Span, intersect_spans, mask_of
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .reconstruct import States, states_of
@@ -58,7 +58,6 @@ class Trim:
     seconds: float
     height_m: float
     notes: tuple[str, ...] = ()
-    faults: tuple[Fault, ...] = field(default=())
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),
@@ -87,7 +86,7 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
         raise InputError(place, "motor commands are not among its variables", "no trim can be told")
     command = flight["motor"]["m1", "m2", "m3", "m4"]
     states = states_of(flight)
-    runs = _runs(flight, audit, command, states.time_s)
+    runs = runs_of(flight, audit, command, states.time_s)
     seconds = sum(r.duration_s for r in runs)
     if seconds < LEAST_S:
         why = "never left the ground" if not audit.airborne else f"{seconds:.1f} s of steady flight"
@@ -108,7 +107,7 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
                 _height(flight, states.time_s, rows), tuple(notes))
 
 
-def _runs(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarray) -> list[Span]:
+def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarray) -> list[Span]:
     """Runs of all motors in the air, without take-off and landing, and without faults of the commands."""
     on = command.min(axis=1) > IDLE
     steps = np.diff(np.concatenate([[0], on.astype(int), [0]]))
@@ -138,7 +137,8 @@ def _thrust(motor_V: np.ndarray) -> np.ndarray:
     return np.where(motor_V < low, curve * (motor_V / low) ** 2, curve)
 
 
-def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]
+             ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Means at zero velocity per quantity and their standard deviations, from blocks of BLOCK_S."""
     t = states.time_s
     block = np.full(len(t), -1)
@@ -148,7 +148,7 @@ def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]) -> tuple[dict
         block[inside] = count + ((t[inside] - run.start_s) / BLOCK_S).astype(int)
         count = int(block.max()) + 1
     rows = block >= 0
-    numbers, index = np.unique(block[rows], return_inverse=True)
+    _, index = np.unique(block[rows], return_inverse=True)
     size = np.bincount(index)
 
     def means(values: np.ndarray) -> np.ndarray:

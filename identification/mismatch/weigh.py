@@ -19,8 +19,9 @@ from .causes import CAUSES, Body, Hypothesis
 from .trim import Trim
 
 PRIOR = {"gains": (0.023, 6.0), "level": (0.04, 4.0), "push": (0.04, 4.0)}
-"""Standard deviation between flights of one vehicle and its degrees of freedom: ln thrust of a motor 2.3 % (median over
-motors of 66 flights of another vehicle, from flight to flight), angles 0.024 m/s^2 there, wider where it was handled."""
+"""Standard deviation between flights of one vehicle, and its degrees of freedom. ``benchmarks/trim_spread.py`` measures
+it on 64 flights of another vehicle: ln thrust of a motor 0.023, level 0.019 and push 0.017 m/s^2 from flight to flight,
+0.065 and 0.03 where steps at which the vehicle was handled count too; for these two a value between is taken."""
 GROUPS = tuple(PRIOR)
 NONE = "none"
 

@@ -1,0 +1,81 @@
+"""What a comparison of trims says to a person."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .causes import CAUSES
+from .trim import Trim
+from .weigh import NONE, Normal, Weighed
+
+RATHER = 0.5
+"""Probability of no change below which it is said what it may be."""
+
+
+def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any]:
+    chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)
+    hint = " or ".join(f"{CAUSES[name].short} ({p:.0%})" for p, name in chances[:3] if p >= 0.02)
+    if swing is not None:
+        hint = (f"a horizontal force that comes and goes at {swing['frequency_hz']:.2f} Hz along "
+                f"{swing['direction_deg']:.0f} degrees; " + hint)
+    size = float(np.abs(found.delta["gains"]).max())
+    return {"where": {"axes": ["force z", "torque x", "torque y", "torque z"],
+                      "kind": "steady" if swing is None else "periodic", "flights": []},
+            "bound_m_s2": size * 9.81 / 4.0, "hint": hint,
+            "frequency_hz": None if swing is None else swing["frequency_hz"]}
+
+
+def _rather(found: Weighed) -> str:
+    """What it may be, where something rather changed than not and nothing is sure."""
+    chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)[:3]
+    at = f", strongest at motor {int(np.argmax(np.abs(found.delta['gains']))) + 1}" if found.known_lift else ""
+    return (f" Something may have changed{at}, but no name is sure: " +
+            ", ".join(f"{CAUSES[name].short} {p:.0%}" for p, name in chances) + ".")
+
+
+def paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapping[str, Any] | None, found: Weighed,
+               trims: Sequence[Trim], normal: Normal, odd: Mapping[str, str], power: Mapping[str, Any],
+               improvement: Mapping[str, Any] | None, left_out: Mapping[str, str], least: int) -> str:
+    """What, where, how big, how sure, what it is not and why, what flights left out say."""
+    change = ", ".join(f"{100 * d:+.1f}" for d in found.delta["gains"])
+    seen = (f"Thrust asked of motors 1 to 4 against normal: {change} % (spread of a normal flight "
+            f"{100 * normal.sd['gains']:.1f} %, {normal.n} normal flights, {len(trims)} here).")
+    parts: list[str] = []
+    for f in findings:
+        parts.append(f"{f['sentence']}, with {f['confidence']:.0%} confidence.")
+        if len(f["causes"]) > 1:
+            parts.append("Flights like these cannot tell " + " from ".join(CAUSES[c].short for c in f["causes"]) +
+                         f"; what would: {f['settle_with']}.")
+        parts.append(seen)
+        if f["ruled_out"]:
+            parts.append("Ruled out: " + "; ".join(r["why"] for r in f["ruled_out"]) + ".")
+    if improvement is not None:
+        t = improvement["trim"]
+        parts.append(f"Of a flight left out the thrust asked of a motor is predicted to {t['after']:.1f} % instead of "
+                     f"{t['before']:.1f} %.")
+    loss, load = power.get("propeller", {}), power.get("weight", {})
+    limits = ", ".join(f"{words} from {entry['minimum_detectable']:.{d}f} {entry['unit']} on" for words, entry, d in (
+        ("one motor's thrust lost", loss, 0), ("a weight under a motor", load, 1))
+        if entry.get("minimum_detectable") is not None)
+    if outcome == "none":
+        rather = _rather(found) if found.of(NONE) < RATHER else ""
+        limits = limits or "nothing smaller than 30 %"
+        parts.append(f"No change can be shown: {seen}{rather} These flights would show {limits}; what is smaller is "
+                     f"below what they can show (probability of no change {found.of(NONE):.2f}).")
+    if outcome == "insufficient":
+        parts.append(f"{len(trims)} flight with a trim, {least} are needed for a name. {seen}")
+    if unknown is not None:
+        parts.append(f"Something changed, and no single cause is sure: {unknown['hint']}. {seen}")
+    if not found.known_lift:
+        parts.append("Without a measured battery voltage only the shares of the motors count; a weight in the middle, "
+                     "or all motors weaker alike, cannot be asked for.")
+    if np.isnan(found.delta["push"]).all():
+        parts.append("Without an attitude wind cannot be asked for.")
+    elif np.isnan(found.delta["push"]).any():
+        parts.append("Without a measured pitch wind from ahead or behind cannot be asked for.")
+    for name, why in {**left_out, **odd}.items():
+        parts.append(f"{name} is left out: {why}.")
+    return " ".join(parts)
