@@ -117,7 +117,8 @@ def _apart(trims: Sequence[Trim], normal: Normal) -> tuple[Sequence[Trim], dict[
 
 def _body(outcome: str, text: str, findings: list, unknown: Any, left_out: Mapping[str, str], flights: Flights,
           power: Mapping[str, Any], improvement: Any, started: float) -> dict[str, Any]:
-    faults = [{"flight": name, "kind": kind, "stream": "motor", "columns": [], "start_s": None, "end_s": None,
+    faults: list[dict[str, Any]] = [
+              {"flight": name, "kind": kind, "stream": "motor", "columns": [], "start_s": None, "end_s": None,
                "size": None, "unit": "", "evidence": reason}
               for kind, reasons in (("no_trim", left_out), ("stands_apart", flights.odd))
               for name, reason in reasons.items()]

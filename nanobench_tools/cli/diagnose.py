@@ -39,7 +39,11 @@ CODE = "simulators_corrected"
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass the simulator was given, with --simulated and module:callable: flights show only thrust over "
                    "mass.")
-def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float) -> int:
+@click.option("--normal", multiple=True, type=PATH, metavar="PATH",
+              help="Normal flights of the same vehicle: what changed since, from the steady trim of the motors alone, "
+                   "for logs without full attitude or gyro. --simulator FILE then says where the motors sit. May repeat.")
+def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
+             normal: tuple[Path, ...]) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
@@ -65,8 +69,11 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     from ..physics.simulator import read_simulator, write_simulator
     from .convert import export_simulators
 
+    if normal:
+        return _against_normal(options, simulator, simulated, mass_kg, normal)
     if (simulator is None) == (not simulated):
-        raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed")
+        raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed, or "
+                         "--normal DIR, flights to compare with")
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     if simulator is not None and not _is_file(simulator):
@@ -89,6 +96,17 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     _show(options, body, verdict)
     _write_page(options, verdict, recordings)
     return options.finish("verdict", body)
+
+
+def _against_normal(options: Options, simulator: str | None, simulated: Sequence[Path], mass_kg: float,
+                    normal: Sequence[Path]) -> int:
+    from .diagnose_normal import diagnose_normal
+
+    if simulated or (simulator is not None and not _is_file(simulator)):
+        raise UsageError("diagnose: --normal goes with --simulator FILE, with nothing else that is believed")
+    source = click.get_current_context().get_parameter_source("mass_kg")
+    given = source is not None and source.name != "DEFAULT"
+    return diagnose_normal(options, normal, None if simulator is None else Path(simulator), mass_kg if given else None)
 
 
 def _is_file(simulator: str) -> bool:

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
-from ..physics.vehicle import BOUNDS
-from .options import Options, one_line, shared_options
+from .folders import NORMAL, check_mass, copies_between, real_folders, show_folders
+from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 CASES, REAL_CASES = 200, 12
+MASS_KG = 0.04085
 DEFAULT_PLACES = "the default places"
 
 
@@ -33,10 +34,19 @@ DEFAULT_PLACES = "the default places"
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others.")
-@click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
-              help="Mass of the vehicle of --concealed.")
+@click.option("--mass", "mass_kg", type=float, default=None, metavar="KG",
+              help=f"Mass of the vehicle of --concealed (default {MASS_KG}) or --real (default: what the firmware's "
+                   "thrust curve says it carried).")
+@click.option("--real", type=PATH, metavar="DIR",
+              help="Real folders instead, one per thing done to the vehicle, one of them normal: every other one is "
+                   "diagnosed blind against it, and each normal flight against the other normal ones.")
+@click.option("--labels", type=PATH, metavar="FILE", help="What was done, for --real; opened after the verdicts.")
+@click.option("--normal", metavar="FOLDER", help="The normal folder of --real, or a folder elsewhere. Default: normal.")
+@click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the vehicle of --real: where its "
+                                                             "motors sit, and its mass.")
 def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str, concealed: str | None,
-          mass_kg: float) -> int:
+          mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
+          simulator: Path | None) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
     Cases are flown with effects that are concealed from the simulator (single, pair, twin: one that is easily confused
@@ -48,6 +58,15 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     from, or is a declared twin (mass and thrust_scale). Every other finding is a false name. A small effect that is
     not named counts as right when it lies below the smallest detectable size that the verdict states.
     """
+    if mass_kg is not None:
+        check_mass(mass_kg)
+    if real is not None:
+        if concealed is not None or kinds or labels is None:
+            raise UsageError("--real needs --labels FILE" if labels is None else
+                             "--real goes with neither --concealed nor --kinds")
+        return options.finish("prove", _real(options, real, labels, normal, simulator, mass_kg))
+    if labels is not None or normal is not None or simulator is not None:
+        raise UsageError("--labels, --normal and --simulator belong to --real DIR")
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     if concealed is None:
@@ -56,10 +75,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         return options.finish("prove", {**_blind(options, cases or CASES, kinds, engine), "synthetic": True})
     if kinds:
         raise UsageError("--kinds and --concealed do not go together")
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
-    return options.finish("prove", _concealed(options, cases or REAL_CASES, concealed, mass_kg))
+    return options.finish("prove", _concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG))
 
 
 def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[str, Any]:
@@ -97,6 +113,32 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str
     body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored),
             "train": [case.flight.name for case in split.train]}
     show_real(options, body)
+    return body
+
+
+def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
+          mass_kg: float | None) -> dict[str, Any]:
+    """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
+    from identification.prove.folder_score import score_folders
+    from identification.prove.folders import judge
+    from identification.prove.labels import read_labels
+
+    from ..audit import find_copies
+    from ..physics.simulator import read_simulator
+
+    if not labels.is_file():
+        raise InputError(f"--labels {labels}", "does not exist")
+    model = None if simulator is None else read_simulator(simulator)
+    groups, usual, elsewhere = real_folders(options, place, normal)
+    if not usual:
+        raise InputError(f"--real {place}", "no normal flight could be read", "--normal names the folder")
+    everything = {NORMAL: usual, **groups} if NORMAL not in groups else {"normal flights": usual, **groups}
+    copies = copies_between(everything, find_copies([f for flights in everything.values() for f in flights]))
+    judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies)
+    known = read_labels(labels)
+    body = score_folders(judged, known, elsewhere)
+    body["verdicts"] = dict(judged.verdicts)
+    show_folders(options, body)
     return body
 
 

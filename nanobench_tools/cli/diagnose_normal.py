@@ -1,0 +1,107 @@
+"""``nanobench diagnose --normal``: what changed on a vehicle, against its own normal flights, from the steady trim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .folders import copies_between
+from .options import Options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from ..flight import Flight
+
+NORMAL_SIMULATOR, CORRECTED = "simulator_normal.toml", "simulator_corrected.toml"
+
+
+def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | None, mass_kg: float | None) -> int:
+    """The verdict on ``--data`` against the recordings of ``normal``."""
+    from identification.mismatch.steady import compare, normal_flights
+    from identification.mismatch.steady_input import body_of, trims_in
+    from identification.mismatch.steady_simulator import corrected, simulator_of
+
+    from ..audit import find_copies
+    from ..physics.simulator import read_simulator, write_simulator
+
+    for path in normal:
+        if not path.exists():
+            raise InputError(f"--normal {path}", "does not exist")
+    model = None if simulator is None else read_simulator(simulator)
+    here, usual = options.load(), options.load(normal)
+    flights, known = _apart(here, usual)
+    copies = copies_between({"the normal flights": known, "these flights": flights}, find_copies([*known, *flights]))
+    copies = {name: why for name, why in copies.items() if name in {f.name for f in flights}}
+    usual_trims, usual_swings, lost = trims_in(_values(options, known, {}))
+    if len(usual_trims) < 2:
+        reasons = "; ".join(f"{name}: {why}" for name, why in lost.items())
+        raise InputError("--normal", f"{len(usual_trims)} of {len(known)} flights have a trim"
+                         + (f" ({reasons})" if reasons else ""), "two are needed: one has no spread")
+    body = body_of(usual_trims, mass_kg, model)
+    reference = normal_flights(usual_trims, body)
+    trims, swings, left_out = trims_in(_values(options, flights, copies))
+    verdict = compare(trims, reference, body, left_out=left_out, swings=(swings, usual_swings))
+    believed = simulator_of(reference.normal, body)
+    if believed is not None and options.out is not None:
+        write_simulator(believed, options.out / NORMAL_SIMULATOR)
+        verdict["normal_simulator"] = str(options.out / NORMAL_SIMULATOR)
+        better = corrected(believed, verdict["findings"][0]) if verdict["findings"] else None
+        if better is not None:
+            write_simulator(better, options.out / CORRECTED)
+            verdict["corrected_simulator"] = str(options.out / CORRECTED)
+    _show(options, verdict)
+    return options.finish("verdict", verdict)
+
+
+def _apart(here: Sequence[Flight], usual: Sequence[Flight]) -> tuple[list[Flight], list[Flight]]:
+    """Both with names that no other has."""
+    from dataclasses import replace
+
+    taken = {f.name for f in here}
+    return list(here), [replace(f, name=f"normal/{f.name}") if f.name in taken else f for f in usual]
+
+
+def _values(options: Options, flights: Sequence[Flight], copies: Mapping[str, str]) -> dict[str, Mapping[str, Any]]:
+    from identification.mismatch.steady_input import trim_item
+
+    from ..harness import make_item
+
+    items = {f.name: make_item(trim_item, {"flight": f}, f"trim of {f.name}") for f in flights if f.name not in copies}
+    found = options.run(list(items.values()), "steady trims").values
+    return {**{name: found[item.key] for name, item in items.items() if item.key in found},
+            **{name: {"why": why} for name, why in copies.items()}}
+
+
+def _show(options: Options, verdict: Mapping[str, Any]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    options.show(f"\n{verdict['outcome'].upper().replace('_', ' ')}. {verdict['paragraph']}\n")
+    trim = verdict.get("trim")
+    if trim is None:
+        return
+    word = data_word(options)
+    table = Table(title=f"Thrust asked of each motor against {len(trim['normal'])} normal flights, %, {word}",
+                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("flight", "motor 1", "motor 2", "motor 3", "motor 4", "battery V"):
+        table.add_column(head)
+    for row in trim["flights"]:
+        volts = "-" if row["battery_V"] is None else f"{row['battery_V']:.2f}"
+        table.add_row(row["flight"], *(f"{c:+.1f}" for c in row["change_percent"]), volts)
+    table.add_row("mean", *(f"{c:+.1f}" for c in trim["change_percent"]), "")
+    table.add_row("sd of the mean", *([f"{trim['sd_percent']:.1f}"] * 4), "")
+    options.show(table)
+    if verdict["findings"]:
+        table = Table(title=f"What changed, {word}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        for head in ("cause", "motors", "confidence", "size", "flights say", "95 %", "unit"):
+            table.add_column(head)
+        for f in verdict["findings"]:
+            rows = list(f["parameters"].items()) or [("", None)]
+            for i, (name, p) in enumerate(rows):
+                lead = (" or ".join(f["causes"]), ", ".join(map(str, f["motors"])), f"{f['confidence']:.2f}")
+                sizes = ("", "", "") if p is None else (
+                    f"{p['value']:.3g}", f"{p['ci95'][0]:.3g} .. {p['ci95'][1]:.3g}", p["unit"])
+                table.add_row(*(lead if i == 0 else ("", "", "")), name, *sizes)
+        options.show(table)
