@@ -13,9 +13,10 @@ from nanobench_tools.physics import Model
 from .fitting import Fit, Slopes, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
-from .naming import LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
+from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
 from .recordings import Recordings
 from .space import MAPS, Space
+from .tolerance import feigned
 from .wrench import CHANNELS
 
 PLAIN = 1.6
@@ -34,6 +35,8 @@ WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock
 """Faults that are in every row: what looks like physics beside them is them."""
 WIDER, SYSTEMATIC = 1.6, 0.015
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any value."""
+LEVEL = ("mass", "thrust_scale")
+"""What a thrust curve contains."""
 MOST_SURE, UNSURE = 0.86, 0.5
 """Stated confidence: of names with much to show 18 in 21 were right in blind cases; where others had to be withdrawn,
 or flights differ from each other, real flights have shown that a name may be a stand-in."""
@@ -101,6 +104,11 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
             alike.append(others)
     unsure = bool(withdrawn) or any(h.own for h in kept)
     here = named.space
+    if not kept and any(t in MAPS for t, _ in withdrawn):
+        instead = _level_instead(moments, known, space, before, found, simulator)
+        if instead is not None:
+            named, kept, alike = instead, list(instead.accepted), list(instead.alike)
+            final = named.fit
     if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
         here = space if any(t in MAPS for t in gone) else here
@@ -142,8 +150,8 @@ def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
     """(6,) squared length of each channel's projection above what a right simulator leaves."""
     owner = moments.owner
-    return np.array([max(float(left[owner == c] @ left[owner == c]) - PLAIN * np.sum(owner == c), 0.0)
-                     for c in range(6)])
+    return np.array([max(moments.channels[c].spread * float(left[owner == c] @ left[owner == c])
+                         - PLAIN * np.sum(owner == c), 0.0) for c in range(6)])
 
 
 def _rested(named: Named, terms: Sequence[str]) -> Model:
@@ -154,9 +162,10 @@ def _rested(named: Named, terms: Sequence[str]) -> Model:
 def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, before: np.ndarray,
             found: Sequence[Structure]) -> str:
     """Why a hypothesis is no name for what is there; empty when it is."""
-    without = fit(known, _rested(named, [h.term]), [], own=named.own(h.term)).left
+    without = _level_only(known, named, h) if h.term in MAPS else _without(known, named, h, named.fit)
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
     here = taken > 0.2 * taken.sum()
+    acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])}
     left = float(after[here].sum())
     if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
         where = ", ".join(np.array(CHANNELS)[here])
@@ -164,11 +173,46 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
     wrench = moments.wrench
     moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term]))[0]
     acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
-    beside = [s for s in found if s.kind != "motion" and s.size_m_s2 > FOREIGN * acts and here[:3].any()]
+    there = [s for s in found if acting & {a.removeprefix("force ") for a in s.axes}]
+    beside = [s for s in there if s.kind != "motion" and s.size_m_s2 > FOREIGN * acts]
     if beside and not h.own:
         return f"{h.term} is there beside {beside[0].hint}"
-    strange = [s for s in found if s.gain > UNEXPLAINED * float(taken.sum()) and here[:3].any()]
+    strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+
+
+def _level_instead(moments: Moments, known: Slopes, space: Space, before: np.ndarray, found: Sequence[Structure],
+                   simulator: Model) -> Named | None:
+    """Where a thrust curve is no name for what is there, its level may be: mass, or thrust as a whole."""
+    nothing = fit(known, space.model, [])
+    tried = []
+    for term in (t for t in LEVEL if t in space.terms):
+        done = fit(known, space.model, space.free(term))
+        gain = nothing.loss - done.loss - PER_PARAMETER
+        if gain > LEAST_GAIN and not feigned(term, done, space.model, moments):
+            tried.append(Hypothesis(term, done, gain))
+    if not tried:
+        return None
+    best = max(tried, key=lambda h: h.gain)
+    alike = tuple(h.term for h in tried if h is not best and best.gain - h.gain < ALIKE_LEFT * best.gain)
+    named = Named((best,), (alike,), space, best.fit, nothing.loss)
+    return None if _hollow(moments, known, named, best, excess(moments, best.fit.left), before, found) else named
+
+
+def _level_only(known: Slopes, named: Named, h: Hypothesis) -> np.ndarray:
+    """(K,) what is left when only the level of a thrust curve may change: the curve has to earn its name beyond it."""
+    model = _rested(named, [h.term])
+    fits = [fit(known, model, named.space.free(t), own=named.own()) for t in LEVEL if t in named.space.terms]
+    return min(fits, key=lambda f: f.loss).left if fits else _without(known, named, h, named.fit)
+
+
+def _without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit) -> np.ndarray:
+    """(K,) what is left of a fit when a hypothesis rests, and what differs between flights stays as it is."""
+    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] == h.term}
+    model = fitted.model.with_parameters({n: v for n, v in rest.items() if n in fitted.model.names})
+    if h.own:
+        return fit(known, model, [], own=named.own(h.term)).left
+    return known.left(model) - fitted.beside
 
 
 def _roughness(moments: Moments, left: np.ndarray, after: np.ndarray) -> Structure | None:
@@ -190,7 +234,7 @@ def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
     channel, mine = moments.channels[c], moments.owner == c
     white = channel.basis @ (left[mine] * channel.sd)
     judged = channel.memory.judged
-    share = float(np.sum(white[judged] ** 2) / max(channel.sd**2 * judged.sum(), 1e-12))
+    share = float(np.sum(white[judged] ** 2) / max(channel.sd**2 / channel.spread * judged.sum(), 1e-12))
     if c >= 3:
         return float(np.sqrt(share))
     colour = 1.0 / max(abs(1.0 - float(channel.memory.weights.sum())), 0.05)
@@ -200,9 +244,7 @@ def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
 def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike: tuple[str, ...], final: Fit,
              before: float, after: float) -> Finding:
     model = final.model
-    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] == h.term
-            and n in model.names}
-    without = fit(known, model.with_parameters(rest), [], own=named.own(h.term)).left
+    without = _without(known, named, h, final)
     owner = moments.owner
     taken = np.array([max(float(without[owner == c] @ without[owner == c])
                           - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])

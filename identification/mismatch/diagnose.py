@@ -20,6 +20,7 @@ from nanobench_tools.physics.adapters.given import Simulator
 from .decide import Decision, decide, unproved
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
+from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
 from .proof import Proof, prove
@@ -58,7 +59,8 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     say("prediction on flights that were left out")
     try:
         proof = prove(moments, decision, simulator, seed)
-        stands = proof.better or not (decision.findings and proof.held_out)
+        turns = all(axis.startswith("torque") for f in decision.findings for axis in f.axes)
+        stands = proof.better or (turns and proof.better_along(seed)) or not (decision.findings and proof.held_out)
     except InputError:  # what was named together is no possible vehicle
         stands = False
     if not stands:
@@ -115,7 +117,7 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
     named: Named | None = None
     for number in range(PASSES):
         force, _torque = slopes(wrench, space.model, asked)
-        moments = moments_of(wrench, wrench.residual(at), force, names)
+        moments = with_levels(moments_of(wrench, wrench.residual(at), force, names), space)
         found = name_effects(moments, space, simulator, say)
         same = named is not None and [h.term for h in found.accepted] == [h.term for h in named.accepted]
         named, at = found, found.fit.model

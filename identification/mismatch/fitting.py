@@ -43,6 +43,10 @@ class Fit:
     on_bound: tuple[str, ...] = field(default=())
     own: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Terms that differ between flights: flat name -> (flights,) what each has beside the shared value."""
+    levels: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Parameters that scatter between flights: flat name -> (flights,) beside the shared value."""
+    beside: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(K,) what the nuisances do: the moment of the commands, and whatever differs between flights."""
 
 
 class Slopes:
@@ -82,7 +86,21 @@ class Slopes:
 
     def of_flights(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
         """(K, F * flights): what each parameter does in each flight alone, parameter by parameter, at the anchor."""
-        wrench, model = self.moments.wrench, self.near(model)
+        return self._flights_at(self.near(model), which)
+
+    def levels(self, without: Sequence[str] = ()) -> tuple[list[str], np.ndarray]:
+        """Parameters that scatter between flights, but for some, and (K, F * flights) what one standard deviation of
+        each does in each flight."""
+        found = self.moments.levels
+        keep = [k for k, name in enumerate(found.names) if name not in without] if found else []
+        if not found or not keep:
+            return [], np.zeros((len(self.moments.owner), 0))
+        columns = self._flights_at(found.model, [found.which[k] for k in keep])
+        sds = np.array([found.sd_scales[k] for k in keep])
+        return [found.names[k] for k in keep], columns * np.repeat(sds, columns.shape[1] // len(keep))
+
+    def _flights_at(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
+        wrench = self.moments.wrench
         numbers = np.unique(wrench.flight)
         for i in which:
             key = (*model.key, int(i), "flights")
@@ -123,7 +141,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     value of, around the shared one and to first order.
 
     The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
-    unless the delay itself is asked for.
+    unless the delay itself is asked for; so is what scatters between flights (``Moments.levels``).
     """
     free = np.asarray(free, int)
     timing = model.names.index(TIMING) if TIMING in model.names else None
@@ -134,6 +152,8 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     own = np.asarray(own, int)
     if len(own):
         extra = np.concatenate([extra, OWN_SD * known.of_flights(model, own)], axis=1)
+    scattered, columns = known.levels([model.names[i] for i in own])
+    extra = np.concatenate([extra, columns], axis=1)
     gram = np.linalg.inv(np.eye(extra.shape[1]) + extra.T @ extra)
     sums = _sums(model, free) / sizes.mean() if len(free) else np.zeros((0, 0))
     start = values = model.values[free]
@@ -186,22 +206,32 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
                if v <= model.lower[i] + 1e-12 or v >= model.upper[i] - 1e-12)
     nuisance = gram @ (extra.T @ known.left(found))
     flights = len(np.unique(known.moments.wrench.flight))
-    each = nuisance[len(nuisance) - len(own) * flights:].reshape(len(own), flights) * OWN_SD
+    each = nuisance[len(nuisance) - (len(own) + len(scattered)) * flights:].reshape(-1, flights)
     return Fit(found, free, covariance, cost, left, on,
-               {model.names[i]: row * scales(model)[i] for i, row in zip(own, each, strict=True)})
+               {model.names[i]: OWN_SD * row * scales(model)[i] for i, row in zip(own, each, strict=False)},
+               _level_values(known, scattered, each[len(own):]), extra @ nuisance)
+
+
+def _level_values(known: Slopes, names: Sequence[str], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Rows in standard deviations -> in the parameters' units."""
+    levels = known.moments.levels
+    if levels is None:
+        return {}
+    unit = scales(levels.model)[list(levels.which)] * levels.sd_scales
+    return {name: row * unit[levels.names.index(name)] for name, row in zip(names, rows, strict=True)}
 
 
 def force_left(known: Slopes, fit: Fit) -> np.ndarray:
     """(N, 3) residual of force, with what differs between flights taken out."""
-    wrench = known.moments.wrench
+    wrench, levels = known.moments.wrench, known.moments.levels
     left = wrench.residual(fit.model)[0].copy()
-    if fit.own:
-        near, flight = known.near(fit.model), wrench.flight[wrench.force_at]
-        which = [fit.model.index(name) for name in fit.own]
-        force, _ = slopes(wrench, near, which)
-        sizes = scales(fit.model)
-        for column, (i, each) in enumerate(zip(which, fit.own.values(), strict=True)):
-            left -= force[..., column] * (each / sizes[i])[np.searchsorted(np.unique(flight), flight)][:, None]
+    flight = wrench.flight[wrench.force_at]
+    number = np.searchsorted(np.unique(flight), flight)
+    for model, found in ((known.near(fit.model), fit.own), (levels.model if levels else fit.model, fit.levels)):
+        which = [model.index(name) for name in found]
+        force, _ = slopes(wrench, model, which)
+        for column, (i, each) in enumerate(zip(which, found.values(), strict=True)):
+            left -= force[..., column] * (each / scales(model)[i])[number][:, None]
     return left
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nanobench_tools import so3
+from nanobench_tools.physics import Model
 
 from .memory import Memory, fit_memory, runs_of
 from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
@@ -95,7 +96,7 @@ def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
 @dataclass(frozen=True)
 class Channel:
     """One axis: its memory, its covariates as an orthonormal basis (samples, K), and the standard deviation of the
-    innovations that they do not explain."""
+    innovations that they do not explain, widened where a moment has to stand out of more (``spread``: the square)."""
 
     name: str
     memory: Memory
@@ -103,6 +104,7 @@ class Channel:
     names: tuple[str, ...]
     groups: tuple[str, ...]
     sd: float
+    spread: float = 1.0
 
     def project(self, values: np.ndarray) -> np.ndarray:
         """values (samples, ...) -> (K, ...) in standard deviations."""
@@ -140,11 +142,23 @@ def channel(name: str, at: np.ndarray, step: int, track: np.ndarray, covariates:
 
 
 @dataclass(frozen=True)
+class Levels:
+    """Parameters that every flight has another value of: names, index of each in ``model``, and the standard deviation
+    between flights, per scale of the parameter. Their effects are those at ``model``."""
+
+    model: Model
+    names: tuple[str, ...]
+    which: tuple[int, ...]
+    sd_scales: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Moments:
-    """All six channels."""
+    """All six channels; levels: what scatters between flights, a nuisance of every fit."""
 
     wrench: Wrench
     channels: tuple[Channel, ...]
+    levels: Levels | None = None
 
     def project(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """(N, 3, ...), (M, 3, ...) -> all channels end to end, (K, ...), of unit variance where nothing is wrong."""

@@ -172,7 +172,7 @@ class _Search:
         left, near = self.known.left(start), self._near(start)
         beside = np.concatenate([self._differing(start), self.known.columns(near, held),
                                  self.known.columns(near, free)], axis=1)
-        return -float(left @ left) + _explained(beside, left) - PER_PARAMETER * len(free)
+        return -float(left @ left) + self._explained(beside, left) - PER_PARAMETER * len(free)
 
     def _near(self, start: Model) -> Model:
         """Slopes do to rank hypotheses with where the simulator stands, unless the start was moved on purpose."""
@@ -228,7 +228,15 @@ class _Search:
         left, near = self.known.left(start), self._near(start)
         beside = np.concatenate([self._differing(start), self.known.columns(near, held)], axis=1)
         both = np.concatenate([beside, self.known.columns(near, self.space.free(term))], axis=1)
-        return _explained(both, left) - _explained(beside, left)
+        return self._explained(both, left) - self._explained(beside, left)
+
+    def _explained(self, columns: np.ndarray, left: np.ndarray) -> float:
+        """Of the squared length of ``left``, beside what scatters between flights with its prior."""
+        levels = self.known.levels([self.space.model.names[i] for i in self.own_of(self.space)])[1]
+        many = levels.shape[1]
+        wide = np.concatenate([np.concatenate([columns, np.zeros((many, columns.shape[1]))]),
+                               np.concatenate([levels, np.eye(many)])], axis=1) if many else columns
+        return _explained(wide, np.concatenate([left, np.zeros(many)]))
 
     def backward(self) -> None:
         """Out with what the others explain by now."""

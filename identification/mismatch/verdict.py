@@ -78,7 +78,8 @@ class Verdict:
             unknown = {"where": {"axes": list(first.axes), "kind": first.kind,
                                  "flights": [recordings.names[i] for i in first.flights]},
                        "bound_m_s2": 2.0 * first.size_m_s2 if first.size_m_s2 else None, "hint": first.hint}
-        improvement = {str(h): {"before": _row(proof.before, k), "after": _row(proof.after, k), "floor": None,
+        improvement = {str(h): {"before": _row(proof.before, k), "after": _row(proof.after, k),
+                                "floor": _row(proof.floor[None], k) if proof.floor is not None else None,
                                 "relative_ci95": list(proof.interval[h]) if h in proof.interval else None}
                        for k, h in enumerate(HORIZONS)}
         body = {"outcome": decision.outcome, "findings": findings, "unknown": unknown,

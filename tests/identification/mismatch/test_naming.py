@@ -39,11 +39,13 @@ def test_a_concealed_drag_is_found_again(plain, model):
     assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
 
 
-def test_slow_commands_tell_no_lag_from_a_delay(plain, model):
-    """No input faster than 4 Hz."""
+def test_slow_commands_hardly_tell_a_lag_from_a_delay(plain, model):
+    """No input faster than 4 Hz: the delay may be named beside the lag, and nothing else."""
     _, decision = decided(plain, model.with_term("motor_lag", tau_up_s=0.005, tau_down_s=0.005))
     finding, = decision.findings
-    assert {finding.hypothesis.term, *finding.equivalent} == {"motor_lag", "command_delay"}
+    named = {finding.hypothesis.term, *finding.equivalent}
+    assert "motor_lag" in named
+    assert named <= {"motor_lag", "command_delay"}
 
 
 def test_a_heavier_vehicle_is_found(plain, model):
@@ -69,6 +71,17 @@ def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
     assert decision.findings == ()
     assert decision.outcome == "unknown"
     assert any(s.kind == "period" and "0.9" in s.hint for s in decision.unknown)
+
+
+def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
+    """Markers sit differently in every flight: the scatter is a nuisance, and the drag behind it is found."""
+    tilts = ((0.03, -0.02), (-0.01, 0.015), (0.005, 0.04), (-0.04, 0.0), (0.02, -0.035))
+    tracks = [track_of(model.with_term("frame_tilt", roll_rad=r, pitch_rad=p), 50 + k, k, seconds=12.0)
+              for k, (r, p) in enumerate(tilts)]
+    moments, decision = decided(Wrench(tracks), model.with_term("drag_linear", d=(0.004, 0.004, 0.006)))
+    assert set(moments.levels.names) == {"frame_tilt.roll_rad", "frame_tilt.pitch_rad"}
+    assert names_of(decision) == ["drag_linear"]
+    assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
 
 
 def test_one_flight_with_a_heavier_vehicle_is_singled_out(model):

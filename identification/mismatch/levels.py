@@ -1,0 +1,127 @@
+"""What is another value in every flight: how the markers sit, where the battery was strapped, how worn the propellers
+are. Real flights scatter in these by more than most physics does, so that a flight's own level is no news.
+
+A level is a random effect (Harville 1977, J. Am. Stat. Assoc. 72): its standard deviation between flights is the one
+that makes the flights' contrasts most likely once everything that flights share is projected off. A shared change of
+the same parameter is a finding only where it is large beside that scatter. Flights that agree but for a few are not
+scatter: there something was changed, and the search says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from .fitting import Slopes
+from .moments import Levels, Moments
+from .space import Space, scales
+
+GROUPS = {"frame_tilt": ("frame_tilt.roll_rad", "frame_tilt.pitch_rad"),
+          "com_offset": ("com_offset.r_m[0]", "com_offset.r_m[1]"), "thrust_scale": ("thrust_scale.s",)}
+"""Terms with a level, and the parameters that have one."""
+TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
+"""Standard deviations that are tried, per scale, and how often."""
+SIGNIFICANT = 8.0
+"""Twice the logarithm of the likelihood ratio, from which on flights are said to scatter."""
+LOWER = 0.2
+"""Few flights may lie close by chance: the standard deviation is that of this quantile."""
+A_FEW = 0.25
+"""Flights that scatter by less than this share of the whole without the odd ones were changed, not scattered."""
+PLAIN = 1.6
+"""Squared length of a moment where nothing is wrong, see ``decide``."""
+LEAST_FREE = 5.0
+"""Moments of a channel that are left to judge a spread by."""
+
+
+def with_levels(moments: Moments, space: Space) -> Moments:
+    """The moments with the scatter between flights as a nuisance of every fit, and with each channel's unit as large as
+    what nothing in the vocabulary explains: a name has to stand out of that."""
+    model, known = space.model, Slopes(moments)
+    left = known.left(model)
+    shared = known.columns(model, np.concatenate([space.free(t) for t in space.terms]))
+    groups = {term: [model.index(n) for n in names if n in model.names] for term, names in GROUPS.items()
+              if term in model}
+    many = len(np.unique(moments.wrench.flight))
+    own = {term: known.of_flights(model, which) for term, which in groups.items()} if many > 1 else {}
+    everything = np.concatenate([shared, *own.values()], axis=1)
+    spread = _spread(moments, _basis(everything), left)
+    unit = np.sqrt(spread)[moments.owner]
+    found = _scatter({t: c / unit[:, None] for t, c in own.items()}, _off(shared / unit[:, None]), left / unit, many)
+    sizes, names, which, sds = scales(model), [], [], []
+    for term, sd in found.items():
+        for i in groups[term]:
+            names.append(model.names[i])
+            which.append(i)
+            sds.append(sd * float(sizes[groups[term][0]] / sizes[i]))
+    channels = tuple(replace(c, sd=c.sd * float(np.sqrt(s)), spread=float(s))
+                     for c, s in zip(moments.channels, spread, strict=True))
+    levels = Levels(model, tuple(names), tuple(which), tuple(sds)) if names else None
+    return replace(moments, channels=channels, levels=levels)
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    size = np.linalg.norm(columns, axis=0)
+    u, s, _ = np.linalg.svd(columns[:, size > 1e-9] / size[size > 1e-9], full_matrices=False)
+    return u[:, s > 1e-3 * s[0]]
+
+
+def _off(columns: np.ndarray) -> np.ndarray:
+    """(K, K - p) orthonormal, orthogonal to the columns."""
+    basis = _basis(columns)
+    return np.linalg.svd(basis, full_matrices=True)[0][:, basis.shape[1]:]
+
+
+def _spread(moments: Moments, basis: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(6,) squared length per free moment that nothing explains, over the plain one; not below 1."""
+    rest, free = left - basis @ (basis.T @ left), 1.0 - np.sum(basis**2, axis=1)
+    owner = moments.owner
+    return np.array([max(float(rest[owner == c] @ rest[owner == c]) / max(float(free[owner == c].sum()), LEAST_FREE)
+                         / PLAIN, 1.0) for c in range(6)])
+
+
+def _scatter(own: dict[str, np.ndarray], off: np.ndarray, left: np.ndarray, flights: int) -> dict[str, float]:
+    """Standard deviation between flights of each term that has one, per scale of its first parameter."""
+    if not own:
+        return {}
+    terms = list(own)
+    columns = off.T @ np.concatenate([own[t] for t in terms], axis=1)
+    group = np.repeat(np.arange(len(terms)), [own[t].shape[1] for t in terms])
+    gram, toward, whole = columns.T @ columns, columns.T @ (off.T @ left), float(left @ off @ (off.T @ left))
+
+    def cost(sds: np.ndarray) -> float:
+        d = sds[group]
+        inner = np.eye(len(d)) + d[:, None] * gram * d
+        half = np.linalg.solve(inner, d * toward)
+        return float(np.linalg.slogdet(inner)[1]) + whole - float((d * toward) @ half)
+
+    best = np.zeros(len(terms))
+    for _ in range(ROUNDS):  # one at a time: the likelihood may have several hills
+        for k in range(len(terms)):
+            tries = [np.where(np.arange(len(terms)) == k, sd, best) for sd in TRIED]
+            best = min(tries, key=cost)
+    lowest = cost(best)
+    found = {}
+    for k, term in enumerate(terms):
+        without = np.where(np.arange(len(terms)) == k, 0.0, best)
+        if cost(without) - lowest < SIGNIFICANT:
+            continue
+        d = best[group]
+        values = d * np.linalg.solve(np.eye(len(d)) + d[:, None] * gram * d, d * toward)
+        sd = float(best[k]) * min(_rest(values[group == k].reshape(-1, flights)), 1.0)
+        found[term] = sd * float(np.sqrt((flights - 1) / chi2.ppf(LOWER, flights - 1)))
+    return found
+
+
+def _rest(values: np.ndarray) -> float:
+    """values (P, flights): scatter of the most of the flights that lie closest, over that of all of them; 1 unless a
+    few stand out."""
+    flights = values.shape[1]
+    odd = (flights - 1) // 2
+    if not odd:
+        return 1.0
+    away = np.linalg.norm(values - np.median(values, axis=1, keepdims=True), axis=0)
+    close = np.argsort(away)[:flights - odd]
+    share = float(np.sqrt(values[:, close].var(axis=1, ddof=1).sum() / max(values.var(axis=1, ddof=1).sum(), 1e-30)))
+    return share if share < A_FEW else 1.0
