@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import f as fisher
 
 from nanobench_tools.flight import Span
@@ -25,6 +26,9 @@ BROAD_HZ = 4.0
 """Up to here the level of the residual beside the mode is taken."""
 LAGS_ROWS = (0, 4, 8, 16, 32)
 FREQUENCIES = 27
+NEIGHBOURS, BINS = 11, 4
+"""The level of the normal flights at a frequency is a mean over so many beside it, 0.5 Hz wide: so many independent
+bins of a run of eight seconds."""
 RISK = 0.001
 """Of a swing in flights without one, over all frequencies and both axes."""
 LEAST_S = 4.0
@@ -82,7 +86,7 @@ def _peaks(push: np.ndarray, tilt: np.ndarray, rows: np.ndarray, states: States)
         return np.abs(np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left)) ** 2
 
     broad = power(np.arange(LOWEST_HZ, BROAD_HZ, 1.0 / (t[-1] - t[0])))
-    return power(frequencies()) / max(float(np.mean(broad)), 1e-30)
+    return power(frequencies()) / max(float(np.median(broad) / np.log(2.0)), 1e-30)
 
 
 def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] | None:
@@ -91,14 +95,15 @@ def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] |
     if not mine or not usual:
         return None
     tops, bases = (np.array([s.power for s in part]) for part in (mine, usual))
-    ratio = tops.mean(axis=0) / bases.mean(axis=0)
+    usual_power = uniform_filter1d(bases.mean(axis=0), NEIGHBOURS, axis=0, mode="nearest")
+    ratio = tops.mean(axis=0) / usual_power
     if np.isnan(ratio).all():
         return None
     k, axis = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    runs = [2 * sum(s.runs for s in part) for part in (mine, usual)]
+    freedom = 2 * sum(s.runs for s in mine), 2 * BINS * sum(s.runs for s in usual)
     tries = int(np.isfinite(ratio[0]).sum()) * FREQUENCIES
-    p = min(1.0, tries * float(fisher.sf(ratio[k, axis], *runs)))
-    if p > RISK or not (tops[:, k, axis] > bases[:, k, axis].mean()).all():
+    p = min(1.0, tries * float(fisher.sf(ratio[k, axis], *freedom)))
+    if p > RISK or not (tops[:, k, axis] > usual_power[k, axis]).all():
         return None
     forward, left = np.nan_to_num(tops.mean(axis=0)[k])
     return {"frequency_hz": float(frequencies()[k]), "ratio": float(ratio[k, axis]), "p": p,

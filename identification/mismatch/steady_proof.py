@@ -9,7 +9,7 @@ import numpy as np
 
 from .causes import Body
 from .trim import Trim
-from .weigh import GROUPS, Normal, weigh, weigh_change
+from .weigh import GROUPS, Normal, hypotheses_of, weigh, weigh_change
 
 SURE = 0.9
 """Probability from which a cause, or a motor, is named."""
@@ -21,11 +21,12 @@ def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, d
     """Of each cause the smallest size that would be named, had the flights shown it exactly: thrust lost by motor 1
     [%], a weight under motor 1 [g], a change of the mass [%]."""
     lever = body.motors / np.mean(body.motors**2, axis=0)
+    known = hypotheses_of(body)
     under = 1.0 + lever @ body.motors[0]
 
     def named(cause: str, gains: np.ndarray) -> bool:
         delta = {**{name: np.where(np.isnan(normal.mean[name]), np.nan, 0.0) for name in GROUPS}, "gains": gains}
-        chances = weigh_change(delta, sd, normal, body, normal.known_lift).by_cause()
+        chances = weigh_change(delta, sd, normal, body, normal.known_lift, known).by_cause()
         twins = next((t for t in TWINS if cause in t), {cause})
         return sum(chances[c] for c in twins) >= SURE
 

@@ -18,8 +18,8 @@ from .weigh import Normal
 
 def simulator_of(normal: Normal, body: Body) -> Model | None:
     """The firmware's thrust curve, scaled so that the trim carries the weight, with a gain per motor; the rest is of
-    the type. None where the battery was not measured. Unequal gains stand for a centre of mass off the middle too: hover
-    shows both alike."""
+    the type. None where the battery was not measured. Unequal gains stand for a centre of mass off the middle too:
+    hover shows both alike."""
     if not normal.known_lift:
         return None
     each = body.mass_kg * GRAVITY_M_S2 / 4.0 / np.exp(normal.mean["gains"])

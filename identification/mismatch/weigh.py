@@ -82,6 +82,11 @@ def _shares(gains: np.ndarray) -> np.ndarray:
     return gains @ contrasts.T
 
 
+def hypotheses_of(body: Body) -> list[Hypothesis]:
+    """Every way every cause may act."""
+    return [h for cause in CAUSES.values() for h in cause.make(body)]
+
+
 def weigh(trims: Sequence[Trim], normal: Normal, body: Body) -> Weighed:
     """Probabilities of all hypotheses given the flights ``trims``."""
     delta = {name: np.mean([getattr(t, name) for t in trims], axis=0) - normal.mean[name] for name in GROUPS}
@@ -92,9 +97,9 @@ def weigh(trims: Sequence[Trim], normal: Normal, body: Body) -> Weighed:
 
 
 def weigh_change(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], normal: Normal, body: Body,
-                 known_lift: bool = True) -> Weighed:
-    """``weigh`` of a change as numbers."""
-    hypotheses: list[Hypothesis | None] = [h for cause in CAUSES.values() for h in cause.make(body)]
+                 known_lift: bool = True, known: Sequence[Hypothesis] | None = None) -> Weighed:
+    """``weigh`` of a change as numbers; known: ``hypotheses_of(body)``, where it is made once for many."""
+    hypotheses: list[Hypothesis | None] = [*(hypotheses_of(body) if known is None else known)]
     priors = [CAUSES[h.cause].prior * h.share for h in hypotheses if h is not None]
     hypotheses.append(None)
     priors.append(1.0 - sum(c.prior for c in CAUSES.values()))

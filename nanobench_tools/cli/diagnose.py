@@ -41,7 +41,7 @@ CODE = "simulators_corrected"
                    "mass.")
 @click.option("--normal", multiple=True, type=PATH, metavar="PATH",
               help="Normal flights of the same vehicle: what changed since, from the steady trim of the motors alone, "
-                   "for logs without full attitude or gyro. --simulator FILE then says where the motors sit. May repeat.")
+                   "for logs without full attitude or gyro. --simulator FILE then says where motors sit. May repeat.")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
              normal: tuple[Path, ...]) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.

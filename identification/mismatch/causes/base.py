@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -65,9 +66,12 @@ class Cause:
     short: str
 
 
+@functools.cache
 def draws(k: int) -> np.ndarray:
     """(DRAWS, k) evenly spread over the unit cube, the same each time."""
-    return qmc.Sobol(k, seed=11).random(DRAWS)
+    found = qmc.Sobol(k, seed=11).random(DRAWS)
+    found.setflags(write=False)
+    return found
 
 
 def interval(size: tuple[float, float, float], digits: int, unit: str) -> str:

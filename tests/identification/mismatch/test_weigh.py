@@ -1,0 +1,199 @@
+"""Causes of a change of the trim: physics of each, probabilities against brute force, false alarms and power."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from identification.mismatch.causes import CAUSES, Body
+from identification.mismatch.causes.weight import loads
+from identification.mismatch.steady import compare, normal_flights
+from identification.mismatch.trim import Trim
+from identification.mismatch.weigh import normal_of, quantiles, weigh
+from nanobench_tools.errors import InputError
+
+MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325
+BODY = Body(MOTORS, 0.034)
+BASE = np.log([0.080, 0.070, 0.085, 0.075])
+
+
+def a_trim(name: str, change=(0.0, 0.0, 0.0, 0.0), level=(0.0, 0.0), push=(np.nan, 0.0), rng=None, sd=0.02,
+           known_lift=True) -> Trim:
+    def noise(k: int, size: float) -> np.ndarray:
+        return np.zeros(k) if rng is None else size * rng.standard_normal(k)
+
+    own = {"gains": np.full(4, 0.003), "level": np.full(2, 0.01), "push": np.full(2, 0.01)}
+    return Trim(name, BASE + np.asarray(change) + noise(4, sd), np.asarray(level) + noise(2, sd),
+                np.asarray(push) + noise(2, sd), own, known_lift, 3.6, 15.0, 0.5)
+
+
+def some(n: int, seed: int, change=(0.0, 0.0, 0.0, 0.0), together=0.02, **kwargs) -> list[Trim]:
+    """Flights of one day: they share how that day differs."""
+    rng = np.random.default_rng(seed)
+    day = together * rng.standard_normal(4)
+    return [a_trim(f"f{k}", np.asarray(change) + day, rng=rng, sd=0.004, **kwargs) for k in range(n)]
+
+
+def normals(n: int = 5, seed: int = 0) -> list[Trim]:
+    rng = np.random.default_rng(seed)
+    return [a_trim(f"n{k}", rng=rng) for k in range(n)]
+
+
+def loss(motor: int, share: float) -> np.ndarray:
+    return -np.log1p(-share) * np.eye(4)[motor - 1]
+
+
+def load(mass_g: float, x_mm: float, y_mm: float) -> np.ndarray:
+    """Change of the ln thrust from four balances, solved: force, moments about x and y, no moment about z."""
+    weight = BODY.mass_kg * 9.81
+    balance = np.stack([np.ones(4), MOTORS[:, 1], MOTORS[:, 0], np.array([-1.0, 1.0, -1.0, 1.0])])
+    added = mass_g / 1e3 * 9.81
+    asked = np.linalg.solve(balance, [weight + added, added * y_mm / 1e3, added * x_mm / 1e3, 0.0])
+    return np.log(asked / (weight / 4.0))
+
+
+def test_a_weight_balances_force_and_moments():
+    sizes, gains = loads(BODY)
+    values = {s.name: s.values for s in sizes}
+    possible = np.flatnonzero(gains.min(axis=1) > -1.0)[:50]
+    for k in possible:
+        assert gains[k] == pytest.approx(load(values["mass"][k], values["x"][k], values["y"][k]), abs=1e-9)
+
+
+def test_probabilities_are_those_of_brute_force():
+    usual = normals()
+    normal = normal_of(usual)
+    trims = some(3, 1, loss(3, 0.15))
+    found = weigh(trims, normal, BODY)
+    sizes = np.linspace(0.0, 0.5, 4001)[:, None]
+    away = found.delta["gains"] + np.log1p(-sizes) * np.eye(4)[2]
+    density = stats.multivariate_t.pdf(away, shape=found.sd["gains"] ** 2 * np.eye(4), df=normal.freedom["gains"])
+    nothing = stats.multivariate_t.pdf(found.delta["gains"], shape=found.sd["gains"] ** 2 * np.eye(4),
+                                       df=normal.freedom["gains"])
+    mine = next(i for i, h in enumerate(found.hypotheses) if h is not None and h.cause == "propeller"
+                and h.motors == (3,))
+    ratio = np.exp(found.log_likelihood[mine] - found.log_likelihood[-1])
+    assert ratio == pytest.approx(density.mean() / nothing, rel=0.02)
+    assert found.probability.sum() == pytest.approx(1.0)
+    assert sum(c.prior for c in CAUSES.values()) < 1.0
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 3), st.floats(0.0, 0.3))
+def test_turning_the_vehicle_turns_the_motors(turns: int, share: float):
+    """A quarter turn is a renumbering: causes keep their probabilities."""
+    roll = np.roll
+    usual = [Trim(t.name, roll(t.gains - BASE, turns), t.level, t.push, t.sd, True, 3.6, 15.0, 0.5) for t in normals()]
+    asked = [Trim("a", roll(loss(2, share), turns), np.zeros(2), np.array([np.nan, 0.0]), usual[0].sd, True, 3.6, 15.0,
+                  0.5)]
+    there = weigh(asked, normal_of(usual), BODY).by_cause()
+    plain = [Trim(t.name, t.gains - BASE, t.level, t.push, t.sd, True, 3.6, 15.0, 0.5) for t in normals()]
+    here = weigh([Trim("a", loss(2, share), np.zeros(2), np.array([np.nan, 0.0]), usual[0].sd, True, 3.6, 15.0, 0.5)],
+                 normal_of(plain), BODY).by_cause()
+    for cause, chance in here.items():
+        assert there[cause] == pytest.approx(chance, abs=0.03)
+
+
+@pytest.mark.parametrize("motor", [1, 2, 3, 4])
+def test_a_damaged_propeller_is_named_with_its_motor_and_size(motor: int):
+    flights = normal_flights(normals(), BODY)
+    verdict = compare(some(3, motor, loss(motor, 0.2)), flights, BODY)
+    (finding,) = verdict["findings"]
+    assert (verdict["outcome"], finding["cause"], finding["motors"]) == ("named", "propeller", [motor])
+    size = finding["parameters"][f"loss_m{motor}"]
+    assert size["ci95"][0] < 20.0 < size["ci95"][1]
+    assert finding["term"] == "motor_imbalance"
+    assert {r["cause"] for r in finding["ruled_out"]} >= {"none", "weight", "vehicle"}
+    assert verdict["improvement"]["trim"]["after"] < verdict["improvement"]["trim"]["before"]
+    assert f"motor {motor}" in verdict["paragraph"]
+    assert "Ruled out" in verdict["paragraph"]
+
+
+def test_a_weight_is_named_with_its_place_and_grams():
+    flights = normal_flights(normals(8), BODY)
+    verdict = compare(some(3, 2, load(5.0, -25.0, 25.0)), flights, BODY)
+    (finding,) = verdict["findings"]
+    assert (finding["cause"], finding["motors"]) == ("weight", [3])
+    sizes = finding["parameters"]
+    assert sizes["mass"]["value"] == pytest.approx(5.0, abs=2.0)
+    assert sizes["x"]["value"] == pytest.approx(-25.0, abs=15.0)
+    assert sizes["y"]["value"] == pytest.approx(25.0, abs=15.0)
+
+
+def test_what_acts_alike_is_named_together():
+    verdict = compare(some(3, 3, np.full(4, 0.15)), normal_flights(normals(), BODY), BODY)
+    (finding,) = verdict["findings"]
+    assert finding["cause"] is None
+    assert set(finding["causes"]) == {"mass", "battery"}
+    assert "cannot tell" in verdict["paragraph"]
+
+
+def test_another_vehicle_and_wind():
+    flights = normal_flights(normals(), BODY)
+    other = compare(some(3, 4, (0.1, -0.2, 0.15, -0.1), level=(0.3, -0.2)), flights, BODY)
+    assert other["findings"][0]["cause"] == "vehicle"
+    assert other["findings"][0]["parameters"] == {}
+    blown = compare(some(3, 5, push=(np.nan, 0.8)), flights, BODY)
+    assert blown["findings"][0]["cause"] == "wind"
+
+
+def test_false_alarms_and_power_in_many_draws():
+    """SYNTHETIC: 40 sets of flights each with days of 2 %; nothing, and a fifth of one motor's thrust."""
+    rng = np.random.default_rng(7)
+    false = named = covered = 0
+    for k in range(40):
+        normal = normal_of(normals(5, seed=100 + k))
+        motor = int(rng.integers(1, 5))
+        nothing = weigh(some(3, 1000 + k), normal, BODY).by_cause()
+        false += max(p for cause, p in nothing.items() if cause != "none") >= 0.9
+        found = weigh(some(3, 2000 + k, loss(motor, 0.2)), normal, BODY)
+        named += found.of("propeller") >= 0.9
+        h, weights = next((h, w) for h, w in zip(found.hypotheses, found.weights, strict=True)
+                          if h is not None and h.cause == "propeller" and h.motors == (motor,))
+        _, low, high = quantiles(h.sizes[0].values, weights)
+        covered += low < 20.0 < high
+    assert false == 0
+    assert named >= 36
+    assert covered >= 34
+
+
+def test_shares_alone_tell_a_propeller_but_no_mass():
+    usual = [Trim(t.name, t.gains + k, t.level, t.push, t.sd, False, np.nan, 15.0, 0.5)
+             for k, t in zip((0.0, 0.2, -0.1, 0.3, 0.1), normals(), strict=True)]
+    flights = normal_flights(usual, BODY)
+    verdict = compare(some(3, 1, loss(4, 0.25), known_lift=False), flights, BODY)
+    assert verdict["findings"][0]["motors"] == [4]
+    heavier = compare(some(3, 2, np.full(4, 0.2), known_lift=False), flights, BODY)
+    assert heavier["outcome"] == "none"
+    assert "only the shares" in heavier["paragraph"]
+
+
+def test_too_little_names_nothing():
+    flights = normal_flights(normals(), BODY)
+    alone = compare(some(1, 1, loss(2, 0.3)), flights, BODY)
+    assert alone["outcome"] == "insufficient"
+    assert not alone["findings"]
+    empty = compare([], flights, BODY, left_out={"a": "never left the ground"})
+    assert empty["outcome"] == "insufficient"
+    assert "never left the ground" in empty["paragraph"]
+    with pytest.raises(InputError, match="2 are needed"):
+        normal_flights(normals(1), BODY)
+
+
+def test_a_flight_of_another_folder_is_left_out_and_said():
+    flights = normal_flights(normals(), BODY)
+    mixed = [*some(3, 1), a_trim("stranger", (0.0, 0.3, 0.0, 0.3))]
+    verdict = compare(mixed, flights, BODY)
+    assert verdict["outcome"] == "none"
+    assert "stranger is left out" in verdict["paragraph"]
+    odd = normal_flights([*normals(), a_trim("odd", (0.3, 0.0, 0.0, 0.0))], BODY)
+    assert set(odd.odd) == {"odd"}
+    assert odd.normal.n == 5
+
+
+def test_quantiles_of_equal_weights_are_those_of_the_draws():
+    values = np.random.default_rng(1).standard_normal(4001)
+    assert quantiles(values, np.ones(4001) / 4001) == pytest.approx(np.quantile(values, [0.5, 0.025, 0.975]), abs=0.01)
