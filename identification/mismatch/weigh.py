@@ -106,8 +106,10 @@ def weigh_change(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], norma
     logs, weights = [], []
     for h in hypotheses:
         each = _log_density(delta, sd, normal.freedom, h, known_lift)
-        logs.append(logsumexp(each) - np.log(len(each)))
-        weights.append(np.exp(each - logsumexp(each)) if h is not None and h.sizes else None)
+        most = each.max()
+        shares = np.exp(each - most)  # scipy's logsumexp is ten times slower on arrays this small
+        logs.append(most + np.log(shares.mean()))
+        weights.append(shares / shares.sum() if h is not None and h.sizes else None)
     log_likelihood = np.array(logs)
     posterior = log_likelihood + np.log(priors)
     probability = np.exp(posterior - logsumexp(posterior))

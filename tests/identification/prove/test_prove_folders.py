@@ -149,7 +149,7 @@ def test_bad_calls_are_one_line(tmp_path, capsys):
 def test_real_cut_of_three_millimetres_is_named(real_data, tmp_path):
     place = tmp_path / "set"
     place.mkdir()
-    for name in ("normal", "cut_propeller_M3_3mm_3mm_41mm", "tape_on_propeller_M3"):
+    for name in ("normal", "cut_propeller_M3_3mm_3mm_41mm"):
         (place / name).symlink_to(real_data / "crazypad" / "E8" / name)
     given = ["--real", place, "--labels", real_data / "crazypad" / "labels.toml", "--out", tmp_path, "--jobs", 1]
     assert main(["prove", *map(str, given), "--quiet"]) == 0
@@ -163,7 +163,8 @@ def test_real_cut_of_three_millimetres_is_named(real_data, tmp_path):
 @pytest.mark.real
 def test_real_folder_against_normal_ones(real_data, tmp_path, capsys):
     vehicle = real_data / "crazypad" / "E8"
-    given = ["--data", vehicle / "cut_propeller_M3_2mm_2mm_43mm", "--normal", vehicle / "normal", "--out", tmp_path, "--jobs", 1]
+    given = ["--data", vehicle / "cut_propeller_M3_2mm_2mm_43mm", "--normal", vehicle / "normal", "--out", tmp_path,
+             "--jobs", 1]
     assert main(["diagnose", *map(str, given)]) == 0
     verdict = json.loads((tmp_path / "verdict.json").read_text())
     assert verdict["findings"][0]["motors"] == [3]
