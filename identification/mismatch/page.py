@@ -76,7 +76,7 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
     found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
              "left_out": left_out(recordings), "rejected": reasons(body.get("not_named") or [], "Not named"),
              "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
-             "by_flight": own_values(body), "improvement": improvement(body), "power": power(body)}
+             "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body), "power": power(body)}
     if "rms" in drawn:
         found["rms"] = rms(drawn["rms"], bool(body["findings"]))
     return {name: table for name, table in found.items() if table.rows}
@@ -168,6 +168,16 @@ def own_values(body: Mapping[str, Any]) -> Table:
                  (("Parameter", "", False), ("Flight", "", False), ("Value", "", True), ("Unit", "", False)), rows)
 
 
+def levels(body: Mapping[str, Any]) -> Table:
+    """What every flight has another value of, beside the one they share."""
+    found = body.get("levels") or {}
+    flights = next(iter(found.values()))["by_flight"] if found else {}
+    rows = [(flight, *(f"{entry['by_flight'][flight]:+.3g}" for entry in found.values())) for flight in flights]
+    rows += [("standard deviation", *(f"{entry['sd']:.3g}" for entry in found.values()))] if found else []
+    return Table("Levels of each flight", (("Flight", "", False),
+                                           *((name, entry["unit"], True) for name, entry in found.items())), rows)
+
+
 def improvement(body: Mapping[str, Any]) -> Table:
     """Mean errors of prediction at every horizon, before and after."""
     found = body["improvement"] or {}
@@ -181,6 +191,8 @@ def improvement(body: Mapping[str, Any]) -> Table:
         between = entry["relative_ci95"]
         gained = DASH if not between else f"{100 * between[0]:.0f} .. {100 * between[1]:.0f}"
         rows.append((f"{h}: {1e3 * h * ROW_S:.0f} ms", *cells, gained))
+        if entry.get("floor"):
+            rows.append(("noise alone", *(f"{entry['floor'][q]:.3g}" for q in QUANTITIES), DASH))
     return Table("Mean error of prediction" + (", before → after" if named else ""),
                  (("Steps ahead", "", False), *((*QUANTITY_UNITS[q], True) for q in QUANTITIES),
                   ("Less error, 95 %", "%", True)), rows)

@@ -88,6 +88,7 @@ class Verdict:
                                 "held_out": list(proof.flights) if proof.held_out else []},
                 "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
+                "levels": levels(moments, decision, recordings),
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
         body["paragraph"] = paragraph(body, recordings, proof)
         return cls(body, proof.models[1] if named else None, decision, proof, moments)
@@ -139,6 +140,18 @@ def data_faults(recordings: Recordings) -> list[dict[str, Any]]:
              "evidence": f.evidence} for name, f in recordings.faults]
 
 
+def levels(moments: Moments, decision: Decision, recordings: Recordings) -> dict[str, dict[str, Any]]:
+    """Parameters that every flight has another value of: how much they scatter, and each flight's own, beside the
+    shared value."""
+    if moments.levels is None:
+        return {}
+    units = dict(zip(moments.levels.model.names, moments.levels.model.units, strict=True))
+    names = [recordings.names[i] for i in _numbers(recordings)]
+    return {name: {"sd": float(np.std(row, ddof=1)), "unit": units[name],
+                   "by_flight": dict(zip(names, row.tolist(), strict=True))}
+            for name, row in decision.fit.levels.items()}
+
+
 def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
     """Of each term the smallest change of its best told parameter that would have been named in these flights."""
     model, known = decision.space.model, Slopes(moments)
@@ -178,6 +191,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         settle = f" What would: {entry['settle_with']}." if entry["settle_with"] else ""
         parts.append(f"The simulator is wrong about {entry['term']}: {term.sentence} {values}. It shows in "
                      f"{', '.join(entry['where']['axes'])}, with {entry['confidence']:.0%} confidence.{other}{settle}")
+    if body["levels"]:
+        parts.append("Flights differ among themselves in " + ", ".join(
+            f"{name} (sd {entry['sd']:.2g} {entry['unit']})" for name, entry in body["levels"].items())
+            + "; that is taken as each flight's own, and a change of all flights has to stand out of it.")
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")
