@@ -5,12 +5,27 @@ Real recordings are never in the repository; tests that need them say when they 
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
 import os
+import pickle
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import pytest
 
+if TYPE_CHECKING:
+    from practice_crowd import Crowd
+
+    from nanobench_tools.audit import Audit
+    from nanobench_tools.flight import Flight
+
+T = TypeVar("T")
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")  # before NumPy is loaded: every core has a test process of its own
 
 
 def _real_root() -> Path | None:
@@ -30,6 +45,75 @@ def real_data() -> Path:
     if root is None:
         pytest.skip("REAL RECORDINGS ABSENT: set NANOBENCH_DATA to run this test")
     return root
+
+
+def _place_of_all(tmp_path_factory) -> Path:
+    """The folder of this run that all its test processes share."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory) -> Callable[[str, Callable[[], T]], T]:
+    """``made_once(name, make)`` -> what ``make()`` gave to the first test process of this run that asked for ``name``.
+
+    For what takes seconds to make and several processes need. Nothing is kept from one run to the next.
+    """
+    folder = _place_of_all(tmp_path_factory) / "made_once"
+    folder.mkdir(exist_ok=True)
+
+    def give(name: str, make: Callable[[], T]) -> T:
+        kept = folder / f"{name}.pickle"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if kept.exists():
+                return pickle.loads(kept.read_bytes())
+            made = make()
+            kept.write_bytes(pickle.dumps(made, pickle.HIGHEST_PROTOCOL))
+            return made
+
+    return give
+
+
+@pytest.fixture(scope="session")
+def crowd(made_once) -> Crowd:
+    """Practice flights by name (``practice_crowd.VEHICLES``), flown once in a run; they start with the same seeds."""
+    from practice_crowd import fly_crowd
+
+    return made_once("crowd", fly_crowd)
+
+
+@pytest.fixture(scope="session")
+def audited(made_once) -> Callable[[Flight], Audit]:
+    """``audited(flight)`` -> its audit, made by one test process of this run for all tests that read the recording."""
+
+    def give(flight: Flight) -> Audit:
+        from nanobench_tools.audit import audit
+
+        about = repr((flight.name, flight.epoch_s, flight.metadata, flight.provenance))
+        key = hashlib.sha256(about.encode()).hexdigest()[:16]
+        return made_once(f"audit_{key}", lambda: audit(flight))
+
+    return give
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_cache(tmp_path_factory):
+    """All tests of a run share one cache; nothing is read from or left in the user's."""
+    cache = _place_of_all(tmp_path_factory) / "cache"
+    (cache / "kernels").mkdir(mode=0o700, parents=True, exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NANOBENCH_CACHE", str(cache))
+        yield cache
+
+
+@pytest.fixture
+def empty_cache(tmp_path, shared_cache):
+    """A cache without recordings. Compiled models, found by all that goes into them, are those of the whole run."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    (cache / "kernels").symlink_to(shared_cache / "kernels")
+    return cache
 
 
 def pytest_terminal_summary(terminalreporter) -> None:

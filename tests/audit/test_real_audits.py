@@ -35,8 +35,8 @@ def recordings(real_data):
 
 
 @pytest.fixture(scope="module")
-def verdicts(recordings):
-    return {name: audit(flight) for name, flight in recordings.items()}
+def verdicts(recordings, audited):
+    return {name: audited(flight) for name, flight in recordings.items()}
 
 
 @pytest.mark.parametrize("name", STOPPED)

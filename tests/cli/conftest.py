@@ -6,34 +6,28 @@ import pytest
 
 from identification.greybox import study
 from nanobench_tools.cli.main import main
-from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.practice.logging_chain import LoggingChain
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 
 @pytest.fixture(scope="session")
-def recordings(tmp_path_factory):
+def recordings(tmp_path_factory, crowd):
     """Folder with three short practice recordings (circle, trefoil, helix; SYNTHETIC)."""
     folder = tmp_path_factory.mktemp("recordings")
-    for flight in practice_flights(3, seed=5, families=("circle", "trefoil", "helix"), duration_s=6.0):
+    for name in ("short circle", "short trefoil", "short helix"):
+        flight = crowd.flight(name)
         write_nanobench(flight, folder / f"{flight.name}.csv")
     return folder
 
 
 @pytest.fixture(scope="session")
-def wandering(tmp_path_factory):
+def wandering(tmp_path_factory, crowd):
     """Folder with two practice recordings (SYNTHETIC) whose clock is 40 ms late and wanders by 30 ms."""
     folder = tmp_path_factory.mktemp("wandering")
-    chain = LoggingChain(wander_sd_s=0.03, offset_s=0.04)
-    for flight in practice_flights(2, seed=21, families=("figure_eight", "trefoil"), duration_s=16.0, chain=chain):
+    for name in ("slow figure_eight", "slow trefoil"):
+        flight = crowd.flight(name, LoggingChain(wander_sd_s=0.03, offset_s=0.04))
         write_nanobench(flight, folder / f"{flight.name}.csv")
     return folder
-
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    """Nothing is read from or left in the cache of the user."""
-    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
 
 
 @pytest.fixture

@@ -35,8 +35,8 @@ def installed(tmp_path_factory):
     return target
 
 
-def nanobench(*arguments, path: Path, cwd: Path):
-    env = {**os.environ, "PYTHONPATH": str(path), "NANOBENCH_CACHE": str(cwd / "cache")}
+def launched(*arguments, path: Path, cwd: Path):
+    env = {**os.environ, "PYTHONPATH": str(path)}
     command = [COMMAND, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=env, cwd=cwd)
 
@@ -56,7 +56,7 @@ def way(request, tmp_path):
 
 def test_an_own_estimator_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("estimators")
-    done = nanobench("estimate", "--protocol", "clean", "--method", name, "--data", recordings, "--json", "e.json",
+    done = launched("estimate", "--protocol", "clean", "--method", name, "--data", recordings, "--json", "e.json",
                      "--jobs", 1, path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "e.json").read_text())["rows"]
@@ -66,16 +66,17 @@ def test_an_own_estimator_is_scored(way, recordings, tmp_path):
 
 def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("predictors")
-    done = nanobench("sysid", "--method", name, "--fit", "none", "--data", recordings, "--json", "s.json", "--jobs", 1,
+    done = launched("sysid", "--method", name, "--fit", "none", "--data", recordings, "--json", "s.json", "--jobs", 1,
                      path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "s.json").read_text())["rows"]
     assert "straight_on" in {row["model"] for row in rows}
 
 
+@pytest.mark.parametrize("way", ["entry point"], indirect=True)  # module:Class flies in practice/test_simulate_cli.py
 def test_an_own_controller_flies(way):
     name, path, cwd = way("controllers")
-    done = nanobench("simulate", "--controller", name, "--flights", 1, "--family", "circle", "--speed", "slow",
+    done = launched("simulate", "--controller", name, "--flights", 1, "--family", "circle", "--speed", "slow",
                      "--duration", 5, "--out", "flown", path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     flight = load_recordings([cwd / "flown"]).flights[0]
@@ -95,14 +96,15 @@ def test_the_examples_are_short_and_are_what_they_claim(monkeypatch):
         assert len(lines) <= 36
 
 
-def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
+def test_a_changed_own_method_is_not_answered_from_the_store(recordings, empty_cache, tmp_path, monkeypatch):
+    monkeypatch.setenv("NANOBENCH_CACHE", str(empty_cache))
     text = (EXAMPLES / "own_estimator.py").read_text()
     call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",
             "e.json", "--out", "o", "--jobs", 1]
     found = []
     for source in (text, text, text.replace("velocity[last] * age", "0.5 * velocity[last] * age")):
         (tmp_path / "own_estimator.py").write_text(source)
-        done = nanobench(*call, path=tmp_path / "nothing", cwd=tmp_path)
+        done = launched(*call, path=tmp_path / "nothing", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         found.append(json.loads((tmp_path / "e.json").read_text())["rows"])
     assert found[0] == found[1]
@@ -113,15 +115,17 @@ def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_pat
     ("class Bad:\n    name = 'bad'\n    causal = True\n    def estimate(self, flight):\n        return 1 / 0\n",
      "ZeroDivisionError"),
     ("class Bad:\n    pass\n", "own_bad:Bad"), ("1 / 0\n", "own_bad:Bad"), ("", "own_bad:Bad")])
-def test_a_broken_own_method_is_reported_in_one_line(recordings, tmp_path, source, says):
+def test_a_broken_own_method_is_reported_in_one_line(nanobench, recordings, tmp_path, monkeypatch, source, says):
     (tmp_path / "own_bad.py").write_text(source)
-    done = nanobench("estimate", "--protocol", "clean", "--method", "own_bad:Bad", "--data", recordings, "--quiet",
-                     "--json", "e.json", "--jobs", 1, path=tmp_path / "nothing", cwd=tmp_path)
-    assert "Traceback" not in done.stderr
-    assert says in done.stderr
+    monkeypatch.syspath_prepend(tmp_path)
+    sys.modules.pop("own_bad", None)
+    code, _, err = nanobench("estimate", "--protocol", "clean", "--method", "own_bad:Bad", "--data", recordings,
+                             "--quiet", "--json", tmp_path / "e.json", "--jobs", 1)
+    assert "Traceback" not in err
+    assert says in err
     if "estimate" in source:
-        assert done.returncode == 1
+        assert code == 1
         assert len(json.loads((tmp_path / "e.json").read_text())["failed"]) == 3
     else:
-        assert done.returncode == 2
-        assert done.stderr.count("\n") == 1
+        assert code == 2
+        assert err.count("\n") == 1

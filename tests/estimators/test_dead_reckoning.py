@@ -10,7 +10,6 @@ from estimators.error_state_ekf import ErrorStateEkf, Strapdown
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
-from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.protocols import blackout, task3
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
@@ -82,8 +81,8 @@ def test_turning_the_world_turns_the_estimate():
 
 
 @pytest.fixture(scope="module")
-def flight():
-    return practice_flights(1, seed=12, families=("trefoil",), duration_s=18.0)[0]
+def flight(crowd):
+    return crowd.flight("slow trefoil")
 
 
 def test_nothing_later_leaks(flight):

@@ -9,6 +9,7 @@ import pytest
 from nanobench_tools import InputError
 from nanobench_tools.cli.main import main
 from nanobench_tools.practice import fly, path_spec
+from nanobench_tools.practice.timeline import Events
 from nanobench_tools.sources.discover import load_recordings
 
 
@@ -91,7 +92,8 @@ def test_a_command_that_motors_cannot_obey_is_refused(value, shown):
 
 
 def test_rounding_beyond_the_range_is_cut_off():
-    flown = fly(Odd(1.0 + 1e-9), [path_spec("circle", "slow", duration_s=1.0)])
+    specs, short = [path_spec("circle", "slow", duration_s=1.0)], [Events(0.4, 1.6, 2.6, 3.0, 3.4)]
+    flown = fly(Odd(1.0 + 1e-9), specs, events=short)
     assert flown.truth["motor"].max() <= 1.0
 
 

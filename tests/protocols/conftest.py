@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 
 import pytest
 
-from nanobench_tools.audit import Audit, audit
+from nanobench_tools.audit import Audit
 from nanobench_tools.sources.discover import load_recordings
 
 
 class Audits(Mapping):
     """Audits by name of the flight, made when first asked for: a test pays only for the flights it uses."""
 
-    def __init__(self, flights) -> None:
+    def __init__(self, audited, flights) -> None:
+        self.audited = audited
         self.flights = {flight.name: flight for flight in flights}
         self.known: dict[str, Audit] = {}
 
     def __getitem__(self, name: str) -> Audit:
         if name not in self.known:
-            self.known[name] = audit(self.flights[name])
+            self.known[name] = self.audited(self.flights[name])
         return self.known[name]
 
     def __iter__(self):
@@ -33,13 +35,13 @@ class Audits(Mapping):
 
 
 @pytest.fixture(scope="session")
-def real(real_data):
+def real(real_data, audits_of):
     """(flights, audits) of all real NanoBench recordings."""
     flights = load_recordings([real_data / "nanobench"]).flights
-    return flights, Audits(flights)
+    return flights, audits_of(flights)
 
 
 @pytest.fixture(scope="session")
-def audits_of():
+def audits_of(audited):
     """flights -> their audits, made when asked for."""
-    return Audits
+    return functools.partial(Audits, audited)

@@ -9,23 +9,17 @@ import pytest
 from nanobench_tools.cli.control import _show
 from nanobench_tools.cli.main import main
 from nanobench_tools.cli.options import Options
-from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.protocols import task2
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, crowd):
     """Three short practice recordings (SYNTHETIC)."""
     place = tmp_path_factory.mktemp("practice")
-    for flight in practice_flights(3, seed=11, families=("circle", "trefoil", "helix"), duration_s=8.0):
+    for flight in map(crowd.flight, ("circle", "trefoil", "helix")):
         write_nanobench(flight, place / f"{flight.name}.csv")
     return place
-
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
 
 
 @pytest.fixture
@@ -116,9 +110,9 @@ def test_control(call, folder):
     assert {row["controller"] for row in result["rows"]} == {"pid"}
 
 
-def test_control_says_why_a_recording_is_left_out(call, folder, tmp_path, monkeypatch):
-    for flight in practice_flights(1, seed=12, families=("oval",), controllers=("mellinger",), duration_s=8.0):
-        write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")
+def test_control_says_why_a_recording_is_left_out(call, crowd, folder, tmp_path, monkeypatch):
+    flight = crowd.flight("mellinger oval")
+    write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")
     places = ("--data", folder, "--data", tmp_path / "mellinger")
     _, result, _, _ = call("control", *places, "--controller", "mellinger")
     assert {row["controller"] for row in result["rows"]} == {"mellinger"}

@@ -7,29 +7,18 @@ import pytest
 
 from nanobench_tools.audit import Audit, audit
 from nanobench_tools.content.context import Context
-from nanobench_tools.flight import Flight, Provenance
-from nanobench_tools.practice.flying import flight_rngs, fly
-from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import path_spec
+from nanobench_tools.flight import Flight
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.retiming.warp import ClockWarp, wander_of
 
-SEED = 67
-
 
 @pytest.fixture(scope="module")
-def flown():
-    return fly(OnboardFleet(["pid"]), [path_spec("trefoil", "medium", duration_s=14.0)], seed=SEED, indices=[0])
+def recording(crowd):
+    return lambda **chain: crowd.log("medium trefoil", **chain)[0]
 
 
-def recording(flown, **chain):
-    recorded = record(flown, 0, LoggingChain(**chain), flight_rngs(SEED, 0, 9)[6:])
-    return Flight("practice", recorded.streams, {}, Provenance("log", "", "practice", synthetic=True))
-
-
-def test_wander_is_a_fault_with_its_course(flown):
-    flight = recording(flown, wander_sd_s=0.03)
+def test_wander_is_a_fault_with_its_course(recording):
+    flight = recording(wander_sd_s=0.03)
     verdict = Audit.from_json(json.loads(json.dumps(audit(flight).to_json())))
     found = {f.stream: f for f in verdict.faults if f.kind == "clock_wander"}
     assert {"imu", "estimator"} <= set(found)
@@ -44,14 +33,14 @@ def test_wander_is_a_fault_with_its_course(flown):
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 0.06])
-def test_a_constant_is_no_wander(flown, offset_s):
-    verdict = audit(recording(flown, offset_s=offset_s))
+def test_a_constant_is_no_wander(recording, offset_s):
+    verdict = audit(recording(offset_s=offset_s))
     assert not any(f.kind == "clock_wander" for f in verdict.faults)
     assert verdict.clock["imu"].warp == ()
 
 
-def test_a_line_is_a_drift_and_no_wander(flown):
-    flight = recording(flown)
+def test_a_line_is_a_drift_and_no_wander(recording):
+    flight = recording()
     slow = {n: s if n == "mocap" else s.__class__(**{**s.__dict__, "time_s": s.time_s * 1.002})
             for n, s in flight.streams.items()}
     kinds = {f.kind for f in audit(Flight("drifts", slow, {}, flight.provenance)).faults}

@@ -7,24 +7,15 @@ import pytest
 
 from nanobench_tools.content.context import Context
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Provenance, Span
-from nanobench_tools.practice.flying import flight_rngs, fly
-from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import path_spec
+from nanobench_tools.flight import Span
 from nanobench_tools.retiming.confirm import believed
 
-SEED = 53
 FIRMWARE = ("imu", "estimator", "attitude_qw", "attitude", "motor", "setpoint", "pid", "battery", "estimator_acc")
 
 
 @pytest.fixture(scope="module")
-def wandering():
-    specs = [path_spec("figure_eight", "fast", duration_s=16.0)]
-    flown = fly(OnboardFleet(["pid"]), specs, seed=SEED, indices=[0])
-    recorded = record(flown, 0, LoggingChain(wander_sd_s=0.03), flight_rngs(SEED, 0, 9)[6:])
-    late = recorded.clock
-    return Flight("practice", recorded.streams, {}, Provenance("log", "", "practice", synthetic=True)), late
+def wandering(crowd):
+    return crowd.log("fast figure_eight", wander_sd_s=0.03)
 
 
 def on_firmware(flight, change):

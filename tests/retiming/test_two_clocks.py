@@ -9,22 +9,13 @@ from nanobench_tools import so3
 from nanobench_tools.content.context import Context
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
-from nanobench_tools.practice.flying import flight_rngs, fly
-from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import path_spec
 from nanobench_tools.retiming.pairing import between, with_mocap
 from nanobench_tools.retiming.ticks import link_delay, unwrapped, warp_from_ticks
 
-SEED = 77
-
 
 @pytest.fixture(scope="module")
-def flight():
-    specs = [path_spec("trefoil", "fast", duration_s=14.0)]
-    flown = fly(OnboardFleet(["pid"]), specs, seed=SEED, indices=[0])
-    recorded = record(flown, 0, LoggingChain(), flight_rngs(SEED, 0, 9)[6:])
-    return Flight("practice", recorded.streams, {}, Provenance("log", "", "practice", synthetic=True))
+def flight(crowd):
+    return crowd.log("fast trefoil")[0]
 
 
 def sawtooth(time_s, height_s=0.08, period_s=0.6):
@@ -86,10 +77,8 @@ def test_a_log_and_a_trackers_file_meet(flight, turned):
     assert "traj.tum" in both.provenance.notes[-1]
 
 
-def test_recordings_of_two_flights_do_not_meet(flight):
-    specs = [path_spec("star", "medium", duration_s=14.0)]
-    flown = fly(OnboardFleet(["pid"]), specs, seed=5, indices=[0])
-    other = record(flown, 0, LoggingChain(), flight_rngs(5, 0, 9)[6:]).streams
+def test_recordings_of_two_flights_do_not_meet(flight, crowd):
+    other, _ = crowd.log("star")
     tracked = Flight("other", {"mocap": other["mocap"]}, {}, Provenance("other.tum", "", "tum"))
     with pytest.raises(InputError, match=r"other\.tum"):
         with_mocap(flight.without_streams("mocap"), tracked)

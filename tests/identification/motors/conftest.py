@@ -8,13 +8,6 @@ from made_logs import MASS, flight, fly
 from identification.motors import identify, rotation
 
 
-@pytest.fixture(autouse=True, scope="session")
-def own_cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-        yield
-
-
 @pytest.fixture(scope="session")
 def logs():
     return fly(3, noise=3.0)

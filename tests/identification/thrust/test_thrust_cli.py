@@ -11,11 +11,6 @@ from made_stands import dc_law, drive, text
 from nanobench_tools.cli.main import main
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 @pytest.fixture
 def nanobench(capsys):
     def call(*arguments):
