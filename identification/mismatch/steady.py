@@ -31,6 +31,8 @@ ODD = 0.5
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
+ASKEW = 0.01
+"""Chance below which the angle between thrust and sensors is another one."""
 STRANGE = 0.001
 """Chance below which a flight does not belong to the others of its folder."""
 
@@ -134,7 +136,7 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     causes = {best}
     if chances[best] < SURE:
         causes = next((t for t in TWINS if best in t and sum(chances[c] for c in t) >= SURE), set())
-    if not causes:
+    if not causes or ("vehicle" in causes and not _askew(found, normal)):
         return []
     together = found.of(*causes)
     motors, h, weights = _best(found, best)
@@ -154,6 +156,14 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
              "residual_share": _share(found, h, weights), "sentence": sentence,
              "ruled_out": against(found, best, causes, normal, body),
              "settle_with": _settle(causes)}]
+
+
+def _askew(found: Weighed, normal: Normal) -> bool:
+    """Whether thrust stands at another angle to the sensors, by itself: unequal motors alone are no other vehicle."""
+    away = found.delta["level"][~np.isnan(found.delta["level"])]
+    chance = fisher.sf(float(away @ away) / found.sd["level"] ** 2 / max(len(away), 1), max(len(away), 1),
+                       normal.freedom["level"])
+    return bool(len(away) and chance < ASKEW)
 
 
 def _best(found: Weighed, cause: str) -> tuple[tuple[int, ...], Hypothesis | None, np.ndarray]:
