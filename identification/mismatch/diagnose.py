@@ -17,6 +17,7 @@ from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
 
+from .believe import START
 from .decide import Decision, decide, unproved
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
@@ -76,7 +77,7 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
     in other units or axes."""
     start = time.perf_counter()
     if recordings.judged_s < LEAST_S:
-        return Verdict.insufficient(recordings, Model(vehicle or Vehicle(), {}), time.perf_counter() - start)
+        return Verdict.insufficient(recordings, Model(vehicle or Vehicle(), START), time.perf_counter() - start)
     given = equivalent(recordings, simulator, place, vehicle, progress)
     if given.alike:
         verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)

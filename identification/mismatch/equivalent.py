@@ -45,8 +45,9 @@ LAG_S = 2e-3
 RIDGE = 1e-2
 ALIKE = 0.1, 0.25
 """RMS of what is not reproduced, as a share of how force and torque move: above it nothing is named."""
-LIFTS, TURNS, AGAINST = 2.5, 8.0, -0.3
-"""A simulator whose lift, or RMS turning, is off by these factors, or that turns against what flew, is not judged."""
+LIFTS, TURNS, AGAINST = 2.5, (0.15, 40.0), -0.3
+"""A simulator whose lift is off by this factor, that turns so many times as much as what flew, or against it, is not
+judged. On real flights commands shake ten times as much as the vehicle turns."""
 PROBED_V = 0.4
 
 
@@ -152,20 +153,22 @@ def _look_over(wrench: Wrench, given: tuple[np.ndarray, np.ndarray], answers: Se
     flown, lifts = float(np.mean(wrench.measured[0][:, 2] + up)), float(np.mean(given[0][:, 2] + up))
     if not 1.0 / LIFTS < lifts / flown < LIFTS:
         times = lifts / flown
-        guess = ("is gravity in it? return it, in the world, as {'acceleration_m_s2': ...}" if abs(times) < 0.05 else
+        guess = ("is gravity in it? return it, in the world, as {'acceleration_m_s2': ...}" if abs(times) < 0.02 else
                  "is it in g?" if abs(times * UP[2] - 1.0) < 0.5 else
                  "is it a force in N? divide it by the mass" if 0.0 < times < 0.2 else
                  "is z down?" if times < 0.0 else "another vehicle, or other units")
         raise InputError(place, f"its specific force along the body's z is {lifts:.3g} m/s^2 on average where these "
                          f"flights have {flown:.3g}", guess)
-    sizes = np.sqrt(np.mean(given[1]**2, axis=0)) / np.maximum(np.sqrt(np.mean(wrench.measured[1]**2, axis=0)), 1e-9)
-    times = float(np.median(sizes[:2]))
-    if not 1.0 / TURNS < times < TURNS:
-        guess = ("is it in degrees?" if 30.0 < times < 110.0 else "is it a torque in N m? divide it by the inertia"
-                 if times < 1e-3 else "another vehicle, or other units")
-        raise InputError(place, f"its angular acceleration is {times:.2g} times what these flights have (RMS)", guess)
+    asked, turned = given[1], wrench.measured[1]
+    times = float(np.median(asked[:, :2].std(axis=0) / np.maximum(turned[:, :2].std(axis=0), 1e-9)))
+    if not TURNS[0] < times < TURNS[1]:
+        guess = ("is it in degrees?" if times > 1.0 else "does it look at the motors?" if times == 0.0 else
+                 "is it a torque in N m? divide it by the inertia" if times < 1e-3 else
+                 "another vehicle, or other units")
+        raise InputError(place, f"its angular acceleration moves {times:.2g} times as much as that of these flights",
+                         guess)
     for i, axis in enumerate("xy"):
-        r = float(np.corrcoef(given[1][:, i], wrench.measured[1][:, i])[0, 1])
+        r = float(np.corrcoef(asked[:, i], turned[:, i])[0, 1])
         if r < AGAINST:
             raise InputError(place, f"it turns against what flew about {axis} (correlation {r:.2f})",
                              "body axes are x forward, y left, z up; motors front right, back right, back left, front "

@@ -180,7 +180,8 @@ def said(error: BaseException) -> str:
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
-    where = f" in line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}" if trace is not None else ""
+    own = trace is None or trace.tb_frame.f_code.co_filename == __file__  # the call itself failed
+    where = "" if own else f" in line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}"  # type: ignore[union-attr]
     text = " ".join(str(error).split())
     return f"{type(error).__name__}{f': {text}' if text else ''}{where}"
 
