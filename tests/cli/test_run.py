@@ -87,8 +87,8 @@ def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(nanobench, one
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, tmp_path):
-    env = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}
+def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, empty_cache, tmp_path):
+    env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache)}
 
     def command(out):
         return [*COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
