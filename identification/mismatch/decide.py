@@ -10,7 +10,7 @@ import numpy as np
 from nanobench_tools.flight import Fault
 from nanobench_tools.physics import Model
 
-from .fitting import Fit, Slopes, fit, force_left
+from .fitting import Fit, Slopes, bootstrap, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
@@ -253,7 +253,8 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     slow = [(abs(g), name) for g, name, group in zip(gone, _names(moments), _groups(moments), strict=True)
             if group not in ("hypothesis", "turning", "flight")]
     wide = np.sqrt(WIDER * max(final.loss / max(len(final.left), 1), 1.0))
-    sd = {model.names[i]: float(np.hypot(wide * np.sqrt(final.covariance[k, k]),
+    drawn = bootstrap(known, final, named.own())
+    sd = {model.names[i]: float(np.hypot(max(wide * np.sqrt(final.covariance[k, k]), drawn[k]),
                                          SYSTEMATIC * abs(model.values[i]) if model.values[i] else 0.0))
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))

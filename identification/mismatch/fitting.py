@@ -28,6 +28,8 @@ OWN_SD = 1.0
 FIXED_SUM = ("motor_imbalance.g",)
 """Lists whose mean is given by definition."""
 STIFF = 1e4
+DRAWS, LEAST_FLIGHTS = 200, 3
+"""Of flights, for the intervals; fewer flights say nothing about how flights scatter."""
 
 
 @dataclass(frozen=True)
@@ -219,6 +221,39 @@ def _level_values(known: Slopes, names: Sequence[str], rows: np.ndarray) -> dict
         return {}
     unit = scales(levels.model)[list(levels.which)] * levels.sd_scales
     return {name: row * unit[levels.names.index(name)] for name, row in zip(names, rows, strict=True)}
+
+
+def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), draws: int = DRAWS,
+              seed: int = 0) -> np.ndarray:
+    """(F,) standard deviation of a fit's free parameters, flights drawn anew (Efron and Tibshirani 1993, ch. 6),
+    widened for few flights; 0 where there are too few. To first order around the fit."""
+    wrench, model = known.moments.wrench, fit.model
+    numbers = np.unique(wrench.flight)
+    many, sizes = len(numbers), scales(model)[fit.free]
+    if many < LEAST_FLIGHTS or not len(fit.free):
+        return np.zeros(len(fit.free))
+    columns = known.of_flights(model, fit.free).reshape(len(known.moments.owner), len(fit.free), many)
+    masks = [(wrench.flight[wrench.force_at] == f, wrench.flight[wrench.torque_at] == f) for f in numbers]
+    force, torque = wrench.residual(model)
+    left = known.moments.project(np.stack([force * m[:, None] for m, _ in masks], -1),
+                                 np.stack([torque * m[:, None] for _, m in masks], -1))
+    beside = known.levels([model.names[i] for i in own])[1]
+    if len(own):
+        beside = np.concatenate([OWN_SD * known.of_flights(model, own), beside], axis=1)
+    prior = np.diag(np.full(len(fit.free), PRIOR_SD**-2.0))
+    sums = STIFF * (_sums(model, fit.free) * sizes).T @ (_sums(model, fit.free) * sizes) / sizes.mean() ** 2
+    rng, found = np.random.default_rng(seed), np.empty((draws, len(fit.free)))
+    for k in range(draws):
+        weight = rng.multinomial(many, np.full(many, 1.0 / many)).astype(float)
+        here, what = columns @ weight, left @ weight
+        if beside.shape[1]:
+            nuisance = beside * np.tile(weight, beside.shape[1] // many)
+            gram = np.linalg.solve(np.eye(nuisance.shape[1]) + nuisance.T @ nuisance, nuisance.T)
+            clean = here - nuisance @ (gram @ here)
+        else:
+            clean = here
+        found[k] = np.linalg.solve(here.T @ clean + prior + sums, clean.T @ what)
+    return found.std(axis=0) * sizes * np.sqrt(many / (many - 1.0))
 
 
 def force_left(known: Slopes, fit: Fit) -> np.ndarray:

@@ -76,7 +76,8 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
     found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
              "left_out": left_out(recordings), "rejected": reasons(body.get("not_named") or [], "Not named"),
              "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
-             "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body), "power": power(body)}
+             "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body),
+             "power": power(body)}
     if "rms" in drawn:
         found["rms"] = rms(drawn["rms"], bool(body["findings"]))
     return {name: table for name, table in found.items() if table.rows}
