@@ -110,6 +110,17 @@ def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] |
             "direction_deg": float(np.degrees(np.arctan2(np.sqrt(left), np.sqrt(forward))))}
 
 
+def spectra(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any]:
+    """For a picture: {frequency_hz, here, normal} with mean power over its level, largest of both axes."""
+    def mean(part: Sequence[Swing]) -> list[float] | None:
+        seen = [s.power for s in part if s.runs]
+        if not seen or np.isnan(seen).all():
+            return None
+        return np.nanmax(np.mean(seen, axis=0)[:, ~np.isnan(np.mean(seen, axis=0)).all(axis=0)], axis=1).tolist()
+
+    return {"frequency_hz": frequencies().tolist(), "here": mean(here), "normal": mean(normal)}
+
+
 def string_length(frequency_hz: float, mass_share: float = 0.0) -> float:
     """[m] of a pendulum with this mode, ``mass_share`` of the vehicle's mass below."""
     return GRAVITY_M_S2 * (1.0 + mass_share) / (2.0 * np.pi * frequency_hz) ** 2

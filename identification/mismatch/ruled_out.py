@@ -31,7 +31,7 @@ def against(found: Weighed, best: str, named: Collection[str], normal: Normal, b
 
 def _why(found: Weighed, cause: str, odds: float) -> str:
     words = "no change" if cause == NONE else CAUSES[cause].short
-    chance = f"odds 1 to {1.0 / odds:,.0f}" if odds > 1e-6 else "odds below one in a million"
+    chance = f"odds 1 to {float(f'{1.0 / odds:.2g}'):,.0f}" if odds > 1e-6 else "odds below one in a million"
     left = found.delta["gains"]
     would = ""
     mine = [(p, h) for h, p in zip(found.hypotheses, found.probability, strict=True)

@@ -18,7 +18,7 @@ from scipy.stats import f as fisher
 from nanobench_tools.errors import InputError
 
 from .causes import CAUSES, Body, Hypothesis
-from .periodic import Swing, swing_of
+from .periodic import Swing, spectra, swing_of
 from .ruled_out import against
 from .steady_proof import SURE, TWINS, held_out, smallest
 from .steady_words import paragraph, unknown_of
@@ -91,7 +91,8 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     improvement = held_out(trims, normal, body, findings)
     text = paragraph(outcome, findings, unknown, found, trims, normal, flights.odd, power, improvement, left_out, least)
     verdict = _body(outcome, text, findings, unknown, left_out, flights, power, improvement, started)
-    verdict["trim"] = _trim_table(trims, normal, found)
+    verdict["trim"] = _trim_table(trims, flights, found)
+    verdict["swing"] = {**spectra(*swings), "found": swing}
     verdict["not_named"] = [{"cause": name, "probability": p} for name, p in
                             sorted(found.by_cause().items(), key=lambda item: -item[1])
                             if name not in {c for f in findings for c in f["causes"]}]
@@ -210,14 +211,18 @@ def _settle(causes: set[str]) -> str | None:
     return None
 
 
-def _trim_table(trims: Sequence[Trim], normal: Normal, found: Weighed) -> dict[str, Any]:
+def _trim_table(trims: Sequence[Trim], flights: Flights, found: Weighed) -> dict[str, Any]:
     """What the picture shows: change of the thrust asked of each motor [%], its spread, and each flight's."""
+    normal = flights.normal
     base = normal.mean["gains"]
     return {"motors": [1, 2, 3, 4], "change_percent": (100.0 * found.delta["gains"]).tolist(),
             "sd_percent": 100.0 * found.sd["gains"], "normal_sd_percent": 100.0 * normal.sd["gains"],
             "flights": [{"flight": t.name, "change_percent": (100.0 * (t.gains - base)).tolist(),
                          "battery_V": t.battery_V, "height_m": t.height_m} for t in trims],
-            "normal": list(normal.names), "known_lift": found.known_lift,
+            "normal": list(normal.names),
+            "normal_flights": [{"flight": t.name, "change_percent": (100.0 * (t.gains - base)).tolist()}
+                               for t in flights.trims],
+            "probability": found.by_cause(), "known_lift": found.known_lift,
             "level_m_s2": found.delta["level"].tolist(), "level_sd_m_s2": found.sd["level"]}
 
 

@@ -21,6 +21,7 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
     """The verdict on ``--data`` against the recordings of ``normal``."""
     from identification.mismatch.steady import compare, normal_flights
     from identification.mismatch.steady_input import body_of, trims_in
+    from identification.mismatch.steady_page import write_steady_page
     from identification.mismatch.steady_simulator import corrected, simulator_of
 
     from ..audit import find_copies
@@ -52,6 +53,9 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
             write_simulator(better, options.out / CORRECTED)
             verdict["corrected_simulator"] = str(options.out / CORRECTED)
     _show(options, verdict)
+    if options.out is not None:
+        write_steady_page({"Verdict": verdict}, options.out / "report.html", options.synthetic)
+        options.say(str(options.out / "report.html"))
     return options.finish("verdict", verdict)
 
 

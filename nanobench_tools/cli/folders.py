@@ -61,7 +61,7 @@ def show_folders(options: Options, body: Mapping[str, Any]) -> None:
     from rich import box
     from rich.table import Table
 
-    word, summary = data_word(options), body["summary"]
+    word = data_word(options)
     table = Table(title=f"Folders diagnosed blind against {len(body['normal'])} normal flights, {word}",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("folder", "there", "said", "motors", "right", "thrust asked of motors 1..4, %", "sd %", "found at it"):
@@ -77,21 +77,29 @@ def show_folders(options: Options, body: Mapping[str, Any]) -> None:
                       f"{trim['sd_percent']:.1f}" if trim else "-",
                       ", ".join(f"{v:.1f} %" for v in size["loss_percent"]) if size else "-")
     options.show(table)
+    for line in sentences(body):
+        options.show(line)
+
+
+def sentences(body: Mapping[str, Any]) -> list[str]:
+    """What a proof on folders adds up to."""
+    summary, lines = body["summary"], []
     for kind, row in summary["by_kind"].items():
-        options.show(f"{kind}: right {row['right']} of {row['n']}, {row['below']} below what these flights can show, "
+        lines.append(f"{kind}: right {row['right']} of {row['n']}, {row['below']} below what these flights can show, "
                      f"{row['false_names']} false names")
     alarms = summary["false_alarms"]
-    options.show(f"normal flights judged by the others: {alarms['right']} false alarms of {alarms['n']}"
+    lines.append(f"normal flights judged by the others: {alarms['right']} false alarms of {alarms['n']}"
                  + (f" (95 %: {alarms['ci95'][0]:.0%} to {alarms['ci95'][1]:.0%})" if alarms["ci95"] else ""))
     dose = summary["dose"]
     for words, row in (("one motor cut", dose["one_motor"]), ("all motors cut", dose["all_motors"])):
         if row["spearman"] is not None:
-            options.show(f"dose and response, {words}: Spearman {row['spearman']:.2f}, n = {row['n']}")
+            lines.append(f"dose and response, {words}: Spearman {row['spearman']:.2f}, n = {row['n']}")
     for cause, row in body["power"].items():
         if row["minimum_detectable"] is not None:
-            options.show(f"smallest {cause} that would be named: {row['minimum_detectable']:.1f} {row['unit']}")
+            lines.append(f"smallest {cause} that would be named: {row['minimum_detectable']:.1f} {row['unit']}")
     for name in body["unlabelled"]:
-        options.show(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
+        lines.append(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
+    return lines
 
 
 def check_mass(mass_kg: float) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
-from .folders import NORMAL, check_mass, copies_between, real_folders, show_folders
+from .folders import NORMAL, check_mass, copies_between, real_folders, sentences, show_folders
 from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
@@ -119,8 +119,9 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str
 def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
           mass_kg: float | None) -> dict[str, Any]:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
+    from identification.mismatch.steady_page import write_steady_page
     from identification.prove.folder_score import score_folders
-    from identification.prove.folders import judge
+    from identification.prove.folders import LEAVE_ONE_OUT, judge
     from identification.prove.labels import read_labels
 
     from ..audit import find_copies
@@ -139,6 +140,10 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     body = score_folders(judged, known, elsewhere)
     body["verdicts"] = dict(judged.verdicts)
     show_folders(options, body)
+    if options.out is not None:
+        write_steady_page({**judged.verdicts, **{LEAVE_ONE_OUT + n: v for n, v in judged.alarms.items()}},
+                          options.out / "report.html", options.synthetic, sentences(body))
+        options.say(str(options.out / "report.html"))
     return body
 
 

@@ -11,6 +11,7 @@ from scipy import stats
 from identification.mismatch.causes import CAUSES, Body
 from identification.mismatch.causes.weight import loads
 from identification.mismatch.steady import compare, normal_flights
+from identification.mismatch.steady_page import write_steady_page
 from identification.mismatch.trim import Trim
 from identification.mismatch.weigh import normal_of, quantiles, weigh
 from nanobench_tools.errors import InputError
@@ -197,3 +198,16 @@ def test_a_flight_of_another_folder_is_left_out_and_said():
 def test_quantiles_of_equal_weights_are_those_of_the_draws():
     values = np.random.default_rng(1).standard_normal(4001)
     assert quantiles(values, np.ones(4001) / 4001) == pytest.approx(np.quantile(values, [0.5, 0.025, 0.975]), abs=0.01)
+
+
+def test_page_of_a_comparison_holds_what_it_draws(tmp_path):
+    flights = normal_flights(normals(), BODY)
+    named = compare(some(3, 1, loss(3, 0.2)), flights, BODY)
+    empty = compare([], flights, BODY, left_out={"<a>": "never left the ground"})
+    write_steady_page({"cut <3>": named, "grounded": empty}, tmp_path / "report.html", True, ["two folders"])
+    text = (tmp_path / "report.html").read_text()
+    assert text.count("<circle") == 4 * (5 + 3)
+    assert "cut &lt;3&gt;" in text
+    assert "&lt;a&gt; is left out" not in text
+    assert "SYNTHETIC" in text
+    assert "http" not in text.replace("http-equiv", "")

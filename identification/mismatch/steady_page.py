@@ -1,0 +1,107 @@
+"""Page of comparisons of trims: one verdict, or a gallery of folders. Drawn as SVG, so that it needs no library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.report.page import _template
+from nanobench_tools.version import __version__
+
+from .causes import CAUSES
+from .weigh import NONE
+
+WIDTH, HEIGHT, LEFT, BOTTOM = 360.0, 220.0, 44.0, 26.0
+LEAST_RANGE = 10.0
+"""Per cent the axis of the trims reaches at least."""
+
+
+def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthetic: bool,
+                      summary: Sequence[str] = ()) -> None:
+    """cases {title: verdict of ``steady.compare``}; summary: sentences above them."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
+                              lstrip_blocks=True, undefined=StrictUndefined)
+    drawn = [{"id": f"case-{k}", "title": title, "body": plain(body), **_pictures(plain(body))}
+             for k, (title, body) in enumerate(cases.items())]
+    text = environment.get_template("steady.html").render(
+        label="SYNTHETIC" if synthetic else "", version=__version__, css=_template("report.css"), cases=drawn,
+        summary=summary, width=WIDTH, height=HEIGHT, left=LEFT, bottom=BOTTOM)
+    write_bytes(Path(path), text.encode(errors="replace"))
+
+
+def _pictures(body: Mapping[str, Any]) -> dict[str, Any]:
+    trim = body.get("trim")
+    return {"trim": None if trim is None else _trim(trim), "chances": None if trim is None else _chances(trim),
+            "spectrum": _spectrum(body.get("swing") or {}), "proof": _proof(body.get("improvement"))}
+
+
+def _trim(trim: Mapping[str, Any]) -> dict[str, Any]:
+    """Thrust asked of each motor: band of normal flights, their dots, dots and mean of the flights asked about."""
+    usual = np.array([f["change_percent"] for f in trim["normal_flights"]])
+    here = np.array([f["change_percent"] for f in trim["flights"]])
+    most = max(LEAST_RANGE, 1.1 * float(np.abs(np.concatenate([usual, here])).max()))
+    y = _scale(-most, most)
+    column = (WIDTH - LEFT) / 4.0
+    centre = [LEFT + column * (k + 0.5) for k in range(4)]
+    band = 2.0 * trim["normal_sd_percent"]
+    return {"ticks": [(t, y(t)) for t in _ticks(most)], "zero": y(0.0), "band": (y(band), y(-band) - y(band)),
+            "motors": list(zip(trim["motors"], centre, strict=True)),
+            "usual": [(centre[k] - 0.22 * column, y(v)) for row in usual for k, v in enumerate(row)],
+            "here": [(centre[k] + 0.08 * column, y(v)) for row in here for k, v in enumerate(row)],
+            "mean": [(centre[k] - 0.05 * column, centre[k] + 0.3 * column, y(v))
+                     for k, v in enumerate(trim["change_percent"])]}
+
+
+def _chances(trim: Mapping[str, Any]) -> list[tuple[str, float, str]]:
+    """(cause, width of its bar, per cent), the likeliest five."""
+    named = {**{name: cause.short for name, cause in CAUSES.items()}, NONE: "no change"}
+    best = sorted(trim["probability"].items(), key=lambda item: -item[1])[:5]
+    return [(named[name], 200.0 * p, _percent(p)) for name, p in best]
+
+
+def _percent(p: float) -> str:
+    return "< 1 %" if p < 0.01 else "> 99 %" if p > 0.99 else f"{100.0 * p:.0f} %"
+
+
+def _spectrum(swing: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Horizontal force that the tilt does not explain, by frequency."""
+    if not swing.get("here") or not swing.get("normal"):
+        return None
+    f = np.array(swing["frequency_hz"])
+    most = max(3.0, 1.1 * max(*swing["here"], *swing["normal"]))
+    y = _scale(0.0, most)
+    x = LEFT + (f - f[0]) / (f[-1] - f[0]) * (WIDTH - LEFT - 8.0)
+
+    def line(values: Sequence[float]) -> str:
+        return " ".join(f"{a:.1f},{y(v):.1f}" for a, v in zip(x, values, strict=True))
+
+    found = swing.get("found")
+    at = None if not found else (float(np.interp(found["frequency_hz"], f, x)), f"{found['frequency_hz']:.2f} Hz")
+    return {"here": line(swing["here"]), "normal": line(swing["normal"]), "found": at,
+            "ticks": [(f"{t:.1f}", float(np.interp(t, f, x))) for t in (0.4, 0.8, 1.2)],
+            "levels": [(t, y(t)) for t in _ticks(most)]}
+
+
+def _proof(improvement: Mapping[str, Any] | None) -> list[tuple[str, float, str]] | None:
+    """(words, width of a bar, per cent) before, after and the spread of normal flights."""
+    if not improvement:
+        return None
+    entry = improvement["trim"]
+    most = max(entry["before"], entry["after"], entry["floor"])
+    return [(words, 200.0 * entry[key] / most, f"{entry[key]:.1f} %") for words, key in (
+        ("from normal flights", "before"), ("with what was named", "after"), ("a normal flight", "floor"))]
+
+
+def _scale(low: float, high: float):
+    return lambda v: 8.0 + (high - v) / (high - low) * (HEIGHT - BOTTOM - 8.0)
+
+
+def _ticks(most: float) -> list[float]:
+    step = next(s for s in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 1e6) if most / s <= 4.0)
+    return [step * k for k in range(-int(most / step), int(most / step) + 1)]
