@@ -32,7 +32,7 @@ from nanobench_tools.practice.clock import ClockError
 from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import FAMILIES, path_spec
+from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.retiming.apply import find_warp
 from nanobench_tools.retiming.confirm import believed, gain_on
@@ -46,7 +46,7 @@ CLOCKS = {"position, velocity": ("position", "velocity"), "gyro, acceleration": 
 
 def practice_with_truth(n: int, wander_sd_s: float, seed: int) -> list[tuple[Flight, ClockError]]:
     """n practice flights of every family in turn, each with the clock error that was put in."""
-    families = [f for f in FAMILIES if f != "linear_ramp"]
+    families = [f for f in RECORDED if f != "linear_ramp"]
     specs = [path_spec(families[i % len(families)], ("slow", "medium", "fast")[i % 3]) for i in range(n)]
     flown = fly(OnboardFleet(["pid"] * n), specs, seed=seed, indices=list(range(n)))
     result = []

@@ -15,7 +15,7 @@ from nanobench_tools.practice.flights import SPEEDS
 from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import record
 from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import FAMILIES
+from nanobench_tools.practice.references import RECORDED
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
@@ -29,7 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--flights", type=int, default=200)
     n = parser.parse_args().flights
-    specs = [path_spec(list(FAMILIES)[i % len(FAMILIES)], SPEEDS[i % 3]) for i in range(n)]
+    specs = [path_spec(RECORDED[i % len(RECORDED)], SPEEDS[i % 3]) for i in range(n)]
     names = [("pid", "pid", "mellinger")[i % 3] for i in range(n)]
     _, wall_one, cpu_one = timed(lambda: fly(OnboardFleet(names[:1]), specs[:1]))
     flown, wall, cpu = timed(lambda: fly(OnboardFleet(names), specs))

@@ -20,7 +20,11 @@ VOLTAGE_START_V = F(4.2)
 FULL = 65535
 ARM_M, YAW_ARM_M = F(0.70710678118) * F(0.046), F(0.0069928948992470565)
 """Lever of a motor about x and y, torque of a motor per newton (platform_defaults_cf2.h)."""
-_THRUST_MAX, _THRUST_MIN, _VOLTAGE_MIN = F(THRUST_MAX_N), F(THRUST_MIN_N), F(VOLTAGE_MIN_V)
+BUILD = np.array([[THRUST_MAX_N, THRUST_MIN_N]], np.float32)
+"""(1, 2): newton that a motor is thought to give at 65535 counts, and below which it is given none."""
+EARLIER_BUILD = np.array([[0.1125, 0.02]], np.float32)
+"""The same before 2025.12.1 (platform_defaults_cf2.h of 2025.12). Some recordings flew it, whatever the sheets say."""
+_VOLTAGE_MIN = F(VOLTAGE_MIN_V)
 _voltage_of_thrust = nb.njit(cache=True)(voltage_of_thrust)
 
 
@@ -33,23 +37,23 @@ def mix_legacy(control, motor):
 
 
 @nb.njit(cache=True)
-def mix_wrench(wrench, motor):
-    """wrench WRENCH -> counts (4,) int32, not capped; a motor that would have to pull stands still."""
+def mix_wrench(wrench, build, motor):
+    """wrench WRENCH, build (2,) -> counts (4,) int32, not capped; a motor that would have to pull stands still."""
     quarter = F(0.25)
     r, p = quarter / ARM_M * wrench.torque_N_m[0], quarter / ARM_M * wrench.torque_N_m[1]
     y, f = quarter * wrench.torque_N_m[2] / YAW_ARM_M, quarter * wrench.thrust_N
     for i, force in enumerate((f - r - p - y, f - r + p + y, f + r + p - y, f + r - p + y)):
-        motor[i] = int(max(force, ZERO) / _THRUST_MAX * F(FULL))
+        motor[i] = int(max(force, ZERO) / build[0] * F(FULL))
 
 
 @nb.vectorize(cache=True)
-def compensated(counts, filtered_V):
-    """A motor's command [counts, not capped] and the filtered battery [V] -> PWM counts, float32, not capped.
+def compensated(counts, filtered_V, thrust_max_N, thrust_min_N):
+    """A motor's command [counts], the filtered battery [V] and the build's limits [N] -> PWM counts, not capped.
 
-    Float32 arrays that broadcast, or numbers in compiled code.
+    Float32 in and out: arrays that broadcast, or numbers in compiled code.
     """
-    thrust = F(counts) / F(FULL) * _THRUST_MAX
-    if filtered_V < _VOLTAGE_MIN or thrust < _THRUST_MIN:
+    thrust = F(counts) / F(FULL) * thrust_max_N
+    if filtered_V < _VOLTAGE_MIN or thrust < thrust_min_N:
         return ZERO
     return F(FULL) * (F(_voltage_of_thrust(thrust)) / filtered_V)
 
@@ -69,48 +73,51 @@ def filter_voltage(filtered_V, battery_V):
 
 
 @nb.njit(cache=True)
-def drive(filtered_V, motor):
+def drive(filtered_V, build, motor):
     """What has been mixed (4,) int32 -> PWM counts, in place: compensation, whole counts, cap, in this order."""
     for i in range(4):
-        motor[i] = int(compensated(motor[i], filtered_V))
+        motor[i] = int(compensated(F(motor[i]), filtered_V, build[0], build[1]))
     cap(motor)
 
 
 @nb.njit(cache=True, nogil=True)
-def drive_legacy(milliseconds, control, battery_V, filtered_V, motor):
+def drive_legacy(milliseconds, control, battery_V, filtered_V, build, motor):
     """control (n,) CONTROL, battery_V (n,) float32 held for so many ms -> motor (n, 4) int32; filtered_V (n,) goes on.
 
-    What is no voltage leaves the filtered one as it was.
+    build (n, 2), or (1, 2) for all. What is no voltage leaves the filtered one as it was.
     """
     for i in range(len(control)):
         for _ in range(milliseconds):
             if battery_V[i] == battery_V[i]:
                 filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
         mix_legacy(control[i], motor[i])
-        drive(filtered_V[i], motor[i])
+        drive(filtered_V[i], build[i if len(build) > 1 else 0], motor[i])
 
 
 @nb.njit(cache=True, nogil=True)
-def drive_wrench(milliseconds, wrench, battery_V, filtered_V, motor):
+def drive_wrench(milliseconds, wrench, battery_V, filtered_V, build, motor):
     """``drive_legacy`` for wrench (n,) WRENCH."""
     for i in range(len(wrench)):
         for _ in range(milliseconds):
             if battery_V[i] == battery_V[i]:
                 filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
-        mix_wrench(wrench[i], motor[i])
-        drive(filtered_V[i], motor[i])
+        own = build[i if len(build) > 1 else 0]
+        mix_wrench(wrench[i], own, motor[i])
+        drive(filtered_V[i], own, motor[i])
 
 
 class MotorOutput:
-    """The motors of n vehicles behind either mixer; remembers the filtered voltage."""
+    """The motors of n vehicles behind either mixer; remembers the filtered voltage. ``build`` (n, 2) or (1, 2)."""
 
-    def __init__(self, n: int, period_s: float) -> None:
+    def __init__(self, n: int, period_s: float, build: np.ndarray = BUILD) -> None:
         self.milliseconds = round(period_s * 1000.0)
         self.filtered_V = np.full(n, VOLTAGE_START_V)
+        self.build = np.asarray(build, np.float32)
         self._counts = np.zeros((n, 4), np.int32)
 
     def __call__(self, command: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
         """command (n,) CONTROL or WRENCH, battery (n,) V -> PWM ratios (n, 4)."""
         into = {CONTROL: drive_legacy, WRENCH: drive_wrench}[command.dtype]
-        into(self.milliseconds, command, np.asarray(battery_V, np.float32), self.filtered_V, self._counts)
+        into(self.milliseconds, command, np.asarray(battery_V, np.float32), self.filtered_V, self.build,
+             self._counts)
         return self._counts / FULL

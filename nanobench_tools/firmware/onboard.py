@@ -41,17 +41,19 @@ def estimates(state: VehicleState, out: np.ndarray) -> None:
     out["quaternion"], out["gyro_deg_s"] = state.quaternion, np.degrees(state.rate_rad_s)
 
 
-def setpoints(reference: Reference, out: np.ndarray, full: bool) -> None:
-    """Writes n references into out (n,) SETPOINT, absolute in place and yaw; ``full``: also body rates and jerk."""
+def setpoints(reference: Reference, out: np.ndarray) -> None:
+    """Writes n references into out (n,) SETPOINT, absolute in place and yaw; jerk becomes body rates."""
     for mode in ("mode_x", "mode_y", "mode_z", "mode_yaw"):
         out[mode] = ABSOLUTE
     out["attitude_deg"][:, 2] = np.degrees(reference.yaw_rad)
     out["position_m"], out["velocity_m_s"] = reference.position_m, reference.velocity_m_s
     out["acceleration_m_s2"] = reference.acceleration_m_s2
-    if full and reference.jerk_m_s3 is not None and reference.yaw_rate_rad_s is not None:
-        out["jerk_m_s3"] = reference.jerk_m_s3
-        out["rate_deg_s"] = np.degrees(body_rates(reference.acceleration_m_s2, reference.jerk_m_s3, reference.yaw_rad,
-                                                  reference.yaw_rate_rad_s))
+    jerk, turn = reference.jerk_m_s3, reference.yaw_rate_rad_s
+    if jerk is None or turn is None:
+        return
+    out["jerk_m_s3"], out["rate_deg_s"] = jerk, 0.0
+    if jerk.any() or turn.any():
+        out["rate_deg_s"] = np.degrees(body_rates(reference.acceleration_m_s2, jerk, reference.yaw_rad, turn))
 
 
 class Onboard:
@@ -83,7 +85,7 @@ class Onboard:
         """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
         state, reference = self.guard.admit(state, reference)
         estimates(state, self._estimate[0])
-        setpoints(reference, self._setpoint[0], self.information == "preview")
+        setpoints(reference, self._setpoint[0])
         self._step += STEPS
         type(self)._run(np.array([self._step]), self.parameters, self.state, self._setpoint, self._estimate,
                         self._control, self._no_trace)

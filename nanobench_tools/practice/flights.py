@@ -14,7 +14,7 @@ from ..sources.nanobench import write_nanobench
 from .flying import Flown, flight_rngs, fly
 from .logging_chain import LoggingChain, record
 from .onboard import CONTROLLERS, OnboardFleet
-from .references import FAMILIES, PathSpec, path_spec
+from .references import RECORDED, PathSpec, path_spec
 
 EPOCH_S = 1_700_000_000.0
 """Unix time of flight 0; flights of one seed follow each other at MINUTES_APART."""
@@ -46,12 +46,12 @@ def practice_flights(n: int, seed: int = 0, *, families: Sequence[str] | None = 
                      controllers: Sequence[str] = ("pid", "mellinger"), controller: Controller | None = None,
                      speeds: Sequence[str] = SPEEDS, duration_s: float | None = None, spread: float = 1.0,
                      progress: Callable[[int, int], None] | None = None) -> list[Flight]:
-    """n practice flights: all families and speeds in turn, about a third behind the Mellinger controller.
+    """n practice flights: all recorded families and speeds in turn, about a third behind the Mellinger controller.
 
     Flight i depends on ``seed`` and i alone. A ``controller`` object flies all of them instead. ``duration_s`` shortens
     every path. ``progress(done, n)`` is called after every batch.
     """
-    families = tuple(families or FAMILIES)
+    families = tuple(families or RECORDED)
     plan = []
     for i in range(n):
         rng = np.random.default_rng([seed, i, 77])
@@ -92,7 +92,7 @@ def _recording(flown: Flown, row: int, index: int, spec: PathSpec, controller: s
                      "clock_drift": chain.drift, "clock_wander_sd_s": chain.wander_sd_s,
                      "tail_s": float(recorded.tail_s), "tilt_rad": [float(x) for x in recorded.tilt_rad]},
         **({} if controller in CONTROLLERS else {"controller": str(controller)}),
-        "family": spec.family, "speed": None if spec.family == "linear_ramp" else spec.speed,
+        "family": spec.family, "speed": spec.speed if spec.has_speeds else None,
         "reference_speed_m_s": float(spec.params["speed_mps"]) if "speed_mps" in spec.params else None,
         "duration_s": spec.duration_s,
     }

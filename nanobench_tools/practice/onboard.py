@@ -56,4 +56,5 @@ class OnboardFleet:
 def _of(rows: np.ndarray, batch: Batch) -> Batch:
     """The vehicles ``rows`` of a batch."""
     given: dict[str, Any] = {field.name: getattr(batch, field.name) for field in fields(batch)}
-    return type(batch)(**{name: None if values is None else values[rows] for name, values in given.items()})
+    chosen: dict[str, Any] = {name: None if values is None else values[rows] for name, values in given.items()}
+    return type(batch)(**chosen)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..methods import Reference
+from .curves import planner
 from .references import PathSpec
 
 TICK_S = 0.01
@@ -25,16 +26,6 @@ LEAD_S = 0.3
 """The messages begin this long before the first row, so that late stamps leave no row without a packet before it."""
 
 OFF, TAKEOFF, HOVER, PATH, LANDING = range(5)
-
-
-def planner(share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of the time 0..1 (any shape) -> share of the way, its first and second derivative by the share of time."""
-    x = np.clip(share, 0.0, 1.0)
-    inside = (share >= 0.0) & (share <= 1.0)
-    way = x**4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
-    speed = 140.0 * x**3 * (1.0 - x) ** 3
-    acceleration = 420.0 * x**2 * (1.0 - x) ** 2 * (1.0 - 2.0 * x)
-    return way, speed * inside, acceleration * inside
 
 
 @dataclass(frozen=True)
@@ -71,16 +62,18 @@ class Timeline:
         self.phase = np.select(before, [OFF, TAKEOFF, HOVER, PATH], LANDING)
         share, duration = (np.where(t < hover, (t - on) / TAKEOFF_S, (t - land) / LANDING_S),
                            np.where(t < hover, TAKEOFF_S, LANDING_S))
-        way, speed, acceleration = planner(share)
-        self.way, self.way_1_s, self.way_1_s2 = way, speed / duration, acceleration / duration**2
+        way, speed, acceleration, jerk = planner(share)
+        self.way, self.way_1_s = way, speed / duration
+        self._planned = (acceleration / duration**2, jerk / duration**3)
         self.altitude_m = np.array([s.altitude_m for s in specs])
-        self._streamed = np.zeros((3, self.ticks, len(specs), 3))
+        self._streamed = np.zeros((4, self.ticks, len(specs), 3))
         self._streamed[0, :, :, 2] = self.altitude_m
-        self._yaw = np.zeros((self.ticks, len(specs)))
+        self._yaw, self._yaw_rate = np.zeros((2, self.ticks, len(specs)))
         for i, spec in enumerate(specs):
             rows = self.phase[:, i] == PATH
             self._streamed[:, rows, i] = spec.at(t[rows, 0] - events[i].path_start_s)
             self._yaw[rows, i] = spec.yaw_at(t[rows, 0] - events[i].path_start_s)
+            self._yaw_rate[rows, i] = spec.yaw_rate_at(t[rows, 0] - events[i].path_start_s)
         self._from_m = np.zeros((len(specs), 3))
         self._from_yaw = np.zeros(len(specs))
 
@@ -98,23 +91,30 @@ class Timeline:
         begins = planned & (phase != self.phase[tick - 1]) if tick else planned
         self._from_m = np.where(begins[:, None], position_m, self._from_m)
         self._from_yaw = np.where(begins, yaw_rad, self._from_yaw)
-        p, v, a = (x[tick].copy() for x in self._streamed)
+        p, v, a, j = (x[tick].copy() for x in self._streamed)
         target = self._from_m.copy()
         target[:, 2] = np.where(phase == TAKEOFF, self.altitude_m, LANDED_HEIGHT_M)
         path = target - self._from_m
         col = planned[:, None]
         p = np.where(col, self._from_m + self.way[tick][:, None] * path, p)
         v = np.where(col, self.way_1_s[tick][:, None] * path, v)
-        a = np.where(col, self.way_1_s2[tick][:, None] * path, a)
+        a, j = (np.where(col, by[tick][:, None] * path, streamed)
+                for by, streamed in zip(self._planned, (a, j), strict=True))
         yaw = np.where(planned, self._from_yaw * (1.0 - self.way[tick]), self._yaw[tick])
         yaw_rate = np.where(planned, -self._from_yaw * self.way_1_s[tick], 0.0)
         off = phase == OFF
-        p[off], v[off], a[off] = position_m[off], 0.0, 0.0
-        return ~off, Reference(p, np.where(off, yaw_rad, yaw), v, a), yaw_rate
+        p[off], v[off], a[off], j[off] = position_m[off], 0.0, 0.0, 0.0
+        turn = np.where(planned, yaw_rate, np.where(off, 0.0, self._yaw_rate[tick]))
+        return ~off, Reference(p, np.where(off, yaw_rad, yaw), v, a, j, turn), yaw_rate
 
     def as_flown(self, tick: int, reference: Reference) -> Reference:
         """The reference the published flights got: streamed points carry no derivatives, the onboard planner's do."""
         streamed = (self.phase[tick] == HOVER) | (self.phase[tick] == PATH)
-        keep = ~streamed[:, None]
-        return Reference(reference.position_m, reference.yaw_rad, reference.velocity_m_s * keep,
-                         reference.acceleration_m_s2 * keep)
+
+        def told(derivative: np.ndarray) -> np.ndarray:
+            return np.where(streamed.reshape(-1, *[1] * (derivative.ndim - 1)), 0.0, derivative)
+
+        jerk, turn = reference.jerk_m_s3, reference.yaw_rate_rad_s
+        return Reference(reference.position_m, reference.yaw_rad, told(reference.velocity_m_s),
+                         told(reference.acceleration_m_s2), None if jerk is None else told(jerk),
+                         None if turn is None else told(turn))

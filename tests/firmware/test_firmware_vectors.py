@@ -132,13 +132,14 @@ def test_force_torque_mixer(real_data):
     wrench["thrust_N"] = told["thrust_N"]
     wrench["torque_N_m"] = columns(told, *(f"torque_{axis}_Nm" for axis in "xyz"))
     for one, motor in zip(wrench, counts, strict=True):
-        motors.mix_wrench(one, motor)
+        motors.mix_wrench(one, motors.BUILD[0], motor)
     np.testing.assert_array_equal(counts, columns(told, *(f"{m}_uncapped" for m in MOTORS)))
 
 
 def test_battery_compensation(real_data):
     told = table(real_data, "battery_compensation.csv")
-    found = motors.compensated(told["thrust_command"].astype(np.float32), told["supply_voltage_V"].astype(np.float32))
+    command, volt = (told[name].astype(np.float32) for name in ("thrust_command", "supply_voltage_V"))
+    found = motors.compensated(command, volt, *motors.BUILD[0])
     assert worst(found, told["pwm_float"]) < 0.05
     assert worst(found.astype(int), told["pwm_int"]) <= 1
 
@@ -151,7 +152,7 @@ def test_whole_motor_chain(real_data):
         control[name] = told[name]
     volt, voltage = told["vbat_V"].astype(np.float32), []
     for k in range(n):
-        motors.drive_legacy(1, control[k:k + 1], volt[k:k + 1], filtered, counts[k])
+        motors.drive_legacy(1, control[k:k + 1], volt[k:k + 1], filtered, motors.BUILD, counts[k])
         voltage.append(filtered[0])
     assert worst(np.array(voltage), told["filtered_voltage_V"]) < 1e-6
     assert worst(counts[:, 0], columns(told, *MOTORS)) <= 1

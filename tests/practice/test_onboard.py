@@ -9,7 +9,7 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
-from nanobench_tools.firmware.motors import compensated
+from nanobench_tools.firmware.motors import BUILD, compensated
 from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage, voltage_of_thrust
 from nanobench_tools.frames import MOTOR_SIGNS
 from nanobench_tools.methods import Controller, Reference, VehicleState
@@ -27,10 +27,11 @@ def read(path):
 def test_planner_gives_the_firmwares_path(real_data):
     table = read(real_data / "firmware_reference" / "planner_samples.csv.xz")
     rows = table["case"] == "takeoff_a"  # from 0.03 m to 1 m in 2 s
-    way, speed, acceleration = planner(table["t_s"][rows] / 2.0)
+    way, speed, acceleration, jerk = planner(table["t_s"][rows] / 2.0)
     np.testing.assert_allclose(0.03 + 0.97 * way, table["z"][rows], atol=5e-4)
     np.testing.assert_allclose(0.97 * speed / 2.0, table["vz"][rows], atol=5e-4)
     np.testing.assert_allclose(0.97 * acceleration / 4.0, table["az"][rows], atol=5e-4)
+    np.testing.assert_allclose(0.97 * jerk / 8.0, table["jz"][rows], atol=5e-4)
 
 
 def test_thrust_curve_is_the_inverse_of_itself_and_hits_published_points():
@@ -39,7 +40,7 @@ def test_thrust_curve_is_the_inverse_of_itself_and_hits_published_points():
     assert voltage_of_thrust(THRUST_MAX_N) == pytest.approx(3.0799, abs=1e-4)
     assert thrust_of_voltage(4.0) == pytest.approx(0.2412, abs=1e-4)
     assert thrust_of_voltage(0.0) == 0.0
-    assert compensated(np.float32([6900.0, 32767.0]), np.float32([3.7, 1.9])).tolist() == [0.0, 0.0]
+    assert compensated(np.float32([6900.0, 32767.0]), np.float32([3.7, 1.9]), *BUILD[0]).tolist() == [0.0, 0.0]
 
 
 def hovering(n=1, **changes):

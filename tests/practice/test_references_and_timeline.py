@@ -1,31 +1,66 @@
 """Paths against finite differences, their own speed and the recorded setpoints; the timeline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from nanobench_tools.errors import UsageError
-from nanobench_tools.practice.references import FAMILIES, path_spec
+from nanobench_tools.practice.references import FAMILIES, RECORDED, path_spec
 from nanobench_tools.practice.timeline import HOVER, LANDING, OFF, PATH, TAKEOFF, Timeline, draw_events
 from nanobench_tools.sources.discover import load_recordings
 
-CORNERED = {"star", "linear_ramp"}
+CORNERED = {"star", "linear_ramp", "staircase_climb", "random_waypoints"}
+STEADY = ("circle", "figure_eight", "helix", "lissajous", "oval", "star", "trefoil")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("speed", ["slow", "fast"])
-def test_velocity_and_acceleration_are_the_derivatives(family, speed):
+def test_velocity_acceleration_and_jerk_are_the_derivatives(family, speed):
     spec = path_spec(family, speed)
     t = np.linspace(0.1, 8.9, 400)
     h = 1e-5
     here, before, after = (spec.at(t + d) for d in (0.0, -h, h))
     velocity = (after.position_m - before.position_m) / (2 * h)
     acceleration = (after.velocity_m_s - before.velocity_m_s) / (2 * h)
+    jerk = (after.acceleration_m_s2 - before.acceleration_m_s2) / (2 * h)
     smooth = np.abs(velocity - here.velocity_m_s).max(axis=1) < 1e-6
     assert smooth.all() or (family in CORNERED and smooth.mean() > 0.97)
     np.testing.assert_allclose(acceleration[smooth], here.acceleration_m_s2[smooth], atol=1e-5)
+    np.testing.assert_allclose(jerk[smooth], here.jerk_m_s3[smooth], atol=1e-4)
 
 
-@pytest.mark.parametrize("family", sorted(set(FAMILIES) - {"linear_ramp"}))
+def test_heading_and_its_rate():
+    spec = replace(path_spec("circle", "slow"), turn=(0.7, 5.0))
+    t, h = np.linspace(0.0, 10.0, 101), 1e-6
+    np.testing.assert_allclose((spec.yaw_at(t + h) - spec.yaw_at(t - h)) / (2 * h), spec.yaw_rate_at(t), atol=1e-6)
+    told = spec.reference(t)
+    np.testing.assert_array_equal(told.yaw_rad, spec.yaw_at(t))
+    np.testing.assert_array_equal(told.jerk_m_s3, spec.at(t).jerk_m_s3)
+
+
+def test_paths_of_which_only_sheets_are_public_keep_to_their_sheets():
+    t = np.arange(0.0, 60.0, 0.01)
+    stairs = path_spec("staircase_climb").at(t)
+    assert stairs.position_m.max(axis=0) == pytest.approx([1.5, 0.0, 1.4])
+    assert stairs.position_m.min(axis=0) == pytest.approx([0.0, 0.0, 0.5])
+    assert np.linalg.norm(stairs.velocity_m_s, axis=1).max() == pytest.approx(0.3)
+    way = path_spec("random_waypoints")
+    way_m = way.at(t).position_m
+    assert np.all(way_m >= [-1.0, -1.7, 0.7])
+    assert np.all(way_m <= [2.0, 1.0, 1.5])
+    np.testing.assert_array_equal(way_m[0], [0.0, 0.0, 1.1])
+    sines = path_spec("multisine_sysid").at(t)
+    assert np.abs(sines.position_m - [0.0, 0.0, 1.1]).max(axis=0) == pytest.approx([0.8, 0.8, 0.35], rel=0.01)
+    spectrum = np.abs(np.fft.rfft(sines.position_m[1000:4000], axis=0))  # 30 s without a fade
+    tones = spectrum > 1e-8 * spectrum[1:].max(axis=0)
+    assert tones[1:].sum(axis=0).tolist() == [15, 15, 15]
+    assert tones[1:].sum(axis=1).max() == 1
+    assert np.flatnonzero(tones[1:].any(axis=1))[[0, -1]] + 1 == pytest.approx([3, 150])
+    assert not path_spec("hover_until_landing").at(t).velocity_m_s.any()
+
+
+@pytest.mark.parametrize("family", STEADY)
 def test_mean_speed_over_many_laps_is_the_one_asked_for(family):
     spec = path_spec(family, "medium", speed_m_s=0.8)
     speed = np.linalg.norm(spec.at(np.linspace(0.0, 400.0, 200_000)).velocity_m_s, axis=1)
@@ -37,7 +72,7 @@ def test_paths_are_those_of_the_recorded_setpoints(real_data):
     folder = real_data / "nanobench" / "datasets"
     sheets = {}
     for flight in load_recordings([folder]).flights:
-        if flight.metadata.get("params") and flight.metadata["family"] in FAMILIES and flight.span.duration_s > 20.0:
+        if flight.metadata.get("params") and flight.metadata["family"] in RECORDED and flight.span.duration_s > 20.0:
             sheets.setdefault(flight.metadata["trajectory_id"], flight)
     assert len(sheets) > 15
     for name, flight in sheets.items():
