@@ -20,7 +20,7 @@ from nanobench_tools.errors import InputError
 from .causes import CAUSES, Body, Hypothesis
 from .periodic import Swing, spectra, swing_of
 from .ruled_out import against
-from .steady_proof import SURE, TWINS, held_out, smallest
+from .steady_proof import POSSIBLE, SURE, TWINS, held_out, smallest
 from .steady_words import paragraph, unknown_of
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed, normal_of, quantiles, weigh
@@ -136,7 +136,8 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     best = max(CAUSES, key=lambda name: chances[name])
     causes = {best}
     if chances[best] < SURE:
-        causes = next((t for t in TWINS if best in t and sum(chances[c] for c in t) >= SURE), set())
+        causes = next(({c for c in t if chances[c] >= POSSIBLE} for t in TWINS
+                       if best in t and sum(chances[c] for c in t) >= SURE), set())
     if not causes or ("vehicle" in causes and not _askew(found, normal)):
         return []
     together = found.of(*causes)

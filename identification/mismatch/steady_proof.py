@@ -13,8 +13,10 @@ from .weigh import GROUPS, Normal, hypotheses_of, weigh, weigh_change
 
 SURE = 0.9
 """Probability from which a cause, or a motor, is named."""
-TWINS = ({"mass", "battery"}, {"weight", "slung"})
-"""Causes that a trim cannot tell from each other, whatever their size."""
+TWINS = ({"weight", "slung"}, {"mass", "battery", "weight"})
+"""Causes that a trim cannot tell from each other: a load that does not swing, and a weight that sits in the middle."""
+POSSIBLE = 0.003
+"""Probability below which a twin is not worth its mention."""
 
 
 def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:

@@ -14,8 +14,8 @@ from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
 
 MOST_LOSS = 0.5
 """Share of its thrust beyond which one motor cannot be made up for."""
-ONE = 2.0 / 3.0
-"""Share of cases in which a single one is damaged."""
+ONE = 0.5
+"""Share of cases in which a single one is damaged: a crash often takes two."""
 
 
 def make(body: Body) -> list[Hypothesis]:
