@@ -29,6 +29,8 @@ FREQUENCIES = 27
 NEIGHBOURS, BINS = 11, 4
 """The level of the normal flights at a frequency is a mean over so many beside it, 0.5 Hz wide: so many independent
 bins of a run of eight seconds."""
+RESOLUTION_HZ = 0.06
+"""Half a bin of a run of eight seconds: how well a frequency is known."""
 RISK = 0.001
 """Of a swing in flights without one, over all frequencies and both axes."""
 LEAST_S = 4.0

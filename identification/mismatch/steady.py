@@ -18,7 +18,7 @@ from scipy.stats import f as fisher
 from nanobench_tools.errors import InputError
 
 from .causes import CAUSES, Body, Hypothesis
-from .periodic import Swing, spectra, swing_of
+from .periodic import RESOLUTION_HZ, Swing, spectra, string_length, swing_of
 from .ruled_out import against
 from .steady_proof import POSSIBLE, SURE, TWINS, held_out, smallest
 from .steady_words import paragraph, unknown_of
@@ -145,6 +145,8 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     sizes = {s.name: (*quantiles(s.values, weights), s.unit) for s in h.sizes} if h is not None else {}
     motors = motors or _nearest(h, weights, body)
     cause = CAUSES[best]
+    if best == "slung" and body.swing is not None:
+        sizes |= _pendulum(body.swing, sizes["mass"][0] / 1e3 / body.mass_kg)
     sentence = cause.say({k: v[:3] for k, v in sizes.items()}, motors)
     twins = sorted(causes - {best})
     return [{"term": cause.term, "equivalent": sorted({t for c in twins if (t := CAUSES[c].term)} - {cause.term}),
@@ -166,6 +168,14 @@ def _askew(found: Weighed, normal: Normal) -> bool:
     chance = fisher.sf(float(away @ away) / found.sd["level"] ** 2 / max(len(away), 1), max(len(away), 1),
                        normal.freedom["level"])
     return bool(len(away) and chance < ASKEW)
+
+
+def _pendulum(swing: Mapping[str, Any], mass_share: float) -> dict[str, tuple[float, float, float, str]]:
+    """Frequency [Hz] and length of the string [m] of a swing, each with its interval."""
+    f, sd = swing["frequency_hz"], RESOLUTION_HZ
+    low, high = f - sd, f + sd
+    length, longest, shortest = (string_length(v, mass_share) for v in (f, low, high))
+    return {"frequency": (f, low, high, "Hz"), "length": (length, shortest, longest, "m")}
 
 
 def _best(found: Weighed, cause: str) -> tuple[tuple[int, ...], Hypothesis | None, np.ndarray]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .causes import CAUSES
+from .periodic import string_length
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
@@ -20,7 +21,8 @@ def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any
     hint = " or ".join(f"{CAUSES[name].short} ({p:.0%})" for p, name in chances[:3] if p >= 0.02)
     if swing is not None:
         hint = (f"a horizontal force that comes and goes at {swing['frequency_hz']:.2f} Hz along "
-                f"{swing['direction_deg']:.0f} degrees; " + hint)
+                f"{swing['direction_deg']:.0f} degrees from ahead, as a load on a string of "
+                f"{string_length(swing['frequency_hz']):.2f} m would; " + hint)
     size = float(np.abs(found.delta["gains"]).max())
     return {"where": {"axes": ["force z", "torque x", "torque y", "torque z"],
                       "kind": "steady" if swing is None else "periodic", "flights": []},

@@ -22,6 +22,8 @@ PRIOR = {"gains": (0.023, 6.0), "level": (0.04, 4.0), "push": (0.04, 4.0)}
 """Standard deviation between flights of one vehicle, and its degrees of freedom. ``benchmarks/trim_spread.py`` measures
 it on 64 flights of another vehicle: ln thrust of a motor 0.023, level 0.019 and push 0.017 m/s^2 from flight to flight,
 0.065 and 0.03 where steps at which the vehicle was handled count too; for these two a value between is taken."""
+SWINGS_BY_CHANCE = 0.01
+"""How much likelier a load on a string makes it that a swing was found, than anything else does."""
 GROUPS = tuple(PRIOR)
 NONE = "none"
 
@@ -106,6 +108,8 @@ def weigh_change(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], norma
     logs, weights = [], []
     for h in hypotheses:
         each = _log_density(delta, sd, normal.freedom, h, known_lift)
+        if body.swing is not None and (h is None or h.cause != "slung"):
+            each = each + np.log(SWINGS_BY_CHANCE)
         most = each.max()
         shares = np.exp(each - most)  # scipy's logsumexp is ten times slower on arrays this small
         logs.append(most + np.log(shares.mean()))

@@ -21,7 +21,9 @@ def make(body: Body) -> list[Hypothesis]:
 
 def say(sizes, motors) -> str:
     near = f", nearest to motor {motors[0]}" if motors else ""
-    return f"A load hangs on a string: {interval(sizes['mass'], 1, 'g')}, its knot {where(sizes)}{near}"
+    swings = (f"; it swings at {interval(sizes['frequency'], 2, 'Hz')}, as on a string of "
+              f"{interval(sizes['length'], 2, 'm')}") if "frequency" in sizes else ""
+    return f"A load hangs on a string: {interval(sizes['mass'], 1, 'g')}, its knot {where(sizes)}{near}{swings}"
 
 
 CAUSE = Cause("slung", "slung_load", 0.05, make, say, "a load on a string")

@@ -10,6 +10,7 @@ from scipy import stats
 
 from identification.mismatch.causes import CAUSES, Body
 from identification.mismatch.causes.weight import loads
+from identification.mismatch.periodic import Swing, frequencies
 from identification.mismatch.steady import compare, normal_flights
 from identification.mismatch.steady_page import write_steady_page
 from identification.mismatch.trim import Trim
@@ -211,3 +212,27 @@ def test_page_of_a_comparison_holds_what_it_draws(tmp_path):
     assert "&lt;a&gt; is left out" not in text
     assert "SYNTHETIC" in text
     assert "http" not in text.replace("http-equiv", "")
+
+
+def swings(n: int, seed: int, peak: float = 1.0) -> list[Swing]:
+    """Flights of two runs each: exponential power, sideways only; a peak at 0.65 Hz."""
+    rng = np.random.default_rng(seed)
+    shape = 1.0 + (peak - 1.0) * np.exp(-0.5 * ((frequencies() - 0.65) / 0.05) ** 2)
+    return [Swing(np.stack([np.full(len(shape), np.nan), shape * rng.gamma(2.0, 0.5, len(shape))], axis=1), 2)
+            for _ in range(n)]
+
+
+def test_a_load_that_swings_is_no_taped_weight():
+    flights = normal_flights(normals(), BODY)
+    usual = swings(5, 1)
+    hung = compare(some(3, 2, load(4.0, -20.0, 20.0)), flights, BODY, swings=(swings(3, 2, 30.0), usual))
+    (finding,) = hung["findings"]
+    assert finding["cause"] == "slung"
+    low, high = finding["parameters"]["length"]["ci95"]
+    assert low < 9.81 * (1.0 + 4.0 / 34.0) / (2.0 * np.pi * 0.65) ** 2 < high
+    light = compare(some(3, 3), flights, BODY, swings=(swings(3, 4, 30.0), usual))
+    assert light["outcome"] == "unknown"
+    assert light["unknown"]["where"]["kind"] == "periodic"
+    assert "Hz" in light["paragraph"]
+    taped = compare(some(3, 2, load(4.0, -20.0, 20.0)), flights, BODY, swings=(swings(3, 5), usual))
+    assert all(f["cause"] != "slung" for f in taped["findings"])
