@@ -72,7 +72,7 @@ class Guard:
         self._asked = np.zeros(n, bool)
         self._goal, self._wish = np.zeros((n, 3)), np.zeros((3, n, 3))
         self._yaw = np.zeros((2, n, 1))
-        self._mean = np.zeros(n)
+        self._mean = np.zeros((2, n))  # of the commands, and the weight that it rests on so far
         self._command = np.zeros((n, 4))
 
     def admit(self, state: VehicleState, reference: Reference) -> tuple[VehicleState, Reference]:
@@ -128,8 +128,9 @@ class Guard:
             command = np.where(good[:, None], command, self._command)
         command = np.clip(command, 0.0, 1.0)
         if self.lost.any():
-            command = np.where(self.lost[:, None], SINK * self._mean[:, None], command)
+            carried = self._mean[0] / np.maximum(self._mean[1], 1e-9)  # 0 for one that was never measured
+            command = np.where(self.lost[:, None], SINK * carried[:, None], command)
         share = np.where(self.lost, 0.0, self.period_s / SMOOTH_S)
-        self._mean = self._mean + share * (command.mean(axis=1) - self._mean)
+        self._mean = self._mean + share * (np.stack([command.mean(axis=1), np.ones(self.n)]) - self._mean)
         self._command = command
         return command

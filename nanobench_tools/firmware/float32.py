@@ -79,7 +79,10 @@ def cross(a, b):
 
 
 @nb.njit(cache=True, inline="always")
-def unit(a):
-    """Triple of length one; not a number for the zero triple, as in the firmware."""
-    scale = ONE / math.sqrt(dot(a, a))
+def unit(a, otherwise):
+    """Triple of length one, or ``otherwise`` for the zero triple, which poisons the firmware's integrals."""
+    square = dot(a, a)
+    if not square > ZERO:
+        return otherwise
+    scale = ONE / math.sqrt(square)
     return a[0] * scale, a[1] * scale, a[2] * scale

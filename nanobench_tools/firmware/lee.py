@@ -81,12 +81,10 @@ def _follow(p, s, setpoint, estimate, yaw, body_z):
     if s.thrust_N < LEAST_THRUST_N:
         for k in range(3):
             s.integral[k] = s.integral_r[k] = ZERO
-    z, y = (ZERO, ZERO, ONE), (ZERO, ONE, ZERO)
+    z = (ZERO, ZERO, ONE)
     if s.thrust_N > ZERO:
-        z = unit(force)
-    side = cross(z, (math.cos(yaw), math.sin(yaw), ZERO))
-    if dot(side, side) > ZERO:
-        y = unit(side)
+        z = unit(force, z)
+    y = unit(cross(z, (math.cos(yaw), math.sin(yaw), ZERO)), (ZERO, ONE, ZERO))
     return cross(y, z), y, z
 
 

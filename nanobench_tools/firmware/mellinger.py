@@ -69,7 +69,7 @@ def _force(p, s, setpoint, estimate, rows):
     if setpoint.mode_z == ABSOLUTE:
         fz = p.mass * GRAVITY + p.kp_z * e[2] + p.kd_z * ev[2] + p.ki_z * s.integral[2]
     # along the heading: body x projected on the horizontal plane
-    c, sn, _ = unit((rows[0][0], rows[1][0], ZERO))
+    c, sn, _ = unit((rows[0][0], rows[1][0], ZERO), (ONE, ZERO, ZERO))
     return c * fx - sn * fy, sn * fx + c * fy, fz
 
 
@@ -87,8 +87,8 @@ def _heading(setpoint, estimate):
 def _turn_error(force, yaw_deg, columns):
     """Lines 205-246: z wanted, and vee(Rd^T R - R^T Rd) without the textbook's half, y negated for legacy pitch."""
     yaw = yaw_deg * TO_RAD
-    z = unit(force)
-    y = unit(cross(z, (math.cos(yaw), math.sin(yaw), ZERO)))
+    z = unit(force, (ZERO, ZERO, ONE))
+    y = unit(cross(z, (math.cos(yaw), math.sin(yaw), ZERO)), (ZERO, ONE, ZERO))
     x = cross(y, z)
     body_x, body_y, body_z = columns
     return z, (dot(z, body_y) - dot(y, body_z), dot(z, body_x) - dot(x, body_z), dot(y, body_x) - dot(x, body_y))

@@ -89,7 +89,10 @@ class Onboard:
         self._step += STEPS
         type(self)._run(np.array([self._step]), self.parameters, self.state, self._setpoint, self._estimate,
                         self._control, self._no_trace)
-        return self.guard.release(self._motors(self._control[0], state.battery_V))
+        return self.guard.release(self._drive(self._control[0], state.battery_V))
+
+    def _drive(self, control: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
+        return self._motors(control, battery_V)
 
     @property
     def log(self) -> ControllerLog:
@@ -114,15 +117,11 @@ class PidCascade(Onboard):
 class Mellinger(Onboard):
     """Force from position and velocity errors, attitude by rotation error. Believes in 0.029 kg: it hangs low.
 
-    ``information="preview"`` is for references with derivatives, from which it takes velocity, acceleration and rates.
+    From references with derivatives it takes velocity, acceleration and rates.
     """
 
     name = "mellinger"
     _run, _defaults, _state = staticmethod(mellinger.run_steps), staticmethod(mellinger.defaults), mellinger.STATE
-
-    def __init__(self, parameters: np.ndarray | None = None, information: str = "as flown") -> None:
-        super().__init__(parameters)
-        self.information = information
 
 
 class Lee(Onboard):

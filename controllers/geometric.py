@@ -1,0 +1,59 @@
+"""Geometric control on SE(3) (Lee, Leok, McClamroch 2010, doi:10.1109/CDC.2010.5717652) for the recorded vehicle.
+
+The equations are the firmware's (``nanobench_tools.firmware.lee``) with the moment it leaves out; here are the numbers
+of the vehicle and gains for its slow motors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from nanobench_tools.firmware import lee
+from nanobench_tools.firmware.onboard import Lee
+from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.physics.vehicle import Vehicle
+
+THRUST_SCALE = 0.943
+"""What the recorded vehicle's motors give of what the firmware's curve promises: recordings, 0.943 +- 0.033."""
+POSITION_1_S2, VELOCITY_1_S, INTEGRAL_1_S3 = (9.0, 9.0, 12.0), (5.0, 5.0, 6.0), (3.0, 3.0, 6.0)
+DRAG_1_S = (0.40, 0.40, 0.14)
+"""Drag per mass (recordings: k/m of lateral and vertical velocity)."""
+ROTATION_1_S2, RATE_1_S, TURN_INTEGRAL_1_S3 = (170.0, 170.0, 60.0), (22.0, 22.0, 14.0), (200.0, 200.0, 40.0)
+"""Per unit of inertia. Motors of 45 ms leave a rate loop about 20 rad/s."""
+ERROR_LIMITS = (0.6, 2.0)
+"""m and m/s: an error beyond is answered as if it were this, so that a jump of the reference tilts and does not tip."""
+
+
+def parameters(vehicle: Vehicle) -> np.ndarray:
+    """(1,) PARAMETERS of the firmware's controller for a vehicle."""
+    found = lee.defaults()
+    inertia = np.array(vehicle.inertia_kg_m2)
+    found["mass_kg"], found["inertia_kg_m2"], found["coupling"] = vehicle.mass_kg, inertia, 1.0
+    found["kp_1_s2"], found["kd_1_s"], found["ki_1_s3"] = POSITION_1_S2, VELOCITY_1_S, INTEGRAL_1_S3
+    found["error_limit_m"], found["error_limit_m_s"] = ERROR_LIMITS
+    found["k_rotation_N_m"], found["k_rate_N_m_s"] = inertia * ROTATION_1_S2, inertia * RATE_1_S
+    found["k_integral_N_m_s"] = inertia * TURN_INTEGRAL_1_S3
+    return found
+
+
+class Geometric(Lee):
+    """Full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
+
+    name = "geometric"
+
+    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE) -> None:
+        super().__init__(parameters(vehicle or Vehicle()))
+        self.thrust_scale = thrust_scale
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4), finite and within 0..1 whatever the input; drag along the reference is fed forward."""
+        with np.errstate(all="ignore"):
+            pushed = reference.acceleration_m_s2 + DRAG_1_S * np.asarray(reference.velocity_m_s)
+        return super().command(time_s, state, replace(reference, acceleration_m_s2=pushed))
+
+    def _drive(self, control: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
+        for name in ("thrust_N", "torque_N_m"):
+            control[name] /= self.thrust_scale
+        return super()._drive(control, battery_V)

@@ -1,0 +1,121 @@
+"""Linear-quadratic regulator about the reference: one constant gain from the ``control`` package (discrete Riccati).
+
+States of the error, in the frame of the reference's heading: integral of position, position, velocity, rotation vector,
+body rate, and thrust and moments still on their way through the motors, which are not measured but simulated from the
+commands given. Thrust, attitude and rates that the reference itself needs are fed forward (differential flatness).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import UsageError
+from nanobench_tools.firmware.flatness import body_rates
+from nanobench_tools.firmware.motors import MotorOutput
+from nanobench_tools.firmware.records import WRENCH
+from nanobench_tools.guard import Guard
+from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.physics.vehicle import Vehicle
+
+from .geometric import DRAG_1_S, THRUST_SCALE
+
+PERIOD_S = 0.002
+MOTOR_TAU_S = 0.045
+"""Lag of thrust behind the command (recordings: PWM differences to angular acceleration)."""
+INTEGRAL, POSITION, VELOCITY, TURN, RATE, WRENCH_LEFT = (slice(3 * k, 3 * k + 3) for k in range(6))
+STATES, INPUTS = 19, 4
+
+TOLERATED = (*(0.15,) * 2, 0.08, *(0.10,) * 2, 0.08, *(0.6,) * 3, *(0.35,) * 2, 0.4, *(4.0,) * 2, 2.0,
+             *(1.0,) * 4)
+"""Errors that cost as much as each other (Bryson): m s, m, m/s, rad, rad/s; the last four are not judged."""
+EFFORT = (0.08, 1.2e-3, 1.2e-3, 6e-4)
+"""Thrust [N] and moments [N m] that cost as much as those."""
+LIMITS = (0.4, 0.8, 0.3)
+"""m, m/s, m s: larger errors are answered as these."""
+
+
+def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """A (19, 19) and B (19, 4) of the error in continuous time about hover; inputs thrust [N], moments [N m]."""
+    a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
+    eye = np.eye(3)
+    a[INTEGRAL, POSITION] = a[POSITION, VELOCITY] = a[TURN, RATE] = eye
+    a[VELOCITY, VELOCITY] = -np.diag(DRAG_1_S)
+    g = vehicle.gravity_m_s2
+    a[6, 10], a[7, 9] = g, -g
+    a[8, 15] = 1.0 / vehicle.mass_kg
+    a[RATE, 16:] = np.diag(1.0 / np.array(vehicle.inertia_kg_m2))
+    a[15:, 15:] = -np.eye(4) / MOTOR_TAU_S
+    b[15:] = np.eye(4) / MOTOR_TAU_S
+    return a, b
+
+
+def gain(vehicle: Vehicle) -> np.ndarray:
+    """K (4, 19) of u = -K x at PERIOD_S. Raises UsageError without the ``control`` package."""
+    try:
+        import control
+    except ImportError as error:
+        raise UsageError("controller 'lqr' needs the package control; pip install 'nanobench[control]'") from error
+    a, b = model(vehicle)
+    system = control.c2d(control.ss(a, b, np.eye(STATES), 0.0), PERIOD_S)
+    weights = np.diag([*(1.0 / np.square(TOLERATED[:15])), *(1e-6,) * 4])
+    return np.asarray(control.dlqr(system.A, system.B, weights, np.diag(1.0 / np.square(EFFORT)))[0])
+
+
+class Lqr:
+    """Full references in, motor PWM out, at 500 Hz. ``guard`` counts what was replaced."""
+
+    name = "lqr"
+    information = "preview"
+    period_s = PERIOD_S
+
+    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE) -> None:
+        self.vehicle, self.thrust_scale = vehicle or Vehicle(), thrust_scale
+        self._gain = gain(self.vehicle)
+
+    def reset(self, n: int) -> None:
+        self.guard = Guard(n, PERIOD_S)
+        self._motors = MotorOutput(n, PERIOD_S)
+        self._integral = np.zeros((n, 3))
+        self._left = np.zeros((n, 4))
+        self._wrench = np.zeros(n, WRENCH)
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        state, reference = self.guard.admit(state, reference)
+        length_N, target, rate = self._wanted(reference)
+        heading = np.stack([np.cos(reference.yaw_rad), np.sin(reference.yaw_rad)])
+        away = _level(state.position_m - reference.position_m, heading)
+        away = np.clip(away, -LIMITS[0], LIMITS[0])
+        self._integral = np.clip(self._integral + PERIOD_S * away, -LIMITS[2], LIMITS[2])
+        faster = np.clip(_level(state.velocity_m_s - reference.velocity_m_s, heading), -LIMITS[1], LIMITS[1])
+        turn = so3.log(so3.multiply(so3.conjugate(target), state.quaternion))
+        x = np.concatenate([self._integral, away, faster, turn, state.rate_rad_s - rate, self._left], axis=1)
+        u = -x @ self._gain.T
+        u[:, 0] = np.clip(u[:, 0], -length_N, 4.0 * length_N)
+        self._left += PERIOD_S / MOTOR_TAU_S * (u - self._left)
+        self._wrench["thrust_N"] = (length_N + u[:, 0]) / self.thrust_scale
+        self._wrench["torque_N_m"] = u[:, 1:] / self.thrust_scale
+        return self.guard.release(self._motors(self._wrench, state.battery_V))
+
+    def _wanted(self, reference: Reference) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Thrust [N] (n,), attitude (n, 4) and body rates (n, 3) that fly the reference, drag included."""
+        c, s = np.cos(reference.yaw_rad), np.sin(reference.yaw_rad)
+        push = reference.acceleration_m_s2 + reference.velocity_m_s * DRAG_1_S
+        thrust = push + np.array([0.0, 0.0, self.vehicle.gravity_m_s2])
+        thrust[:, 2] = np.maximum(thrust[:, 2], 0.1 * self.vehicle.gravity_m_s2)  # never upside down
+        length = np.linalg.norm(thrust, axis=1)
+        z = thrust / length[:, None]
+        # roll and pitch that turn z along the thrust, yaw given
+        pitch = np.arctan2(c * z[:, 0] + s * z[:, 1], z[:, 2])
+        roll = np.arcsin(np.clip(s * z[:, 0] - c * z[:, 1], -1.0, 1.0))
+        jerk, turn = reference.jerk_m_s3, reference.yaw_rate_rad_s
+        rates = np.zeros_like(push) if jerk is None or turn is None else body_rates(push, jerk, reference.yaw_rad, turn)
+        return self.vehicle.mass_kg * length, so3.from_euler_zyx(roll, pitch, reference.yaw_rad), rates
+
+
+def _level(world: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) of the world in the frame turned by the heading (cos, sin) (2, n)."""
+    c, s = heading
+    x, y, z = world.T
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=1)
