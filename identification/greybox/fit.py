@@ -24,11 +24,12 @@ from .flies import flies
 from .gains import learn_gains
 from .intervals import bootstrap, not_identified, profile
 from .ladder import FULL, HEAVY, Terms
-from .nuisance import SCALE, TILT, TRIMS, terms_of
+from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
 from .predictor import GreyBoxPredictor
 from .ranges import bounds, falling_thrust, held, priors
 from .result import FitResult
 from .solve import Nuisance, Problem, Solution, solve, usual_errors
+from .views import joined
 
 ADAPTS = ("none", "inputs", "past")
 INDEPENDENT_S = 1.0
@@ -41,10 +42,10 @@ EVERY_S = 0.1
 class GreyBox:
     """A model of physical ``terms`` (names, or names with values to start from), fitted to what it predicts.
 
-    adapt: ``none``, a model of constant parameters; ``inputs``: thrust and trim of each window follow from the inputs
-    of the half second before it (class ``state``); ``past``: also the tilt, from all streams of the two seconds before
-    (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used where ``adapt`` is
-    not ``none``; a test flight never has any. seed: of the bootstrap.
+    adapt: ``none``, a model of constant parameters; ``inputs``: thrust, trim, tilt and corrections of the start of each
+    window follow from the inputs of the half second before it (class ``state``); ``past``: from all streams of the two
+    seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
+    where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -117,7 +118,7 @@ class GreyBox:
         scale = usual_errors(problem, shared, np.zeros((len(problem.data.names), 0)))
         made = GreyBoxPredictor(self.name, solution.model.as_dict(), self.vehicle, self.adapt, scale=scale,
                                 parameters=self.parameters_, nuisances_=nuisances)
-        features = np.concatenate([made.features(c.windows) for c in cuts])
+        features = joined([made.features(c.windows) for c in cuts])
         gains, self.ridge_ = learn_gains(problem, shared, features, nuisances)
         return replace(made, gains=gains)
 
@@ -178,7 +179,7 @@ def without_effect(solution: Solution) -> tuple[Solution, list[str]]:
 
 def nuisances_of(adapt: str) -> tuple[Nuisance, ...]:
     """What a model with ``adapt`` sets per window."""
-    return () if adapt == "none" else (SCALE, *TRIMS, *(TILT if adapt == "past" else ()))
+    return () if adapt == "none" else (SCALE, *TRIMS, *TILT, *STARTS)
 
 
 def tidy(model: Model) -> Model:

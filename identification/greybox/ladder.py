@@ -47,6 +47,8 @@ LADDER = (
     Rung("fit_drag", "+ drag", {**THRUST, **LAG, **DRAG, **RATE_HELD}),
     Rung("fit_torque", "+ moments of the motors, damping", {**THRUST, **LAG, **DRAG, **TURNING}),
     Rung("fit_full", "+ moment of lateral air", FULL),
-    Rung("fit_balanced", "full, thrust and trim balanced on the inputs of the half second before", FULL, "inputs"),
-    Rung("fit_observed", "full, thrust, trim and tilt learnt from all streams of the two seconds before", FULL, "past"),
+    Rung("fit_balanced", "full; thrust, trim, tilt and start follow from the inputs of the half second before", FULL,
+         "inputs"),
+    Rung("fit_observed", "full; thrust, trim, tilt and start learnt from all streams of the two seconds before", FULL,
+         "past"),
 )

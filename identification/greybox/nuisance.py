@@ -1,5 +1,5 @@
 """What differs between flights of one vehicle, as directions through the parameters: a battery further left, a weaker
-propeller, a tracker that was put on askew."""
+propeller, a tracker that was put on askew; and what is known of a start only roughly, its rate and its rotors."""
 
 from __future__ import annotations
 
@@ -7,20 +7,37 @@ from collections.abc import Sequence
 from typing import Any
 
 from .solve import Nuisance
+from .starts import PREFIX
 
 
 def _motors(*weights: float) -> dict[str, float]:
     return {f"motor_imbalance.g[{i}]": w for i, w in enumerate(weights)}
 
 
-SCALE = Nuisance("thrust", {"thrust_scale.s": 1.0}, 0.03, "1", "thrust over what the map says")
-TRIMS = (Nuisance("trim_roll", _motors(-1.0, -1.0, 1.0, 1.0), 0.03, "1", "motors left against right"),
-         Nuisance("trim_pitch", _motors(-1.0, 1.0, 1.0, -1.0), 0.03, "1", "motors at the back against the front"),
-         Nuisance("trim_yaw", _motors(-1.0, 1.0, -1.0, 1.0), 0.03, "1", "motors of one spin against the others"))
-TILT = (Nuisance("tilt_roll", {"frame_tilt.roll_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about x"),
-        Nuisance("tilt_pitch", {"frame_tilt.pitch_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about y"))
-"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree
-(NanoBench recordings)."""
+def _rotors(*weights: float) -> dict[str, float]:
+    return {f"start.thrust_{i + 1}": w for i, w in enumerate(weights)}
+
+
+SCALE = Nuisance("thrust", {"thrust_scale.s": 1.0}, 0.03, "1", "thrust over what the map says", "thrust")
+TRIMS = (Nuisance("trim_roll", _motors(-1.0, -1.0, 1.0, 1.0), 0.03, "1", "motors left against right", "roll"),
+         Nuisance("trim_pitch", _motors(-1.0, 1.0, 1.0, -1.0), 0.03, "1", "motors at the back against the front",
+                  "pitch"),
+         Nuisance("trim_yaw", _motors(-1.0, 1.0, -1.0, 1.0), 0.03, "1", "motors of one spin against the others", "yaw"))
+TILT = (Nuisance("tilt_roll", {"frame_tilt.roll_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about x",
+                 "roll"),
+        Nuisance("tilt_pitch", {"frame_tilt.pitch_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about y",
+                 "pitch"))
+STARTS = (Nuisance("rate_roll", {"start.rate_x": 1.0}, 0.05, "rad/s", "rate at the start, x", "roll"),
+          Nuisance("rate_pitch", {"start.rate_y": 1.0}, 0.05, "rad/s", "rate at the start, y", "pitch"),
+          Nuisance("rate_yaw", {"start.rate_z": 1.0}, 0.05, "rad/s", "rate at the start, z", "yaw"),
+          Nuisance("rotors_roll", _rotors(-1.0, -1.0, 1.0, 1.0), 0.01, "N", "rotors left against right, at the start",
+                   "roll"),
+          Nuisance("rotors_pitch", _rotors(-1.0, 1.0, 1.0, -1.0), 0.01, "N", "rotors at the back against the front, "
+                   "at the start", "pitch"),
+          Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), 0.01, "N", "rotors of one spin against the others, "
+                   "at the start", "yaw"))
+"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree,
+a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench recordings); rotors by a tenth of their thrust."""
 
 NEUTRAL: dict[str, dict[str, Any]] = {"thrust_scale": {"s": 1.0}, "motor_imbalance": {"g": [1.0] * 4},
            "frame_tilt": {"roll_rad": 0.0, "pitch_rad": 0.0}}
@@ -29,5 +46,5 @@ NEUTRAL: dict[str, dict[str, Any]] = {"thrust_scale": {"s": 1.0}, "motor_imbalan
 
 def terms_of(nuisances: Sequence[Nuisance]) -> dict[str, dict]:
     """The terms a model needs to have these nuisances."""
-    wanted = {name.partition(".")[0] for n in nuisances for name in n.direction}
+    wanted = {name.partition(".")[0] for n in nuisances for name in n.direction if not name.startswith(PREFIX)}
     return {term: values for term, values in NEUTRAL.items() if term in wanted}

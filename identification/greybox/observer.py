@@ -19,6 +19,7 @@ from nanobench_tools.physics import Model
 from .residuals import HORIZONS, errors, robust
 from .sensitivity import sensitivities
 from .solve import Nuisance
+from .views import Features
 
 STEP = 10
 """Rows between the starts of pieces."""
@@ -30,19 +31,22 @@ SHARE = 5.0
 """What a piece counts for beside the spread of the nuisances."""
 LAST = ((1, (1, 2, 5, 10)), (2, (20,)), (5, (50,)))
 """(piece, horizons) of which the errors themselves are features: the newest."""
+GYRO_ROWS = (1, 2, 3, 4, 5, 7, 10, 15, 20)
+"""Before the start."""
 CHUNK = 1024
 
 
 @dataclass(frozen=True)
 class Observer:
-    """A model with ``frame_tilt`` and ``thrust_scale`` in it, what may differ, and the scale (K, 4) of its errors."""
+    """A model with ``frame_tilt`` and ``thrust_scale`` in it, what may differ (thrust, three trims, two tilts), and the
+    scale (K, 4) of its errors."""
 
     model: Model
     nuisances: tuple[Nuisance, ...]
     scale: np.ndarray
 
-    def features(self, windows: Windows) -> np.ndarray:
-        """(n, F), zero where the flight had not begun."""
+    def features(self, windows: Windows, found: Features) -> None:
+        """Adds to ``found``; zero where the flight had not begun."""
         past, n = windows.past, len(windows)
         assert past is not None
         states = np.concatenate([past.position_m, past.velocity_m_s, past.quaternion, past.rate_rad_s], axis=2)
@@ -67,8 +71,12 @@ class Observer:
                                     for x in (hessian, gradient, wrong))
         hessian = hessian.reshape(n, PIECES, *hessian.shape[1:])
         gradient, wrong = gradient.reshape(n, PIECES, *gradient.shape[1:]), wrong.reshape(n, PIECES, *wrong.shape[1:])
-        return np.concatenate([*(self._explained(hessian, gradient, *memory) for memory in MEMORIES),
-                               *self._last(windows, wrong)], axis=1)
+        for memory in MEMORIES:
+            explained = self._explained(hessian, gradient, *memory)
+            found.level(explained[:, 0])
+            found.turn(explained[:, 1:4])
+            found.lean(explained[:, 4:])
+        self._last(windows, wrong, found)
 
     def _flown(self, windows: Windows, states: np.ndarray, window: np.ndarray,
                piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -105,12 +113,19 @@ class Observer:
         slope = SHARE * gradient[:, :pieces, within].sum(axis=(1, 2)) * spread
         return -np.linalg.solve(matrix, slope[..., None])[..., 0]
 
-    def _last(self, windows: Windows, wrong: np.ndarray) -> list[np.ndarray]:
+    def _last(self, windows: Windows, wrong: np.ndarray, found: Features) -> None:
         """Errors of velocity (turned into the body), attitude and rate of the newest pieces, in their usual size."""
-        found = []
         for piece, horizons in LAST:
             for h in horizons:
                 k = int(np.flatnonzero(h == HORIZONS)[0])
                 e = wrong[:, piece - 1, k] / self.scale[k][:, None]
-                found += [so3.rotate_inverse(windows.quaternion, e[:, 1]), e[:, 2], e[:, 3]]
-        return found
+                found.move(so3.rotate_inverse(windows.quaternion, e[:, 1]))
+                found.turn(e[:, 2])
+                found.turn(e[:, 3])
+
+
+def gyro_before(windows: Windows, found: Features) -> None:
+    """Adds how the gyro rows before the start differ from the row of the start."""
+    past = cast("Past", windows.past)
+    for row in GYRO_ROWS:
+        found.turn(past.rate_rad_s[:, -row] - windows.rate_rad_s)

@@ -10,20 +10,24 @@ import numpy as np
 from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.inputs import rows, warmed
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 from nanobench_tools.physics.predictor import ModelPredictor
 from nanobench_tools.physics.rollout import rollout
 
-from .balance import balance
-from .observer import Observer
+from .balance import balance, newest
+from .observer import Observer, gyro_before
 from .solve import Nuisance
+from .starts import moved
+from .views import Features
 
 
 @dataclass(frozen=True)
 class GreyBoxPredictor:
-    """``adapt`` none: the model as it is. ``inputs``: thrust and trim of every window follow from the inputs of the
-    half second before it and the start state, class ``state``. ``past``: from all streams before it. gains (N, F):
-    nuisances from features; scale (K, 4): usual errors on the training flights."""
+    """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt, and how the start is corrected, follow from
+    the inputs of the half second before a window and the start state, class ``state``. ``past``: from all streams
+    before it. gains (N, F + 1): nuisances from features and a constant; scale (K, 4): usual errors on the training
+    flights."""
 
     name: str
     terms: dict[str, dict[str, Any]]
@@ -42,31 +46,43 @@ class GreyBoxPredictor:
     def model(self) -> Model:
         return Model(self.vehicle, self.terms)
 
-    def features(self, windows: Windows) -> np.ndarray:
-        """What the gains are applied to, (n, F)."""
-        model = self.model
-        start = start_of(windows)
-        found = balance(model, start, windows.motor, windows.battery_V, past_inputs(windows), windows.rate_hz)
-        if self.adapt != "past":
-            return found
-        if windows.past is None:
-            raise InputError(f"predictor {self.name}", "windows without the streams before the start",
-                             "cut them with past=True")
-        observer = Observer(model, self.nuisances_, cast("np.ndarray", self.scale))
-        return np.concatenate([observer.features(windows), found], axis=1)
+    def features(self, windows: Windows) -> Features:
+        """What the gains are applied to."""
+        model, found = self.model, Features()
+        past = past_inputs(windows)
+        if self.adapt == "past":
+            if windows.past is None:
+                raise InputError(f"predictor {self.name}", "windows without the streams before the start",
+                                 "cut them with past=True")
+            observed = tuple(n for n in self.nuisances_ if not n.of_start)
+            Observer(model, observed, cast("np.ndarray", self.scale)).features(windows, found)
+            gyro_before(windows, found)
+        else:
+            newest(past, found)
+        balance(model, start_of(windows), windows.motor, windows.battery_V, past, windows.rate_hz, found)
+        return found
 
     def nuisances(self, windows: Windows) -> np.ndarray:
         """Values (n, N) of what differs, per window."""
-        return self.features(windows) @ cast("np.ndarray", self.gains).T
+        features = self.features(windows).matrix()
+        gains = cast("np.ndarray", self.gains)
+        return features @ gains[:, :-1].T + gains[:, -1]
+
+    def adapted(self, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
+        """Starts (n, 17) with rotors, and parameters (n, P)."""
+        model, own = self.model, self.nuisances(windows)
+        values = model.values + own @ np.array([n.vector(model) for n in self.nuisances_])
+        window, before = rows(model, windows.motor[:, :1], windows.battery_V[:, :1], past_inputs(windows),
+                              row_hz=windows.rate_hz, parameters=values)
+        rotors = warmed(model, window, before, row_hz=windows.rate_hz, parameters=values).T
+        return moved(start_of(windows), rotors, own @ np.array([n.start() for n in self.nuisances_])), values
 
     def predict(self, windows: Windows) -> Prediction:
         """States 1..H steps after the start."""
-        model = self.model
         if self.gains is None:
-            return ModelPredictor(model, self.name).predict(windows)
-        patterns = np.array([n.vector(model) for n in self.nuisances_])
-        values = model.values + self.nuisances(windows) @ patterns
-        states = rollout(model, start_of(windows), windows.motor, windows.battery_V, past_inputs(windows),
+            return ModelPredictor(self.model, self.name).predict(windows)
+        start, values = self.adapted(windows)
+        states = rollout(self.model, start, windows.motor, windows.battery_V, past_inputs(windows),
                          row_hz=windows.rate_hz, parameters=values)[:, 1:]
         return Prediction(*(states[..., part] for part in (POSITION, VELOCITY, QUATERNION, RATE)))
 

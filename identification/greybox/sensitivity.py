@@ -18,6 +18,8 @@ from nanobench_tools.physics.model import RIGID, STATE
 from nanobench_tools.physics.ops import import_casadi
 from nanobench_tools.physics.rollout import rollout
 
+from .starts import tangents
+
 BLOCK = 7
 ROTORS = 4
 
@@ -53,11 +55,12 @@ def _tangent(key: _Structure, name: str, row_hz: float, own_parameters: bool) ->
 def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,
                   past: tuple[np.ndarray, np.ndarray] | None, directions: np.ndarray, *, keep: np.ndarray,
                   row_hz: float = 100.0, parameters: np.ndarray | None = None,
-                  threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
+                  threads: int = 1, starts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """States (K, 13, n) after the rows ``keep`` (K,) and their derivatives (K, F, 13, n) along ``directions`` (P, F).
 
     start (n, 13), motor (n, H, 4), battery_V (n, H), past (motor, battery) before the start, as for ``rollout``;
-    parameters (P,) or (n, P) in place of the model's.
+    parameters (P,) or (n, P) in place of the model's; starts (7, F): what the directions do to the start, in the order
+    of ``starts.NAMES``.
     """
     values = model.values if parameters is None else np.asarray(parameters, float)
     if not directions.shape[1]:
@@ -80,6 +83,8 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
         state = np.zeros((1 + BLOCK, len(STATE), n))
         state[0, :RIGID] = start.T
         state[:, RIGID:] = rotor.reshape(1 + BLOCK, ROTORS, n)
+        if starts is not None:
+            state[1:1 + part.shape[1]] += tangents(starts[:, low:low + BLOCK])[:, :, None]
         flown = fly(state.reshape(-1, n), window, values.T, block)[0]
         flown = flown.reshape(-1, 1 + BLOCK, len(STATE), n)[keep]
         states = flown[:, 0, :RIGID]

@@ -17,6 +17,7 @@ from nanobench_tools.physics import Model
 from .arrays import FitWindows
 from .residuals import HORIZONS, errors, robust
 from .sensitivity import sensitivities
+from .starts import NAMES, PREFIX
 
 CHUNK = 512
 """Windows at a time: what is held of derivatives stays some tens of MB."""
@@ -49,20 +50,36 @@ class Prior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What may differ between training flights: a direction through the parameters, and its spread."""
+    """What may differ between flights or windows: a direction through the parameters, or through the start (names of
+    ``starts.NAMES``), and its spread; ``side``: the view it has of features (``views.SIDES``)."""
 
     name: str
     direction: Mapping[str, float]
     sd: float
     unit: str
     sentence: str
+    side: str = "thrust"
+
+    @property
+    def of_start(self) -> bool:
+        return any(name.startswith(PREFIX) for name in self.direction)
+
+    @property
+    def family(self) -> str:
+        """What it shares with the same on the other sides: trim of trim_roll."""
+        return self.name.removesuffix(self.side).rstrip("_") or self.name
 
     def vector(self, model: Model) -> np.ndarray:
-        """(P,)."""
+        """(P,), zero for a direction through the start."""
         found = np.zeros(len(model.names))
         for name, weight in self.direction.items():
-            found[model.index(name)] = weight
+            if not name.startswith(PREFIX):
+                found[model.index(name)] = weight
         return found
+
+    def start(self) -> np.ndarray:
+        """(7,) along ``starts.NAMES``, zero for a direction through the parameters."""
+        return np.array([self.direction.get(name, 0.0) for name in NAMES])
 
 
 @dataclass(frozen=True)
@@ -160,14 +177,15 @@ def usual_errors(problem: Problem, shared: np.ndarray, own: np.ndarray) -> np.nd
     return np.maximum(np.mean(np.linalg.norm(found, axis=-1), axis=0), LEAST_ERROR)
 
 
-def flown_errors(problem: Problem, shared: np.ndarray, own: np.ndarray, directions: np.ndarray):
-    """(windows, errors, derivatives) by chunks."""
+def flown_errors(problem: Problem, shared: np.ndarray, own: np.ndarray, directions: np.ndarray,
+                 starts: np.ndarray | None = None):
+    """(windows, errors, derivatives) by chunks; ``starts`` (7, F): what the directions do to the starts."""
     for low in range(0, len(problem.data), CHUNK):
         chunk = slice(low, low + CHUNK)
         part = problem.data.rows(chunk)
         states, slopes = sensitivities(problem.model, part.start, part.motor, part.battery_V, part.past, directions,
                                        keep=HORIZONS, row_hz=part.row_hz, threads=problem.threads,
-                                       parameters=problem.values_of(shared, own, chunk))
+                                       parameters=problem.values_of(shared, own, chunk), starts=starts)
         yield part, *errors(states, slopes if directions.shape[1] else None, part.truth[:, HORIZONS - 1])
 
 

@@ -19,10 +19,10 @@ SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 
 
 NOTES = {"none": "",
-         "inputs": "simulator.toml holds the mean thrust and trim of the training flights; the row sets both from the "
-                   "half second of inputs before each window",
-         "past": "simulator.toml holds the mean thrust and trim of the training flights; the row learns them, and the "
-                 "tilt, from the two seconds before each window"}
+         "inputs": "simulator.toml holds the mean thrust and trim of the training flights; the row sets both, the "
+                   "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
+         "past": "simulator.toml holds the mean thrust and trim of the training flights; the row learns them, the "
+                 "tilt, and corrections of rate and rotors at the start, from the two seconds before each window"}
 
 
 def rungs(names: Sequence[str] | None = None) -> list[Rung]:

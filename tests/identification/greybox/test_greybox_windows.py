@@ -61,7 +61,8 @@ def test_class_state_is_not_given_the_past():
     assert windows.past is None
 
 
-def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future():
+@pytest.mark.parametrize("adapt", ["inputs", "past"])
+def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future(adapt):
     pytest.importorskip("casadi")
     from made_windows import TERMS
 
@@ -73,11 +74,11 @@ def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future
 
     flight = made_flight("made")
     windows, _ = cut_windows(flight, SPANS, "onboard", past=True)
-    nuisances = nuisances_of("past")
-    made = GreyBoxPredictor("made", {**terms_of(nuisances), **TERMS}, Vehicle(), "past", scale=np.ones((8, 4)),
+    nuisances = nuisances_of(adapt)
+    made = GreyBoxPredictor("made", {**terms_of(nuisances), **TERMS}, Vehicle(), adapt, scale=np.ones((8, 4)),
                             nuisances_=nuisances)
-    features = made.features(windows)
-    made = replace(made, gains=1e-4 * np.random.default_rng(0).normal(size=(6, features.shape[1])))
+    wide = made.features(windows).matrix().shape[1] + 1
+    made = replace(made, gains=1e-4 * np.random.default_rng(0).normal(size=(len(nuisances), wide)))
     together = made.predict(windows)
     for i in (0, 1, 7, WINDOW, len(windows) - 1):
         alone = made.predict(_rows(windows, slice(i, i + 1)))
