@@ -8,6 +8,7 @@ cause is named when it is at least SURE; two that do the same to a trim are name
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -50,7 +51,11 @@ def normal_flights(trims: Sequence[Trim], body: Body) -> Flights:
     """Normal flights that agree with each other. InputError for fewer than FEWEST."""
     if len(trims) < FEWEST:
         raise InputError("normal flights", f"{len(trims)} with a trim", f"{FEWEST} are needed: one has no spread")
-    kept, odd = list(trims), {}
+    odd = _foreign(trims, Counter(t.commands for t in trims).most_common(1)[0][0])
+    kept = [t for t in trims if t.name not in odd]
+    if len(kept) < FEWEST:
+        raise InputError("normal flights", f"{len(kept)} of {len(trims)} log the same motor commands",
+                         f"{FEWEST} are needed: one has no spread")
     while len(kept) > FEWEST + 1:
         against_rest = [weigh([t], normal_of([o for o in kept if o is not t]), body).of(NONE) for t in kept]
         worst = int(np.argmin(against_rest))
@@ -73,8 +78,12 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items()) or "no flight"
         return _body("insufficient", f"Nothing can be said: {why}.", [], None, left_out, flights, {}, None, started)
     normal = flights.normal
-    trims, apart = _apart(trims, normal)
-    left_out.update(apart)
+    left_out |= _foreign(trims, flights.trims[0].commands)
+    trims = [t for t in trims if t.name not in left_out]
+    left_out |= _apart(trims, normal)
+    trims = [t for t in trims if t.name not in left_out]
+    if not trims:
+        return compare([], flights, body, left_out=left_out, started=started)
     swing = swing_of(*swings)
     body = replace(body, swing=swing, height_m=float(np.nanmean([t.height_m for t in trims])))
     found = weigh(trims, normal, body)
@@ -99,11 +108,17 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     return verdict
 
 
-def _apart(trims: Sequence[Trim], normal: Normal) -> tuple[Sequence[Trim], dict[str, str]]:
-    """Without the one flight of three or more that is none of them: further from the others than normal flights of
-    different days are from each other."""
+def _foreign(trims: Sequence[Trim], commands: tuple[str, ...]) -> dict[str, str]:
+    """Flights whose motor commands are another quantity than those of the normal flights, and why they are left out."""
+    return {t.name: f"its motor commands are {', '.join(t.commands)}, those of the normal flights "
+                    f"{', '.join(commands)}: a log of other variables" for t in trims if t.commands != commands}
+
+
+def _apart(trims: Sequence[Trim], normal: Normal) -> dict[str, str]:
+    """The one flight of three or more that is none of them: further from the others than normal flights of different
+    days are from each other."""
     if len(trims) < FEWEST + 1:
-        return trims, {}
+        return {}
     gains = np.array([t.gains for t in trims])
     n = len(trims)
     away = gains - (gains.sum(axis=0) - gains) / (n - 1)
@@ -112,10 +127,10 @@ def _apart(trims: Sequence[Trim], normal: Normal) -> tuple[Sequence[Trim], dict[
     chance = n * fisher.sf((away**2).sum(axis=1) / scale, 4, normal.freedom["gains"])
     worst = int(np.argmin(chance))
     if chance[worst] > STRANGE:
-        return trims, {}
+        return {}
     why = (f"its trim is not that of the other {n - 1} flights (p = {chance[worst]:.1e}): another log than those, or "
            "something changed in between")
-    return [t for i, t in enumerate(trims) if i != worst], {trims[worst].name: why}
+    return {trims[worst].name: why}
 
 
 def _body(outcome: str, text: str, findings: list, unknown: Any, left_out: Mapping[str, str], flights: Flights,

@@ -46,7 +46,7 @@ class Trim:
     at rest and per g carried; level (2,) m/s^2 mean horizontal accelerometer in the frame of the heading, forward and
     left: the angle between thrust and sensor; push (2,) m/s^2 horizontal force over mass that the tilt balances;
     nan where it cannot be known. sd the same keys: how well the rows tell these means. known_lift: False where no
-    battery was measured, so that only shares among the motors count."""
+    battery was measured, so that only shares among the motors count. commands: the source's names of them."""
 
     name: str
     gains: np.ndarray
@@ -58,12 +58,13 @@ class Trim:
     seconds: float
     height_m: float
     notes: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),
                 "push": self.push.tolist(), "sd": {k: v.tolist() for k, v in self.sd.items()},
                 "known_lift": self.known_lift, "battery_V": self.battery_V, "seconds": self.seconds,
-                "height_m": self.height_m, "notes": list(self.notes)}
+                "height_m": self.height_m, "notes": list(self.notes), "commands": list(self.commands)}
 
     @classmethod
     def from_json(cls, body: dict[str, Any]) -> Trim:
@@ -75,7 +76,7 @@ class Trim:
 
         return cls(body["name"], numbers(body["gains"]), numbers(body["level"]), numbers(body["push"]),
                    {k: numbers(v) for k, v in body["sd"].items()}, body["known_lift"], number(body["battery_V"]),
-                   body["seconds"], number(body["height_m"]), tuple(body["notes"]))
+                   body["seconds"], number(body["height_m"]), tuple(body["notes"]), tuple(body["commands"]))
 
 
 def trim_of(flight: Flight, audit: Audit) -> Trim:
@@ -104,7 +105,7 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
     values, sd = _at_rest(states, thrust, runs)
     return Trim(flight.name, values["gains"], values["level"], values["push"], sd, voltage is not None,
                 float("nan") if voltage is None else float(voltage[rows].mean()), seconds,
-                _height(flight, states.time_s, rows), tuple(notes))
+                _height(flight, states.time_s, rows), tuple(notes), _columns(flight))
 
 
 def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarray) -> list[Span]:
@@ -193,6 +194,12 @@ def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[
         variance = left @ left / max(len(y) - design.shape[1], 1) * (1.0 + alike) / (1.0 - alike)
         values[j], sd[j] = beta[0], np.sqrt(variance * inverse[0, 0])
     return values, sd
+
+
+def _columns(flight: Flight) -> tuple[str, ...]:
+    """The source's names of the commands: before and after the battery compensation they mean different things."""
+    stream = flight["motor"]
+    return tuple(stream.columns[stream.index(f"m{i}")] for i in (1, 2, 3, 4))
 
 
 def _height(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> float:

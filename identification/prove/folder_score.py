@@ -82,7 +82,10 @@ def score_folders(judged: Judged, labels: Mapping[str, Label], stranger: bool) -
                "false_alarms": share(sum(c["false_name"] for c in alarms), len(alarms)),
                "dose": dose_and_response(cases)}
     return {"cases": every, "summary": summary, "power": _power(cases),
-            "unlabelled": sorted(set(judged.verdicts) - set(labels)), "normal": list(judged.normal)}
+            "unlabelled": sorted(set(judged.verdicts) - set(labels)),
+            "without_folder": sorted(name for name, label in labels.items()
+                                     if name not in judged.verdicts and label.cause != NORMAL),
+            "normal": list(judged.normal)}
 
 
 def dose_and_response(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

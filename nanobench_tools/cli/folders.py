@@ -99,6 +99,8 @@ def sentences(body: Mapping[str, Any]) -> list[str]:
             lines.append(f"smallest {cause} that would be named: {row['minimum_detectable']:.1f} {row['unit']}")
     for name in body["unlabelled"]:
         lines.append(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
+    if body["without_folder"]:
+        lines.append(f"labels without a folder here: {one_line(', '.join(body['without_folder']))}")
     return lines
 
 

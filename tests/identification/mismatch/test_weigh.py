@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,6 +21,7 @@ from nanobench_tools.errors import InputError
 
 MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325
 BODY = Body(MOTORS, 0.034)
+PWM = ("pwm.m1",) * 4
 BASE = np.log([0.080, 0.070, 0.085, 0.075])
 
 
@@ -194,6 +197,17 @@ def test_a_flight_of_another_folder_is_left_out_and_said():
     odd = normal_flights([*normals(), a_trim("odd", (0.3, 0.0, 0.0, 0.0))], BODY)
     assert set(odd.odd) == {"odd"}
     assert odd.normal.n == 5
+
+
+def test_a_log_of_other_variables_is_left_out_and_said():
+    flights = normal_flights(normals(), BODY)
+    usual = normal_flights([replace(t, commands=PWM) for t in normals()], BODY)
+    good = [replace(t, commands=PWM) for t in some(3, 1)]
+    other = replace(a_trim("other", np.full(4, 0.3)), commands=("motor.m1",) * 4)
+    assert compare([*good, other], flights, BODY)["outcome"] == "insufficient"
+    verdict = compare([*good, other], usual, BODY)
+    assert verdict["outcome"] == "none"
+    assert "other is left out: its motor commands are motor.m1" in verdict["paragraph"]
 
 
 def test_quantiles_of_equal_weights_are_those_of_the_draws():
