@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, voltage_of_thrust
 from nanobench_tools.physics.model import Model
 from nanobench_tools.physics.vehicle import Vehicle
-from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, voltage_of_thrust
 from nanobench_tools.units import GRAVITY_M_S2
 
 CURVE_N_V = (0.0, 0.03104914, -0.01274291, 0.00478576)

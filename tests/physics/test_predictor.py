@@ -9,6 +9,7 @@ from physics_cases import ALL, CURVE, SPEED, models
 from identification.naive import Naive
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
+from nanobench_tools.firmware.thrust_curve import COEFFICIENTS
 from nanobench_tools.flight import Span
 from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Model, Vehicle, numeric
@@ -17,7 +18,6 @@ from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.physics.simulator import write_simulator
 from nanobench_tools.practice import practice_flight
 from nanobench_tools.practice.plant import Plant
-from nanobench_tools.firmware.thrust_curve import COEFFICIENTS
 from nanobench_tools.practice.vehicle import draw_vehicles
 from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.windows import PAST, cut_windows
