@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from nanobench_tools.audit import Audit
 from nanobench_tools.flight import Fault, Flight
@@ -66,14 +68,31 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
     tracks: list[Track] = []
     for number, flight in enumerate(kept):
-        flight = moved.get(flight.name, flight)
+        flight = _finite(moved.get(flight.name, flight))
         audit = on_clock_audits.get(flight.name, audits[flight.name])
         lacks = missing(flight, with_battery)
         found = [] if lacks else tracks_of(flight, audit, number, with_battery)
+        still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
+        found = [t for t in found if all(t is not s for s in still)]
         if not found:
             left_out[flight.name] = (f"no {', '.join(lacks)} stream" if lacks else
+                                     "its motor commands never change in the air" if still else
                                      "no second in the air without a fault in its data")
         tracks += found
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
                    if fault.kind not in INFORMATION)
     return Recordings(tuple(moved.get(f.name, f) for f in kept), dict(on_clock_audits), tuple(tracks), faults, left_out)
+
+
+def _finite(flight: Flight) -> Flight:
+    """Without the rows of needed streams that hold no number: the audit keeps them from being judged, but what is
+    judged is smoothed and warmed up on its neighbours."""
+    mended = {}
+    for name, quantities in NEEDED.items():
+        if name in flight and all(q in flight[name] for q in quantities):
+            stream = flight[name]
+            fine = np.isfinite(stream[quantities]).all(axis=1) & np.isfinite(stream.time_s)
+            if not fine.all():
+                mended[name] = replace(stream, time_s=stream.time_s[fine], values=stream.values[fine],
+                                       time_sd_s=None if stream.time_sd_s is None else stream.time_sd_s[fine])
+    return flight.with_streams(**mended) if mended else flight

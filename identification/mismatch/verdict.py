@@ -24,6 +24,13 @@ LOCALE = {"force_world": "world", "wind": "world", "frame_tilt": "mocap", "motor
           "ground_effect": "world"}
 CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "weight", "wind": "wind",
           "thrust_voltage": "battery"}
+UNASKED = {
+    "mocap": "(position and attitude) nothing says how the vehicle moved",
+    "imu": "(gyro_x, gyro_y, gyro_z) nothing says how it turned: no torque, inertia, lag or delay can be asked for",
+    "motor": "(m1 to m4) nothing says what the simulator would have been commanded: no term can be evaluated",
+    "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
+               "thrust follows the voltage could not be asked"}
+"""What a missing stream keeps from being asked."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +57,10 @@ class Verdict:
         why = "; ".join(f"{name}: {reason}" for name, reason in recordings.left_out.items()) or \
             f"{recordings.judged_s:.1f} s of flight are too little"
         lacks = any(reason.endswith("stream") for reason in recordings.left_out.values())
+        asks = [f"Without {name} {what}." for name, what in UNASKED.items()
+                if any(reason.endswith("stream") and name in reason for reason in recordings.left_out.values())]
         outcome = "data_fault" if recordings.touching and not lacks else "insufficient"
-        text = f"Nothing can be said about physics: {why}."
+        text = " ".join([f"Nothing can be said about physics: {why}.", *asks])
         if recordings.touching:
             text = f"The data are at fault, and what is left of them is too little. {_faults_text(recordings)} {text}"
         return cls({"outcome": outcome, "paragraph": text, "findings": [], "unknown": None,

@@ -79,10 +79,14 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if simulator is not None and not _is_file(simulator):
         recordings, verdict = _of_callable(options, simulator, mass_kg)
     else:
-        model = read_simulator(Path(simulator)) if simulator is not None else _beliefs(options, simulated, mass_kg)
+        model = None if simulator is None else read_simulator(Path(simulator))
         from identification.mismatch.diagnose import diagnose as run_diagnosis
 
-        recordings = _read(options)("thrust_voltage" in model)
+        look = _read(options)
+        model = model or _beliefs(options, simulated, mass_kg)
+        recordings = look("thrust_voltage" in model)
+        if not recordings.tracks and (code := _from_trim(options, model)) is not None:
+            return code
         verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
     body = dict(verdict.to_json())
     if verdict.believed is not None and options.out is not None:
@@ -107,6 +111,17 @@ def _against_normal(options: Options, simulator: str | None, simulated: Sequence
     source = click.get_current_context().get_parameter_source("mass_kg")
     given = source is not None and source.name != "DEFAULT"
     return diagnose_normal(options, normal, None if simulator is None else Path(simulator), mass_kg if given else None)
+
+
+def _from_trim(options: Options, model: Model) -> int | None:
+    """The exit code of a verdict from the steady trim, where flights lack the streams that tell how they moved."""
+    from identification.mismatch.track import missing
+
+    from .diagnose_normal import diagnose_trim
+
+    if not any(missing(flight) for flight in options.flights):
+        return None
+    return diagnose_trim(options, model)
 
 
 def _is_file(simulator: str) -> bool:
@@ -161,7 +176,10 @@ def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Mod
 
     vehicle = _vehicle(mass_kg)
     theirs = replace(options, data=tuple(simulated), flights=[])
-    model = beliefs(_read(theirs)(True), vehicle, options.say)
+    recordings = _read(theirs)(True)
+    if not theirs.synthetic and options.synthetic:
+        raise UsageError("--simulated holds recordings that are REAL and --data SYNTHETIC ones: are they swapped?")
+    model = beliefs(recordings, vehicle, options.say)
     options.say(f"the simulator believes {', '.join(t.name for t in model.terms)}")
     if options.out is not None:
         write_simulator(model, options.out / BELIEVED)

@@ -1,0 +1,123 @@
+"""``nanobench diagnose`` given recordings and simulators that it cannot judge: a clear answer or one line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from identification.mismatch.recordings import look_over
+from nanobench_tools.audit import audit
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.simulator import write_simulator
+from nanobench_tools.sources.discover import load_recordings
+
+MOTORS = [f"motor_motor_m{i}" for i in (1, 2, 3, 4)]
+BELIEVED = Model(Vehicle(), {"thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)},
+                             "yaw_torque": {"k_m": 0.006}})
+
+
+@pytest.fixture
+def simulator(tmp_path):
+    write_simulator(BELIEVED, tmp_path / "simulator.toml")
+    return tmp_path / "simulator.toml"
+
+
+@pytest.fixture
+def changed(recordings, tmp_path):
+    """(function of the table's columns {name: list}) -> folder with one recording so changed."""
+    def make(change):
+        source = sorted(recordings.glob("*.csv"))[0]
+        with source.open() as file:
+            header, *rows = csv.reader(file)
+        table = change({name: [row[k] for row in rows] for k, name in enumerate(header)})
+        folder = tmp_path / "changed"
+        folder.mkdir()
+        with (folder / source.name).open("w", newline="") as file:
+            csv.writer(file).writerows([list(table), *zip(*table.values(), strict=True)])
+        shutil.copy(source.with_name(f"{source.stem}_metadata.yaml"), folder)
+        return folder
+
+    return make
+
+
+def verdict(nanobench, tmp_path, *arguments):
+    code, _, err = nanobench("diagnose", *arguments, "--json", tmp_path / "v.json", "--jobs", 1, "--quiet")
+    assert code == 0, err
+    return json.loads((tmp_path / "v.json").read_text())
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda t: {k: v for k, v in t.items() if k not in MOTORS}, "Without motor (m1 to m4) nothing says"),
+    (lambda t: {k: v for k, v in t.items() if "gyro" not in k}, "no torque, inertia, lag or delay can be asked for"),
+    (lambda t: {k: v for k, v in t.items() if "vbat" not in k}, "one with thrust_pwm could be"),
+    (lambda t: t | {k: ["30000"] * len(t[k]) for k in MOTORS}, "Nothing can be said about physics"),
+    (lambda t: {k: v[:5] for k, v in t.items()}, "Nothing can be said about physics"),
+])
+def test_what_recordings_lack_is_said(nanobench, changed, simulator, tmp_path, change, words):
+    found = verdict(nanobench, tmp_path, "--data", changed(change), "--simulator", simulator)
+    assert found["outcome"] in ("insufficient", "data_fault")
+    assert found["findings"] == []
+    assert words in found["paragraph"]
+
+
+def test_cells_without_a_number_do_not_spread(changed):
+    """Commands that were lost before a stretch begins are in no rotor of it."""
+    def lose(table):
+        lost = table | {k: [*v[:700], *[""] * 40, *v[740:]] for k, v in table.items() if k in MOTORS}
+        return lost | {"pwr_pm_vbat": [*table["pwr_pm_vbat"][:650], "inf", *table["pwr_pm_vbat"][651:]]}
+
+    flights = load_recordings([changed(lose)]).flights
+    audits = {f.name: audit(f) for f in flights}
+    tracks = look_over(flights, audits, flights, audits).tracks
+    assert len(tracks) > 1
+    for track in tracks:
+        assert np.isfinite(track.motor).all()
+        assert np.isfinite(track.battery_V).all()
+
+
+def test_another_vehicle_gets_no_finer_answer(nanobench, recordings, tmp_path):
+    write_simulator(BELIEVED.on(mass_kg=0.4), tmp_path / "heavy.toml")
+    found = verdict(nanobench, tmp_path, "--data", recordings, "--simulator", tmp_path / "heavy.toml")
+    assert found["outcome"] == "insufficient"
+    assert "of another vehicle" in found["paragraph"]
+
+
+def test_swapped_recordings_are_told(nanobench, recordings, tmp_path):
+    folder = tmp_path / "real"
+    shutil.copytree(recordings, folder)
+    for sheet in folder.glob("*.yaml"):
+        sheet.write_text(sheet.read_text().replace("synthetic: true", "synthetic: false"))
+    code, _, err = nanobench("diagnose", "--data", recordings, "--simulated", folder, "--jobs", 1, "--quiet")
+    assert (code, "are they swapped?" in err) == (2, True)
+
+
+def test_a_callable_is_diagnosed(nanobench, recordings, tmp_path, monkeypatch):
+    (tmp_path / "a_callable.py").write_text('''
+def simulate(along):
+    import numpy as np
+    from nanobench_tools.physics.adapters.pwm import CURVE
+    lift = sum(c * (along.motor * along.battery_V[:, None]) ** k for k, c in enumerate(CURVE.values))
+    turn = np.stack([0.0325 * lift @ [-1, -1, 1, 1], 0.0325 * lift @ [-1, 1, 1, -1], 0.006 * lift @ [-1, 1, -1, 1]], 1)
+    return lift.sum(axis=1)[:, None] * [0.0, 0.0, 1.0] / 0.0409, turn / [1.8e-5, 1.8e-5, 3.1e-5]
+''')
+    monkeypatch.syspath_prepend(tmp_path)
+    found = verdict(nanobench, tmp_path, "--data", recordings, "--simulator", "a_callable:simulate", "--out",
+                    tmp_path / "out")
+    assert found["simulator"]["alike"]
+    assert "motor_lag" not in found["simulator"]["terms"]
+    assert (tmp_path / "out" / "simulator_equivalent.toml").is_file()
+    assert found["paragraph"].startswith("a_callable:simulate was evaluated along")
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    ("absent.toml", "absent.toml: cannot be read"), ("nothing", "no adapter of that name"),
+    ("no_module:f", "No module named"), ("rotorpy:absent.toml", "absent.toml: cannot be read")])
+def test_a_simulator_that_is_not_there_is_one_line(nanobench, recordings, given, words):
+    code, _, err = nanobench("diagnose", "--data", recordings, "--simulator", given, "--quiet")
+    assert code == 2
+    assert words in err
+    assert err.count("\n") == 1
