@@ -19,7 +19,7 @@ _FAR = F(36000.0)
 """Beyond so many degrees the turns are taken off at once and not one by one."""
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(inline="always")
 def clamped(value, low, high):
     """constrain() of num.c; what is no number stays none."""
     if value < low:
@@ -27,7 +27,7 @@ def clamped(value, low, high):
     return high if value > high else value
 
 
-@nb.njit(cache=True)
+@nb.njit
 def counts16(value):
     """saturateSignedInt16 of attitude_pid_controller.c: towards zero, within +-32767; 0 for what is no number."""
     if value > F(32767.0):
@@ -37,7 +37,7 @@ def counts16(value):
     return np.int16(value) if value == value else np.int16(0)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def one_turn(angle):
     """capAngle of controller_pid.c: degrees into -180..180; 0 for what is not finite, where the firmware hangs."""
     if not math.isfinite(angle):
@@ -51,13 +51,13 @@ def one_turn(angle):
     return angle
 
 
-@nb.njit(cache=True)
+@nb.njit
 def yaw_of(q):
     """Yaw [rad] of a quaternion (4,) x, y, z, w; quat2rpy of math3d.h."""
     return math.atan2(TWO * (q[3] * q[2] + q[0] * q[1]), ONE - TWO * (q[1] * q[1] + q[2] * q[2]))
 
 
-@nb.njit(cache=True)
+@nb.njit
 def rotation_of(q):
     """Rows of the rotation matrix of a quaternion (4,) x, y, z, w; quat2rotmat of math3d.h."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -66,19 +66,19 @@ def rotation_of(q):
             (TWO * x * z - TWO * y * w, TWO * y * z + TWO * x * w, ONE - TWO * x * x - TWO * y * y))
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(inline="always")
 def dot(a, b):
     """a . b of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(inline="always")
 def cross(a, b):
     """a x b of two triples."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(inline="always")
 def unit(a, otherwise):
     """Triple of length one, or ``otherwise`` for the zero triple, which poisons the firmware's integrals."""
     square = dot(a, a)

@@ -27,6 +27,7 @@ from .float32 import (
     unit,
     yaw_of,
 )
+from .kept import kept
 from .records import ABSOLUTE, DISABLED, VELOCITY
 from .thrust_curve import THRUST_MAX_N
 
@@ -54,7 +55,7 @@ def defaults(n: int = 1) -> np.ndarray:
     return found
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _heading(setpoint, estimate):
     """Yaw wanted [rad]."""
     if setpoint.mode_yaw == VELOCITY:
@@ -64,7 +65,7 @@ def _heading(setpoint, estimate):
     return yaw_of(setpoint.quaternion) if setpoint.mode_quat == ABSOLUTE else ZERO
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _follow(p, s, setpoint, estimate, yaw, body_z):
     """Lines 122-174: thrust along the body's z, and the columns of the rotation that turns z along the force wanted.
 
@@ -88,7 +89,7 @@ def _follow(p, s, setpoint, estimate, yaw, body_z):
     return cross(y, z), y, z
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _hold(setpoint, yaw):
     """Lines 176-196: the rotation wanted from roll, pitch (legacy) and yaw, as columns."""
     roll, pitch = setpoint.attitude_deg[0] * TO_RAD, -setpoint.attitude_deg[1] * TO_RAD
@@ -98,7 +99,7 @@ def _hold(setpoint, yaw):
             (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr))
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _run(p, s, setpoint, estimate):
     rows = rotation_of(estimate.quaternion)
     body = ((rows[0][0], rows[1][0], rows[2][0]), (rows[0][1], rows[1][1], rows[2][1]),
@@ -131,7 +132,7 @@ def _run(p, s, setpoint, estimate):
     _torque(p, s, estimate, body, wanted, e, turn)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _torque(p, s, estimate, body, wanted, e, turn):
     """Lines 209-249: M = -KR e_R - Kw e_w - KI integral + w x J w, and the coupling where asked for."""
     gyro = estimate.gyro_deg_s
@@ -150,7 +151,7 @@ def _torque(p, s, estimate, body, wanted, e, turn):
                            - p.k_integral_N_m_s[k] * s.integral_r[k] + spin[k] - p.coupling * j[k] * lead[k])
 
 
-@nb.njit(cache=True)
+@nb.njit
 def lee_step(step, p, s, setpoint, estimate, wrench):
     """controllerLee for one vehicle at ``step`` of the 1 kHz loop; writes ``wrench``."""
     if step % ATTITUDE_EVERY == 0:
@@ -160,15 +161,22 @@ def lee_step(step, p, s, setpoint, estimate, wrench):
         wrench.torque_N_m[k] = s.torque_N_m[k]
 
 
-@nb.njit(cache=True, nogil=True)
-def run_steps(steps, parameters, state, setpoint, estimate, wrench, trace):
-    """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, wrench (m, n) out.
+@kept
+def run_steps(sources):
+    @nb.njit(cache=True, nogil=True)
+    def run_steps(steps, parameters, state, setpoint, estimate, wrench, trace):
+        """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, wrench (m, n) out.
 
-    state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n) takes the state after every step, or (0, n).
-    """
-    own = len(parameters) > 1
-    for k in range(len(steps)):
-        for i in range(len(state)):
-            lee_step(steps[k], parameters[i if own else 0], state[i], setpoint[k, i], estimate[k, i], wrench[k, i])
-            if len(trace):
-                trace[k, i] = state[i]
+        state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.
+        """
+        if not sources:
+            return
+        own = len(parameters) > 1
+        for k in range(len(steps)):
+            for i in range(len(state)):
+                lee_step(steps[k], parameters[i if own else 0], state[i], setpoint[k, i], estimate[k, i], wrench[k, i])
+                if len(trace):
+                    trace[k, i] = state[i]
+
+    return run_steps
+

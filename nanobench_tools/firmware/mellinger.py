@@ -28,6 +28,7 @@ from .float32 import (
     unit,
     yaw_of,
 )
+from .kept import kept
 from .records import ABSOLUTE, VELOCITY
 
 PARAMETERS = np.dtype([(name, "f4") for name in (
@@ -49,7 +50,7 @@ def defaults(n: int = 1) -> np.ndarray:
     return np.array([DEFAULTS] * n, PARAMETERS)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _force(p, s, setpoint, estimate, rows):
     """Lines 141-202: the integrals, and the force wanted [N] (or, without a place to be, a direction)."""
     e = (setpoint.position_m[0] - estimate.position_m[0], setpoint.position_m[1] - estimate.position_m[1],
@@ -73,7 +74,7 @@ def _force(p, s, setpoint, estimate, rows):
     return c * fx - sn * fy, sn * fx + c * fy, fz
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _heading(setpoint, estimate):
     """Lines 178-187: yaw wanted [deg]; a rate of yaw is only led by one step."""
     if setpoint.mode_yaw == VELOCITY:
@@ -83,7 +84,7 @@ def _heading(setpoint, estimate):
     return yaw_of(setpoint.quaternion) * TO_DEG if setpoint.mode_quat == ABSOLUTE else ZERO
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _turn_error(force, yaw_deg, columns):
     """Lines 205-246: z wanted, and vee(Rd^T R - R^T Rd) without the textbook's half, y negated for legacy pitch."""
     yaw = yaw_deg * TO_RAD
@@ -94,7 +95,7 @@ def _turn_error(force, yaw_deg, columns):
     return z, (dot(z, body_y) - dot(y, body_z), dot(z, body_x) - dot(x, body_z), dot(y, body_x) - dot(x, body_y))
 
 
-@nb.njit(cache=True)
+@nb.njit
 def mellinger_step(step, p, s, setpoint, estimate, control):
     """controllerMellingerFirmware for one vehicle at ``step`` of the 1 kHz loop; writes ``control``."""
     if step % ATTITUDE_EVERY == 0:
@@ -102,7 +103,7 @@ def mellinger_step(step, p, s, setpoint, estimate, control):
     control.thrust, control.roll, control.pitch, control.yaw = s.thrust, s.roll, s.pitch, s.yaw
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _run(p, s, setpoint, estimate):
     rows = rotation_of(estimate.quaternion)
     columns = ((rows[0][0], rows[1][0], rows[2][0]), (rows[0][1], rows[1][1], rows[2][1]),
@@ -131,16 +132,23 @@ def _run(p, s, setpoint, estimate):
             s.integral[k] = s.integral_m[k] = ZERO
 
 
-@nb.njit(cache=True, nogil=True)
-def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
-    """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
+@kept
+def run_steps(sources):
+    @nb.njit(cache=True, nogil=True)
+    def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
+        """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
 
-    state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n) takes the state after every step, or (0, n).
-    """
-    own = len(parameters) > 1
-    for k in range(len(steps)):
-        for i in range(len(state)):
-            p = parameters[i if own else 0]
-            mellinger_step(steps[k], p, state[i], setpoint[k, i], estimate[k, i], control[k, i])
-            if len(trace):
-                trace[k, i] = state[i]
+        state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.
+        """
+        if not sources:
+            return
+        own = len(parameters) > 1
+        for k in range(len(steps)):
+            for i in range(len(state)):
+                p = parameters[i if own else 0]
+                mellinger_step(steps[k], p, state[i], setpoint[k, i], estimate[k, i], control[k, i])
+                if len(trace):
+                    trace[k, i] = state[i]
+
+    return run_steps
+

@@ -11,6 +11,7 @@ import numba as nb
 import numpy as np
 
 from .float32 import TWO, ZERO, F
+from .kept import kept
 from .records import CONTROL, WRENCH
 from .thrust_curve import THRUST_MAX_N, THRUST_MIN_N, VOLTAGE_MIN_V, voltage_of_thrust
 
@@ -25,10 +26,10 @@ BUILD = np.array([[THRUST_MAX_N, THRUST_MIN_N]], np.float32)
 EARLIER_BUILD = np.array([[0.1125, 0.02]], np.float32)
 """The same before 2025.12.1 (platform_defaults_cf2.h of 2025.12). Some recordings flew it, whatever the sheets say."""
 _VOLTAGE_MIN = F(VOLTAGE_MIN_V)
-_voltage_of_thrust = nb.njit(cache=True)(voltage_of_thrust)
+_voltage_of_thrust = nb.njit(voltage_of_thrust)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def mix_legacy(control, motor):
     """control CONTROL -> counts (4,) int32, not capped: roll and pitch are halved, yaw is not."""
     thrust, r, p, y = control.thrust, F(int(control.roll / TWO)), F(int(control.pitch / TWO)), F(control.yaw)
@@ -36,7 +37,7 @@ def mix_legacy(control, motor):
     motor[2], motor[3] = int(thrust + r - p + y), int(thrust + r + p - y)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def mix_wrench(wrench, build, motor):
     """wrench WRENCH, build (2,) -> counts (4,) int32, not capped; a motor that would have to pull stands still."""
     quarter = F(0.25)
@@ -46,19 +47,25 @@ def mix_wrench(wrench, build, motor):
         motor[i] = int(max(force, ZERO) / build[0] * F(FULL))
 
 
-@nb.vectorize(cache=True)
-def compensated(counts, filtered_V, thrust_max_N, thrust_min_N):
-    """A motor's command [counts], the filtered battery [V] and the build's limits [N] -> PWM counts, not capped.
+@kept
+def compensated(sources):
+    @nb.vectorize(cache=True)
+    def compensated(counts, filtered_V, thrust_max_N, thrust_min_N):
+        """A motor's command [counts], the filtered battery [V] and the build's limits [N] -> PWM counts, not capped.
 
-    Float32 in and out: arrays that broadcast, or numbers in compiled code.
-    """
-    thrust = F(counts) / F(FULL) * thrust_max_N
-    if filtered_V < _VOLTAGE_MIN or thrust < thrust_min_N:
-        return ZERO
-    return F(FULL) * (F(_voltage_of_thrust(thrust)) / filtered_V)
+        Float32 in and out: arrays that broadcast, or numbers in compiled code.
+        """
+        if not sources:
+            return filtered_V
+        thrust = F(counts) / F(FULL) * thrust_max_N
+        if filtered_V < _VOLTAGE_MIN or thrust < thrust_min_N:
+            return ZERO
+        return F(FULL) * (F(_voltage_of_thrust(thrust)) / filtered_V)
+
+    return compensated
 
 
-@nb.njit(cache=True)
+@nb.njit
 def cap(motor):
     """(4,) int32 in place: what the strongest has too much is taken from all, and none goes below zero."""
     over = max(motor[0], motor[1], motor[2], motor[3]) - FULL
@@ -66,13 +73,13 @@ def cap(motor):
         motor[i] = max(motor[i] - max(over, 0), 0)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def filter_voltage(filtered_V, battery_V):
     """The filtered voltage one millisecond later."""
     return filtered_V + VOLTAGE_SHARE * (battery_V - filtered_V)
 
 
-@nb.njit(cache=True)
+@nb.njit
 def drive(filtered_V, build, motor):
     """What has been mixed (4,) int32 -> PWM counts, in place: compensation, whole counts, cap, in this order."""
     for i in range(4):
@@ -80,30 +87,42 @@ def drive(filtered_V, build, motor):
     cap(motor)
 
 
-@nb.njit(cache=True, nogil=True)
-def drive_legacy(milliseconds, control, battery_V, filtered_V, build, motor):
-    """control (n,) CONTROL, battery_V (n,) float32 held for so many ms -> motor (n, 4) int32; filtered_V (n,) goes on.
+@kept
+def drive_legacy(sources):
+    @nb.njit(cache=True, nogil=True)
+    def drive_legacy(milliseconds, control, battery_V, filtered_V, build, motor):
+        """control (n,) CONTROL, battery_V (n,) float32 held for so many ms -> motor (n, 4) int32.
 
-    build (n, 2), or (1, 2) for all. What is no voltage leaves the filtered one as it was.
-    """
-    for i in range(len(control)):
-        for _ in range(milliseconds):
-            if battery_V[i] == battery_V[i]:
-                filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
-        mix_legacy(control[i], motor[i])
-        drive(filtered_V[i], build[i if len(build) > 1 else 0], motor[i])
+        build (n, 2), or (1, 2) for all; filtered_V (n,) goes on, and is left as it was by what is no voltage.
+        """
+        if not sources:
+            return
+        for i in range(len(control)):
+            for _ in range(milliseconds):
+                if battery_V[i] == battery_V[i]:
+                    filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
+            mix_legacy(control[i], motor[i])
+            drive(filtered_V[i], build[i if len(build) > 1 else 0], motor[i])
+
+    return drive_legacy
 
 
-@nb.njit(cache=True, nogil=True)
-def drive_wrench(milliseconds, wrench, battery_V, filtered_V, build, motor):
-    """``drive_legacy`` for wrench (n,) WRENCH."""
-    for i in range(len(wrench)):
-        for _ in range(milliseconds):
-            if battery_V[i] == battery_V[i]:
-                filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
-        own = build[i if len(build) > 1 else 0]
-        mix_wrench(wrench[i], own, motor[i])
-        drive(filtered_V[i], own, motor[i])
+@kept
+def drive_wrench(sources):
+    @nb.njit(cache=True, nogil=True)
+    def drive_wrench(milliseconds, wrench, battery_V, filtered_V, build, motor):
+        """``drive_legacy`` for wrench (n,) WRENCH."""
+        if not sources:
+            return
+        for i in range(len(wrench)):
+            for _ in range(milliseconds):
+                if battery_V[i] == battery_V[i]:
+                    filtered_V[i] = filter_voltage(filtered_V[i], battery_V[i])
+            own = build[i if len(build) > 1 else 0]
+            mix_wrench(wrench[i], own, motor[i])
+            drive(filtered_V[i], own, motor[i])
+
+    return drive_wrench
 
 
 class MotorOutput:

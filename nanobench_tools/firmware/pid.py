@@ -28,6 +28,7 @@ from .float32 import (
     one_turn,
     yaw_of,
 )
+from .kept import kept
 from .records import ABSOLUTE, VELOCITY
 
 LOOPS = ("X", "Y", "Z", "VX", "VY", "VZ", "roll", "pitch", "yaw", "rollrate", "pitchrate", "yawrate")
@@ -69,7 +70,7 @@ def defaults(n: int = 1) -> np.ndarray:
     return found
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _update(g, s, desired, measured, turns):
     """pidUpdate of pid.c; g (13,) gains, s (4,) memory; ``turns``: the error and the change are angles."""
     error, change = desired - measured, -(measured - s[PREVIOUS])
@@ -88,7 +89,7 @@ def _update(g, s, desired, measured, turns):
     return clamped(out, -g[OUT_LIMIT], g[OUT_LIMIT]) if g[OUT_LIMIT] != ZERO else out
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _short_way(angle):
     """One turn is taken off once (pid.c); angles here are never further apart."""
     if angle > F(180.0):
@@ -96,7 +97,7 @@ def _short_way(angle):
     return angle + TURN if angle < F(-180.0) else angle
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _filtered(g, s, x):
     """lpf2pApply of filter.c, direct form II."""
     d0 = x - s[D1] * g[A1] - s[D2] * g[A2]
@@ -107,14 +108,14 @@ def _filtered(g, s, x):
     return y
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _forget(s, measured):
     """pidReset of pid.c: the low pass keeps its state."""
     s[INTEGRAL] = ZERO
     s[PREVIOUS] = measured
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _wanted_yaw(p, s, setpoint, estimate):
     """controller_pid.c, lines 63-91: where the nose should point."""
     if setpoint.mode_yaw == VELOCITY:
@@ -131,7 +132,7 @@ def _wanted_yaw(p, s, setpoint, estimate):
     s.attitude_deg[2] = one_turn(s.attitude_deg[2])
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _outer(p, s, setpoint, estimate):
     """positionController and velocityController of position_controller_pid.c."""
     yaw = estimate.attitude_deg[2] * PI / HALF_TURN
@@ -157,7 +158,7 @@ def _outer(p, s, setpoint, estimate):
     s.thrust = clamped(max(thrust, p.thrust_min), ZERO, F(65535.0))
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _inner(p, s, setpoint, estimate):
     """Attitude and rate loops (attitude_pid_controller.c), what the setpoint overrides (controller_pid.c 97-131)."""
     if setpoint.mode_z == 0:
@@ -179,7 +180,7 @@ def _inner(p, s, setpoint, estimate):
     s.yaw = -counts16(_update(p.block[_RATE + 2], s.block[_RATE + 2], s.rate_deg_s[2], gyro[2], False))
 
 
-@nb.njit(cache=True)
+@nb.njit
 def _forget_all(s, estimate):
     """controller_pid.c 150-162: every loop starts anew where the vehicle is; the nose stays where it points."""
     for k in range(12):
@@ -192,7 +193,7 @@ def _forget_all(s, estimate):
     s.attitude_deg[2] = estimate.attitude_deg[2]
 
 
-@nb.njit(cache=True)
+@nb.njit
 def pid_step(step, p, s, setpoint, estimate, control):
     """controllerPid for one vehicle at ``step`` of the 1 kHz loop (counted from 1); writes ``control``."""
     if step % ATTITUDE_EVERY == 0:
@@ -206,15 +207,22 @@ def pid_step(step, p, s, setpoint, estimate, control):
     control.thrust, control.roll, control.pitch, control.yaw = s.thrust, s.roll, s.pitch, s.yaw
 
 
-@nb.njit(cache=True, nogil=True)
-def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
-    """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
+@kept
+def run_steps(sources):
+    @nb.njit(cache=True, nogil=True)
+    def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
+        """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
 
-    state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n) takes the state after every step, or (0, n).
-    """
-    own = len(parameters) > 1
-    for k in range(len(steps)):
-        for i in range(len(state)):
-            pid_step(steps[k], parameters[i if own else 0], state[i], setpoint[k, i], estimate[k, i], control[k, i])
-            if len(trace):
-                trace[k, i] = state[i]
+        state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.
+        """
+        if not sources:
+            return
+        own = len(parameters) > 1
+        for k in range(len(steps)):
+            for i in range(len(state)):
+                pid_step(steps[k], parameters[i if own else 0], state[i], setpoint[k, i], estimate[k, i], control[k, i])
+                if len(trace):
+                    trace[k, i] = state[i]
+
+    return run_steps
+
