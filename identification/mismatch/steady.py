@@ -78,7 +78,8 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items()) or "no flight"
         return _body("insufficient", f"Nothing can be said: {why}.", [], None, left_out, flights, {}, None, started)
     normal = flights.normal
-    left_out |= _foreign(trims, flights.trims[0].commands)
+    if flights.trims:
+        left_out |= _foreign(trims, flights.trims[0].commands)
     trims = [t for t in trims if t.name not in left_out]
     left_out |= _apart(trims, normal)
     trims = [t for t in trims if t.name not in left_out]
@@ -153,7 +154,9 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     if chances[best] < SURE:
         causes = next(({c for c in t if chances[c] >= POSSIBLE} for t in TWINS
                        if best in t and sum(chances[c] for c in t) >= SURE), set())
-    if not causes or ("vehicle" in causes and not _askew(found, normal)):
+    if not normal.n and np.isnan(normal.mean["level"]).all() and causes & {"propeller", "tape"}:
+        causes |= {"vehicle"}  # a simulator of unknown mounting may be of another one
+    elif not causes or ("vehicle" in causes and not _askew(found, normal)):
         return []
     together = found.of(*causes)
     motors, h, weights = _best(found, best)

@@ -13,7 +13,8 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
-from .weigh import Normal
+from .causes.vehicle import GAINS
+from .weigh import PRIOR, Normal
 
 
 def simulator_of(normal: Normal, body: Body) -> Model | None:
@@ -22,9 +23,43 @@ def simulator_of(normal: Normal, body: Body) -> Model | None:
     hover shows both alike."""
     if not normal.known_lift:
         return None
+    tilt = {} if np.isnan(normal.mean["level"]).any() else {"frame_tilt": {
+        "roll_rad": float(-normal.mean["level"][1] / GRAVITY_M_S2),
+        "pitch_rad": float(normal.mean["level"][0] / GRAVITY_M_S2)}}
     each = body.mass_kg * GRAVITY_M_S2 / 4.0 / np.exp(normal.mean["gains"])
     vehicle = Vehicle(mass_kg=body.mass_kg, motor_positions_m=tuple((float(x), float(y)) for x, y in body.motors))
-    return _with_gains(Model(vehicle, {"thrust_voltage": {"c": PLUS.c}, "yaw_torque": {"k_m": 0.006}}), each)
+    return _with_gains(Model(vehicle, {"thrust_voltage": {"c": PLUS.c}, "yaw_torque": {"k_m": 0.006}, **tilt}), each)
+
+
+def believed_by(simulator: Model) -> Normal | None:
+    """The trim a simulator would hover with; None without a thrust map of the motor voltage. Its spread is that of
+    flights of one vehicle, and that between vehicles beside it where it holds all motors to be alike."""
+    terms = simulator.as_dict()
+    if "thrust_voltage" not in terms:
+        return None
+    vehicle = simulator.vehicle
+    x, y = (np.array(vehicle.motor_positions_m, float) - np.array(
+        terms.get("com_offset", {}).get("r_m", (0.0, 0.0, 0.0))[:2])).T
+    balance = np.stack([np.ones(4), x, y, np.array(vehicle.spin, float)])
+    try:
+        asked = np.linalg.solve(balance, [vehicle.mass_kg * vehicle.gravity_m_s2, 0.0, 0.0, 0.0])
+    except np.linalg.LinAlgError:
+        return None
+    each = np.array(terms.get("motor_imbalance", {}).get("g", np.ones(4)))
+    gains = terms.get("thrust_scale", {}).get("s", 1.0) * each
+    volts = np.linspace(1.2, 4.4, 1601)
+    thrust = np.polynomial.polynomial.polyval(volts, np.array(terms["thrust_voltage"]["c"]))
+    if (np.diff(thrust) <= 0.0).any() or (asked / gains <= thrust[0]).any() or (asked / gains >= thrust[-1]).any():
+        return None
+    curve = np.polynomial.polynomial.polyval(np.interp(asked / gains, thrust, volts), PLUS.c)
+    tilt = terms.get("frame_tilt")
+    level = np.full(2, np.nan) if tilt is None else vehicle.gravity_m_s2 * np.array(
+        [tilt["pitch_rad"], -tilt["roll_rad"]])
+    sd = {name: usual for name, (usual, _) in PRIOR.items()}
+    if "motor_imbalance" not in terms:
+        sd["gains"] = float(np.hypot(sd["gains"], GAINS))
+    return Normal({"gains": np.log(curve), "level": level, "push": np.zeros(2)}, sd,
+                  {name: freedom for name, (_, freedom) in PRIOR.items()}, 0, (), True)
 
 
 def _with_gains(model: Model, gains: np.ndarray) -> Model:
@@ -42,12 +77,15 @@ def corrected(model: Model, finding: Mapping[str, Any]) -> Model | None:
     vehicle = model.vehicle
     if finding["causes"][0] in ("propeller", "tape"):
         loss = np.array([sizes.get(f"loss_m{m}", 0.0) / 100.0 for m in (1, 2, 3, 4)])
-        return _with_gains(model, np.array(model.as_dict()["motor_imbalance"]["g"]) * (1.0 - loss))
+        gains = np.array(model.as_dict().get("motor_imbalance", {}).get("g", np.ones(4)))
+        return _with_gains(model, gains * (1.0 - loss))
     if finding["causes"][0] in ("weight", "slung"):
         added = sizes["mass"] / 1e3
         whole = vehicle.mass_kg + added
         offset = (*(float(added / whole * sizes[k] / 1e3) for k in ("x", "y")), 0.0)
-        return Model(replace(vehicle, mass_kg=whole), {**model.as_dict(), "com_offset": {"r_m": offset}})
+        before = model.as_dict().get("com_offset", {}).get("r_m", (0.0, 0.0, 0.0))
+        moved = tuple(vehicle.mass_kg / whole * b + o for b, o in zip(before, offset, strict=True))
+        return Model(replace(vehicle, mass_kg=whole), {**model.as_dict(), "com_offset": {"r_m": moved}})
     if finding["causes"][0] == "mass":
         return Model(replace(vehicle, mass_kg=vehicle.mass_kg * (1.0 + sizes["change"] / 100.0)), model.as_dict())
     return None

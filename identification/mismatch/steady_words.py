@@ -43,8 +43,9 @@ def paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapp
                improvement: Mapping[str, Any] | None, left_out: Mapping[str, str], least: int) -> str:
     """What, where, how big, how sure, what it is not and why, what flights left out say."""
     change = ", ".join(f"{100 * d:+.1f}" for d in found.delta["gains"])
-    seen = (f"Thrust asked of motors 1 to 4 against normal: {change} % (spread of a normal flight "
-            f"{100 * normal.sd['gains']:.1f} %, {normal.n} normal flights, {len(trims)} here).")
+    usual, count = ("normal", f"{normal.n} normal flights, ") if normal.n else ("the simulator", "")
+    seen = (f"Thrust asked of motors 1 to 4 against {usual}: {change} % (spread of a normal flight "
+            f"{100 * normal.sd['gains']:.1f} %, {count}{len(trims)} here).")
     parts: list[str] = []
     for f in findings:
         parts.append(f"{f['sentence']}, with {f['confidence']:.0%} confidence.")

@@ -30,7 +30,8 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Normal:
-    """mean, sd of a flight and degrees of freedom per quantity; n flights; names; known_lift: whether all had a
+    """mean, sd of a flight and degrees of freedom per quantity; n flights, 0 for a simulator; names;
+    known_lift: whether all had a
     battery. Channels that a flight lacks are nan in the mean."""
 
     mean: Mapping[str, np.ndarray]
@@ -94,7 +95,8 @@ def weigh(trims: Sequence[Trim], normal: Normal, body: Body) -> Weighed:
     delta = {name: np.mean([getattr(t, name) for t in trims], axis=0) - normal.mean[name] for name in GROUPS}
     own = {name: np.sqrt(np.mean([np.nanmean(t.sd[name] ** 2) if not np.isnan(t.sd[name]).all() else 0.0
                                   for t in trims]) / len(trims)) for name in GROUPS}
-    sd = {name: float(np.hypot(normal.sd[name] * np.sqrt(1.0 + 1.0 / normal.n), own[name])) for name in GROUPS}
+    both = np.sqrt(1.0 + 1.0 / normal.n) if normal.n else 1.0
+    sd = {name: float(np.hypot(normal.sd[name] * both, own[name])) for name in GROUPS}
     return weigh_change(delta, sd, normal, body, normal.known_lift and all(t.known_lift for t in trims))
 
 

@@ -13,6 +13,7 @@ from .show import data_word
 
 if TYPE_CHECKING:
     from ..flight import Flight
+    from ..physics import Model
 
 NORMAL_SIMULATOR, CORRECTED = "simulator_normal.toml", "simulator_corrected.toml"
 
@@ -59,6 +60,32 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
     return options.finish("verdict", verdict)
 
 
+def diagnose_trim(options: Options, simulator: Model) -> int | None:
+    """The verdict on recordings without the states that a diagnosis of motion needs: the trim they hover with against
+    the one the simulator would. None where there is no trim in them, or in it."""
+    from identification.mismatch.steady import Flights, compare
+    from identification.mismatch.steady_input import body_of, trims_in
+    from identification.mismatch.steady_page import write_steady_page
+    from identification.mismatch.steady_simulator import believed_by, corrected
+
+    from ..physics.simulator import write_simulator
+
+    believed = believed_by(simulator)
+    trims, _, left_out = trims_in(_values(options, options.flights, {}))
+    if believed is None or not trims:
+        return None
+    options.say("no states to follow the motion with: the steady trim of the motors is compared")
+    verdict = compare(trims, Flights(believed, (), {}), body_of(trims, None, simulator), left_out=left_out)
+    better = corrected(simulator, verdict["findings"][0]) if verdict["findings"] else None
+    if options.out is not None:
+        if better is not None:
+            write_simulator(better, options.out / CORRECTED)
+            verdict["corrected_simulator"] = str(options.out / CORRECTED)
+        write_steady_page({"Verdict": verdict}, options.out / "report.html", options.synthetic)
+    _show(options, verdict)
+    return options.finish("verdict", verdict)
+
+
 def _apart(here: Sequence[Flight], usual: Sequence[Flight]) -> tuple[list[Flight], list[Flight]]:
     """Both with names that no other has."""
     from dataclasses import replace
@@ -87,7 +114,8 @@ def _show(options: Options, verdict: Mapping[str, Any]) -> None:
     if trim is None:
         return
     word = data_word(options)
-    table = Table(title=f"Thrust asked of each motor against {len(trim['normal'])} normal flights, %, {word}",
+    usual = f"{len(trim['normal'])} normal flights" if trim["normal"] else "the simulator"
+    table = Table(title=f"Thrust asked of each motor against {usual}, %, {word}",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("flight", "motor 1", "motor 2", "motor 3", "motor 4", "battery V"):
         table.add_column(head)

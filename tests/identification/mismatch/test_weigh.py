@@ -13,11 +13,13 @@ from scipy import stats
 from identification.mismatch.causes import CAUSES, Body
 from identification.mismatch.causes.weight import loads
 from identification.mismatch.periodic import Swing, frequencies
-from identification.mismatch.steady import compare, normal_flights
+from identification.mismatch.steady import Flights, compare, normal_flights
 from identification.mismatch.steady_page import write_steady_page
+from identification.mismatch.steady_simulator import believed_by, corrected, simulator_of
 from identification.mismatch.trim import Trim
 from identification.mismatch.weigh import normal_of, quantiles, weigh
 from nanobench_tools.errors import InputError
+from nanobench_tools.physics import Model
 
 MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325
 BODY = Body(MOTORS, 0.034)
@@ -250,3 +252,29 @@ def test_a_load_that_swings_is_no_taped_weight():
     assert "Hz" in light["paragraph"]
     taped = compare(some(3, 2, load(4.0, -20.0, 20.0)), flights, BODY, swings=(swings(3, 5), usual))
     assert all(f["cause"] != "slung" for f in taped["findings"])
+
+
+def test_a_simulator_hovers_with_the_trim_it_was_made_of():
+    usual = normals()
+    normal = normal_of(usual)
+    simulator = simulator_of(normal, BODY)
+    again = believed_by(simulator)
+    assert again.mean["gains"] == pytest.approx(normal.mean["gains"], abs=1e-4)
+    assert again.mean["level"] == pytest.approx(normal.mean["level"], abs=1e-3)
+    verdict = compare(some(3, 1, loss(2, 0.25)), Flights(again, (), {}), BODY)
+    (finding,) = verdict["findings"]
+    assert (finding["cause"], finding["motors"]) == ("propeller", [2])
+    damaged = believed_by(corrected(simulator, finding))
+    size = finding["parameters"]["loss_m2"]["value"] / 100.0
+    assert damaged.mean["gains"] - again.mean["gains"] == pytest.approx(loss(2, size), abs=1e-3)
+    alike = believed_by(Model(simulator.vehicle, {k: v for k, v in simulator.as_dict().items()
+                                                  if k in ("thrust_voltage", "yaw_torque")}))
+    assert alike.sd["gains"] > 0.1
+    assert np.isnan(alike.mean["level"]).all()
+
+
+def test_a_corrected_simulator_carries_the_weight():
+    simulator = simulator_of(normal_of(normals()), BODY)
+    weight = {"causes": ["weight"], "parameters": {"mass": {"value": 4.0}, "x": {"value": -20.0}, "y": {"value": 20.0}}}
+    before, after = believed_by(simulator), believed_by(corrected(simulator, weight))
+    assert after.mean["gains"] - before.mean["gains"] == pytest.approx(load(4.0, -20.0, 20.0), abs=1e-3)
