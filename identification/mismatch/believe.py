@@ -11,7 +11,8 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
 
 from .fitting import Slopes, fit, slopes
-from .moments import moments_of
+from .levels import with_levels
+from .moments import Moments, moments_of
 from .naming import free_of, name_effects
 from .recordings import Recordings
 from .space import reduced, space_around
@@ -33,20 +34,22 @@ def beliefs(recordings: Recordings, vehicle: Vehicle | None = None, progress: Ca
     vehicle: what is known of it (mass, arms); in free flight only thrust over mass is seen. InputError when the
     recordings are too short.
     """
+    fitted, moments = _identified(recordings, vehicle, place)
+    named = name_effects(moments, space_around(fitted), fitted, progress)
+    return reduced(named.fit.model, named.space.believed, tuple(h.term for h in named.accepted))
+
+
+def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> tuple[Model, Moments]:
+    """START fitted, and the moments it was fitted to."""
     if recordings.judged_s < LEAST_S:
-        raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight",
-                         f"give at least {LEAST_S:.0f} s from the simulator")
+        raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
     wrench = Wrench(recordings.tracks)
     model = Model(vehicle or Vehicle(), START)
-    for number in range(PASSES):
+    for _ in range(PASSES):
         space = space_around(model)
         asked = np.concatenate([space.free(t) for t in space.terms])
-        moments = moments_of(wrench, wrench.residual(space.model), slopes(wrench, space.model, asked)[0],
-                             [space.model.names[i] for i in asked])
+        moments = with_levels(moments_of(wrench, wrench.residual(space.model), slopes(wrench, space.model, asked)[0],
+                                         [space.model.names[i] for i in asked]), space)
         core = fit(Slopes(moments), space.model, free_of(space, tuple(START)))
-        fitted = reduced(core.model, space.believed, ())
-        if number == PASSES - 1:
-            named = name_effects(moments, space_around(fitted), fitted, progress)
-            fitted = reduced(named.fit.model, named.space.believed, tuple(h.term for h in named.accepted))
-        model = fitted
-    return model
+        model = reduced(core.model, space.believed, ())
+    return model, moments

@@ -118,8 +118,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         here = here if kept else space
     findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, final.loss)
                      for h, others in zip(kept, alike, strict=True))
-    if unsure:
-        findings = tuple(replace(f, confidence=UNSURE) for f in findings)
+    findings = tuple(replace(f, confidence=UNSURE) if unsure or _strange_beside(f, found) else f for f in findings)
     if withdrawn and not found:
         biggest = int(np.argmax(after))
         found = [Structure("motion", _force_rms(moments, lenient.left, biggest), float(after[biggest]),
@@ -179,6 +178,12 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
         return f"{h.term} is there beside {beside[0].hint}"
     strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+
+
+def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
+    """Whether something that is no term acts along the same axes."""
+    mine = {axis.removeprefix("force ") for axis in finding.axes}
+    return any(s.kind != "motion" and mine & set(s.axes) for s in found)
 
 
 def _level_instead(moments: Moments, known: Slopes, space: Space, before: np.ndarray, found: Sequence[Structure],
