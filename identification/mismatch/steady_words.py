@@ -12,13 +12,17 @@ from .periodic import string_length
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
+MOST = 0.99
+"""No chance is said to be higher."""
+ALL = "several motors that changed each by itself, as on another vehicle"
 RATHER = 0.5
 """Probability of no change below which it is said what it may be."""
 
 
 def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any]:
     chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)
-    hint = " or ".join(f"{CAUSES[name].short} ({p:.0%})" for p, name in chances[:3] if p >= 0.02)
+    hint = " or ".join(f"{ALL if name == 'vehicle' else CAUSES[name].short} ({min(p, MOST):.0%})"
+                       for p, name in chances[:3] if p >= 0.02)
     if swing is not None:
         hint = (f"a horizontal force that comes and goes at {swing['frequency_hz']:.2f} Hz along "
                 f"{swing['direction_deg']:.0f} degrees from ahead, as a load on a string of "

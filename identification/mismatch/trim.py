@@ -35,6 +35,7 @@ STUCK_V = 0.006
 """A battery that moves by less than a step of its converter while the motors run was not measured."""
 SLOPES = {"gains": 0.1, "level": 0.6, "push": 0.6}
 """Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
+HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
 FULL = 0.998
 MOST_SATURATED = 0.1
 """Share of rows at full command beyond which the command no longer says what was needed."""
@@ -90,7 +91,8 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
     runs = runs_of(flight, audit, command, states.time_s)
     seconds = sum(r.duration_s for r in runs)
     if seconds < LEAST_S:
-        why = "never left the ground" if not audit.airborne else f"{seconds:.1f} s of steady flight"
+        grounded = _knows_height(flight) and not audit.airborne
+        why = "never left the ground" if grounded else f"{seconds:.1f} s of steady flight"
         raise InputError(place, why, f"{LEAST_S:g} s are needed for a trim")
     rows = mask_of(runs, states.time_s)
     saturated = float((command[rows] >= FULL).any(axis=1).mean())
@@ -117,8 +119,15 @@ def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarra
             for a, b in zip(starts, stops, strict=True) if time_s[b] - time_s[a] > AFTER_START_S + BEFORE_STOP_S]
     kinds = {"gap", "spike", "dead_stream", "frozen_stream", "bad_cell", "checksum", "crash"}
     clean = audit.clean_for(["motor"], kinds)
-    found = intersect_spans(intersect_spans(runs, audit.airborne), clean)
+    found = intersect_spans(runs, clean)
+    if _knows_height(flight):
+        found = intersect_spans(found, audit.airborne)
     return [s for s in found if s.duration_s >= SHORTEST_S]
+
+
+def _knows_height(flight: Flight) -> bool:
+    """Whether a log says how high it flew; without that motors that run are all there is."""
+    return any(name in flight and z in flight[name] for name, z in HEIGHTS)
 
 
 def _voltage(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray | None, str]:
@@ -204,7 +213,7 @@ def _columns(flight: Flight) -> tuple[str, ...]:
 
 def _height(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> float:
     """Height over where it stood first [m]: a load on a longer string never leaves the ground."""
-    for name, z in (("estimator", "z"), ("mocap", "pz")):
+    for name, z in HEIGHTS:
         if name in flight and z in flight[name]:
             stream = flight[name]
             return float(np.median(stream.interpolate(z, time_s[rows])) - np.median(stream[z][:20]))
