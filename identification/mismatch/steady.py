@@ -89,6 +89,8 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     body = replace(body, swing=swing, height_m=float(np.nanmean([t.height_m for t in trims])))
     found = weigh(trims, normal, body)
     findings = _findings(found, normal, body) if len(trims) >= least else []
+    for finding in findings:
+        finding["where"]["flights"] = [t.name for t in trims]
     nothing = found.of(NONE)
     unknown = None
     if findings:

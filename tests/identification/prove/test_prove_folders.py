@@ -174,3 +174,8 @@ def test_real_folder_against_normal_ones(real_data, tmp_path, capsys):
     shares = [g[2] / (g[0] + g[1] + g[3]) for g in gains]
     loss = verdict["findings"][0]["parameters"]["loss_m3"]["value"] / 100.0
     assert shares[1] / shares[0] == pytest.approx(1.0 - loss, rel=1e-6)
+    given = ["--data", vehicle / "cut_propeller_M3_2mm_2mm_43mm", "--simulator", tmp_path / "simulator_normal.toml",
+             "--out", tmp_path / "again", "--jobs", 1, "--quiet"]
+    assert main(["diagnose", *map(str, given)]) == 0
+    again = json.loads((tmp_path / "again" / "verdict.json").read_text())
+    assert (again["findings"][0]["cause"], again["findings"][0]["motors"]) == ("propeller", [3])
