@@ -21,6 +21,7 @@ from .believe import START
 from .decide import UNSURE, Decision, decide, unproved
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
+from .leftover import Structure
 from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
@@ -34,6 +35,9 @@ LEAST_S = 8.0
 """Seconds of clean flight below which nothing is said about physics."""
 ANOTHER = 2.5
 """A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
+GAINS, MUCH = ("inertia", "yaw_torque"), 600.0
+"""Terms that may only be right within a factor, and the squared length, above what is plain, from which turning that
+asks for more is worth saying."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
 
@@ -60,6 +64,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     if len({t.flight for t in recordings.tracks}) == 1:  # nothing can be held out
         decision = replace(decision, findings=tuple(replace(f, confidence=min(f.confidence, UNSURE))
                                                     for f in decision.findings))
+    strange = _no_vehicle(decision)
+    if strange is not None and decision.outcome == "none":
+        decision = replace(decision, outcome="unknown", unknown=(strange,))
     say("prediction on flights that were left out")
     try:
         proof = prove(moments, decision, simulator, seed)
@@ -71,6 +78,18 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
         decision = unproved(moments, decision, space)
         proof = prove(moments, decision, simulator, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def _no_vehicle(decision: Decision) -> Structure | None:
+    """Turning that only another vehicle would explain. It is no name, but it is no agreement either."""
+    why = next((w for t, w in decision.rejected.items() if t in GAINS and w.endswith("no vehicle")), None)
+    there = decision.before[3:]
+    if why is None or float(there.sum()) < MUCH:
+        return None
+    axes = tuple(name for name, size in zip(CHANNELS[3:], there, strict=True) if size > 0.2 * there.sum())
+    return Structure("motion", 0.0, float(there.sum()), axes,
+                     f"its turning does not fit: {why}; look at inertia_kg_m2, motor_positions_m and their units, and "
+                     "whether recordings and simulator are of one vehicle")
 
 
 def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, *, vehicle: Vehicle | None = None,
