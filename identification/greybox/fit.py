@@ -28,7 +28,7 @@ from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
 from .predictor import GreyBoxPredictor
 from .ranges import bounds, falling_thrust, held, priors
 from .result import FitResult
-from .solve import Nuisance, Problem, Solution, solve, usual_errors
+from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .views import joined
 
 ADAPTS = ("none", "inputs", "past")
@@ -45,7 +45,8 @@ class GreyBox:
     adapt: ``none``, a model of constant parameters; ``inputs``: thrust, trim, tilt and corrections of the start of each
     window follow from the inputs of the half second before it (class ``state``); ``past``: from all streams of the two
     seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
-    where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap.
+    where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap. soft: priors in place of those
+    for the same parameters.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -58,6 +59,7 @@ class GreyBox:
     seed: int = 0
     threads: int = 1
     progress: Any = None
+    soft: tuple[Prior, ...] = ()
 
     def __post_init__(self) -> None:
         if self.adapt not in ADAPTS:
@@ -84,7 +86,9 @@ class GreyBox:
         fixed = held(model) + (tuple(n for n in model.names if n.startswith("inertia.")) if _held_rate(model) else ())
         free = np.array([name not in fixed for name in model.names])
         lower, upper = np.where(free, lower, model.values), np.where(free, upper, model.values)
-        soft = tuple(p for p in priors(model) if any(name not in fixed for name in p.names))
+        given = {p.names for p in self.soft}
+        soft = (*self.soft, *(p for p in priors(model) if p.names not in given))
+        soft = tuple(p for p in soft if any(name not in fixed for name in p.names))
         problem = Problem(model, data, free, lower, upper, soft, nuisances, _share(cuts), self.threads,
                           progress=self.progress)
         solution, unseen = without_effect(solve(problem))

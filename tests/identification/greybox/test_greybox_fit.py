@@ -14,6 +14,7 @@ from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.flies import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.ranges import most_inertia
+from identification.greybox.solve import Prior
 from identification.greybox.study import fit_item, predictor_of
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Prediction, Windows
@@ -77,6 +78,15 @@ def test_a_model_whose_rate_is_held_is_fitted_too():
     slope = np.polyval(np.polyder(np.array([0.0037, 0.02, 0.01])), 2.9)
     c = found.model_.values_of("thrust_voltage")["c"]
     assert np.polyval(np.polyder(np.array(c[::-1])), 2.9) == pytest.approx(slope, rel=0.3)
+
+
+def test_priors_of_ones_own_replace_those_of_the_same_parameters():
+    terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
+    mine = Prior(("motor_lag.tau_up_s",), 0.06, 1e-5, "a motor on a stand")
+    found = GreyBox(terms, soft=(mine,)).fit_cuts(cuts_of(made_windows(true_model(), n=80)))
+    assert found.parameters_["motor_lag.tau_up_s"]["value"] == pytest.approx(0.06, abs=1e-3)
+    assert [text for text in found.result_.priors if "tau_up" in text] == [
+        "motor_lag.tau_up_s = 0.06 +- 1e-05 (a motor on a stand)"]
 
 
 def test_result_draws_itself(fitted):
