@@ -14,8 +14,8 @@ KNOWN = "pid, mellinger, a registered name or module:Class"
 @shared_options("data", "columns", "jobs", "scheduler", "clock")
 @click.option("--flights", type=click.IntRange(min=1), default=12, show_default=True, metavar="N", help="How many.")
 @click.option("--family", "families", multiple=True, metavar="NAME",
-              help="circle, figure_eight, helix, linear_ramp, oval, star, trefoil, lissajous; may repeat. "
-                   "Default: all in turn.")
+              help="circle, figure_eight, helix, linear_ramp, oval, star, trefoil, lissajous, which are the default in "
+                   "turn; multisine_sysid, random_waypoints, staircase_climb, hover_until_landing. May repeat.")
 @click.option("--speed", "speeds", multiple=True, type=click.Choice(("slow", "medium", "fast")),
               help="May repeat. Default: all in turn.")
 @click.option("--controller", "--method", "controller", metavar="NAME",
