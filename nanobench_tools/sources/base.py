@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..flight import Fault, Flight
+from ..flight import Fault, Flight, Stream
 from .cells import Grid
 from .sheets import Sheet
 
@@ -158,3 +158,29 @@ def text_fault(
 ) -> Fault:
     """A finding about the file as a whole or about one column."""
     return Fault(kind, stream, columns, span[0], span[1], size, unit, evidence)
+
+
+def not_numbers(streams: Mapping[str, Stream]) -> list[Fault]:
+    """One bad_cell finding per stream that holds values which are none."""
+    faults = []
+    for name, stream in streams.items():
+        wrong = np.isnan(stream.values)
+        if not wrong.any():
+            continue
+        rows, columns = np.flatnonzero(wrong.any(axis=1)), np.flatnonzero(wrong.any(axis=0))
+        edges = row_edges(stream.time_s)
+        names = tuple(stream.columns[i] for i in columns)
+        first = names[int(np.argmax(wrong[rows[0], columns]))]
+        faults.append(
+            text_fault(
+                "bad_cell",
+                name,
+                names,
+                f"column {first}, record {rows[0] + 1}: no number a measurement could have; {wrong.sum()} values in "
+                f"{len(rows)} records",
+                (float(edges[rows[0]]), float(edges[rows[-1] + 1])),
+                float(wrong.sum()),
+                "cells",
+            )
+        )
+    return faults

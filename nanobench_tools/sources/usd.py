@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .base import row_edges, text_fault
+from .base import not_numbers, text_fault
 from .cells import GIGANTIC
 from .kinks import count_changes
 from .sheets import Sheet
@@ -93,7 +93,7 @@ class UsdLog:
                 str(path),
                 "",
                 self.name,
-                findings=(*_faults(log.fault, end), *_not_numbers(streams)),
+                findings=(*_faults(log.fault, end), *not_numbers(streams)),
                 notes=tuple(notes),
             ),
             epoch_s=start * unit,
@@ -259,32 +259,6 @@ def _numbers(records: np.ndarray, fields: list[str]) -> np.ndarray:
     with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaN
         values = np.stack([records[f].astype(float) for f in fields], axis=1)
     return np.where(np.abs(values) < GIGANTIC, values, np.nan)
-
-
-def _not_numbers(streams: dict[str, Stream]) -> list[Fault]:
-    """One bad_cell finding per stream that holds values which are none."""
-    faults = []
-    for name, stream in streams.items():
-        wrong = np.isnan(stream.values)
-        if not wrong.any():
-            continue
-        rows, columns = np.flatnonzero(wrong.any(axis=1)), np.flatnonzero(wrong.any(axis=0))
-        edges = row_edges(stream.time_s)
-        names = tuple(stream.columns[i] for i in columns)
-        first = names[int(np.argmax(wrong[rows[0], columns]))]
-        faults.append(
-            text_fault(
-                "bad_cell",
-                name,
-                names,
-                f"column {first}, record {rows[0] + 1}: no number a measurement could have; {wrong.sum()} values in "
-                f"{len(rows)} records",
-                (float(edges[rows[0]]), float(edges[rows[-1] + 1])),
-                float(wrong.sum()),
-                "cells",
-            )
-        )
-    return faults
 
 
 def _rate(samples: int | None, time_s: np.ndarray) -> float:

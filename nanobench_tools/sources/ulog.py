@@ -1,0 +1,143 @@
+"""PX4 flight logs (ULog, ``.ulg``), parsed by pyulog (extra ``ulog``); topics and axes in ``ulog_topics``."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..flight import Fault, Flight, Provenance, Stream
+from . import ulog_motors
+from .base import not_numbers, text_fault
+from .sheets import Sheet
+from .ulog_messages import MAGIC, Whole, whole_messages
+from .ulog_topics import STREAMS, Topic, topic_of
+
+CLOCK_TOPICS = ("vehicle_gps_position", "sensor_gps")
+MEASURED = ("imu", "attitude", "attitude_qw", "battery", "rpm")
+"""Streams in which NaN is no way of saying "not given"."""
+
+FIRST_UTC_US = 10**15
+"""Earlier times (2001) are a receiver without a fix."""
+
+_printing = threading.Lock()
+
+
+class Px4Log:
+    """Source ``ulog``."""
+
+    name = "ulog"
+    version = 1
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return head.startswith(MAGIC)
+
+    def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
+        whole = whole_messages(data)
+        log = _parse(whole.data, str(path))
+        topics = _topics(log)
+        parameters = {k: v for k, v in log.initial_parameters.items() if isinstance(v, int | float)}
+        streams: dict[str, Stream] = {}
+        for name, (make, candidates) in STREAMS.items():
+            made = (make(topic) for candidate in candidates for topic in topics.get(candidate, ()))
+            if (stream := next((s for s in made if s is not None), None)) is not None:
+                streams[name] = stream
+        turning = ulog_motors.motors(topics, parameters)
+        streams |= turning.streams
+        if not streams:
+            logged = ", ".join(sorted({d.name for d in log.data_list})[:8])
+            raise InputError(
+                str(path),
+                "a ULog without attitude, position, inertial sensor, motors or battery",
+                f"of what is known here it holds {logged}" if logged else "the log was stopped before it began, or cut",
+            )
+        start = min(float(s.time_s[0]) for s in streams.values())
+        streams = {n: replace(s, time_s=s.time_s - start) for n, s in sorted(streams.items())}
+        findings = [replace(f, start_s=f.start_s - start, end_s=f.end_s - start) for f in turning.findings]
+        end = max(s.span.end_s for s in streams.values())
+        findings += _damage(whole, log, topics, end)
+        findings += not_numbers({n: s for n, s in streams.items() if n in MEASURED})
+        boot = _boot_unix_s(topics)
+        return Flight(
+            path.name,
+            streams,
+            {
+                "family": None,
+                "speed": None,
+                "reference_speed_m_s": None,
+                "clock": "seconds since boot" if boot is None else "UTC by satellite",
+                "firmware": str(log.msg_info_dict.get("ver_sw_release_str", log.get_version_info_str() or "unknown")),
+                "hardware": str(log.msg_info_dict.get("ver_hw", "unknown")),
+            },
+            Provenance(str(path), "", self.name, False, tuple(findings), (*_notes(log, streams), *turning.notes)),
+            epoch_s=start + (boot or 0.0),
+        )
+
+
+def _parse(data: bytes, place: str) -> Any:
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise InputError(place, "a PX4 log is read through pyulog", "pip install 'nanobench[ulog]'") from None
+    wanted = {t for _, candidates in STREAMS.values() for t in candidates}
+    try:
+        with _printing, contextlib.redirect_stdout(io.StringIO()):  # it prints what the findings say
+            return ULog(io.BytesIO(data), [*sorted(wanted), *ulog_motors.TOPICS, *CLOCK_TOPICS])
+    except Exception as error:  # whatever damage makes of a parser
+        raise InputError(
+            place, f"cannot be read as ULog ({type(error).__name__}: {error})", "take another copy of the file"
+        ) from None
+
+
+def _topics(log: Any) -> dict[str, list[Topic]]:
+    """Instances of every topic, the one with most rows first."""
+    found: dict[str, list[Topic]] = {}
+    for item in sorted(log.data_list, key=lambda d: (d.name, d.multi_id)):
+        if (topic := topic_of(item.name, item.data)) is not None and len(topic.time_us):
+            found.setdefault(item.name, []).append(topic)
+    return {n: sorted(t, key=lambda topic: -len(topic.time_us)) for n, t in found.items()}
+
+
+def _boot_unix_s(topics: dict[str, list[Topic]]) -> float | None:
+    """Unix time [s] of the zero of the log's clock, where a satellite receiver knew it."""
+    for name in CLOCK_TOPICS:
+        for topic in topics.get(name, ()):
+            utc = topic.fields.get("time_utc_usec")
+            if utc is not None and (known := utc > FIRST_UTC_US).any():
+                return float(np.median(1e-6 * (utc[known].astype(float) - topic.time_us[known])))
+    return None
+
+
+def _notes(log: Any, streams: dict[str, Stream]) -> list[str]:
+    notes = ["axes: PX4's NED and FRD turned into x east, y north, z up and x forward, y left, z up"]
+    if "mocap" in streams:
+        notes.append(f"mocap is {streams['mocap'].columns[0].partition('.')[0]}")
+    else:
+        notes.append("no pose from outside was logged: only the vehicle's own estimate")
+    if log.dropouts:
+        longest = max(d.duration for d in log.dropouts)
+        notes.append(f"the logger dropped out {len(log.dropouts)} times, longest {longest} ms")
+    return notes
+
+
+def _damage(whole: Whole, log: Any, topics: dict[str, list[Topic]], end: float) -> list[Fault]:
+    """truncated and checksum: a log that ends inside a message, bytes that are none, stamps beyond any flight."""
+    faults = []
+    if whole.cut:
+        evidence = f"the log ends inside a message, {whole.cut} bytes after its last whole one"
+        faults.append(text_fault("truncated", "", (), evidence, (end, end)))
+    lost = sum(t.lost for found in topics.values() for t in found)
+    if whole.strange is not None or lost or log.file_corruption:
+        where = "messages do not fit their formats"
+        if whole.strange is not None:
+            where = f"byte {whole.strange} begins no ULog message, {whole.left_out} bytes left out"
+        more = f"; {lost} messages with impossible times left out" if lost else ""
+        evidence = f"{where}; read what could still be told apart{more}"
+        faults.append(text_fault("checksum", "", (), evidence, (0.0, end)))
+    return faults

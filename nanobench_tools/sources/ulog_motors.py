@@ -1,0 +1,168 @@
+"""Motor commands and rotor speeds of a ULog, in the vehicle's order of rotors and then in ours.
+
+Ours counts clockwise from front right (front right, back right, back left, front left); PX4's quadrotor X is front
+right, back left, front left, back right. Where the log holds the geometry (CA_ROTORi_PX and _PY), that decides.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..flight import STREAM_QUANTITIES, Fault, Stream
+from ..units import to_si
+from .base import text_fault
+from .ulog_topics import Topic, stream_of
+
+PX4_QUAD_X = (0, 3, 1, 2)
+"""Our motor 1..4 -> PX4's rotor, counted from 0."""
+
+SUPPORTED = sum(bool(re.fullmatch(r"m\d+", q)) for q in STREAM_QUANTITIES["motor"])
+"""Rotors a motor stream can hold."""
+
+FIRST_MOTOR_FUNCTION = 101
+"""Output function of motor 1 (parameters and esc_status)."""
+
+TOPICS = ("actuator_motors", "actuator_outputs", "esc_status")
+
+
+@dataclass(frozen=True)
+class Motors:
+    """``streams``: motor, rpm, or for more rotors than they hold, ``extra_motor`` and ``extra_rpm``."""
+
+    streams: dict[str, Stream]
+    findings: tuple[Fault, ...]
+    notes: tuple[str, ...]
+
+
+def motors(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float]) -> Motors:
+    """What the log says about motors; ``topics`` holds all instances by name."""
+    streams: dict[str, Stream] = {}
+    findings: list[Fault] = []
+    notes: list[str] = []
+    for name, found in (("motor", _commands(topics, parameters, notes)), ("rpm", _speeds(topics))):
+        if found is None:
+            continue
+        topic, fields, values = found
+        count = len(fields)
+        if count > SUPPORTED:
+            stream = _extra(topic, fields, values)
+            streams[f"extra_{name}"] = stream
+            findings.append(
+                text_fault(
+                    "extra_column",
+                    name,
+                    stream.columns,
+                    f"{count} rotors in {topic.name}, a {name} stream holds {SUPPORTED}: all are kept as extra_{name}, "
+                    "and what needs motor commands is not asked",
+                    (float(stream.time_s[0]), float(stream.time_s[-1])),
+                    float(count),
+                    "columns",
+                )
+            )
+            continue
+        order = _order(count, parameters, notes)
+        words = " ".join(f"m{i + 1}" for i in range(count))
+        if (made := stream_of(name, topic, [(words, [fields[i] for i in order], values[:, list(order)])])) is not None:
+            streams[name] = made
+    return Motors(streams, tuple(findings), tuple(dict.fromkeys(notes)))
+
+
+def _extra(topic: Topic, fields: Sequence[str], values: np.ndarray) -> Stream:
+    time_s = 1e-6 * topic.time_us
+    names = tuple(f"{topic.name}.{f}" for f in fields)
+    duration = float(time_s[-1] - time_s[0])
+    rate = (len(time_s) - 1) / duration if duration > 0.0 else float("nan")
+    return Stream(time_s, values, names, names, ("1",) * len(names), "motor", rate, len(time_s))
+
+
+def _order(count: int, parameters: Mapping[str, float], notes: list[str]) -> tuple[int, ...]:
+    """Our motor -> PX4's rotor."""
+    if count != 4:
+        notes.append(f"{count} rotors, in the order of the log")
+        return tuple(range(count))
+    where = [(parameters.get(f"CA_ROTOR{i}_PX"), parameters.get(f"CA_ROTOR{i}_PY")) for i in range(4)]
+    if any(x is None or y is None for x, y in where):
+        notes.append("the log holds no rotor geometry: motors are taken to be PX4's quadrotor X")
+        return PX4_QUAD_X
+    corners = {(x > 0, y > 0): i for i, (x, y) in enumerate(where) if x and y}  # x forward, y to the right
+    if len(corners) != 4:
+        notes.append("the rotors do not stand in an X: motors are in the order of the log")
+        return tuple(range(4))
+    return tuple(corners[c] for c in ((True, True), (False, True), (False, False), (True, False)))
+
+
+def _commands(
+    topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float], notes: list[str]
+) -> tuple[Topic, list[str], np.ndarray] | None:
+    """(topic, fields, (n, k) in 0..1) of the motors."""
+    for topic in topics.get("actuator_motors", ()):
+        fields = _rotors(topic, "control", parameters)
+        values = topic.array(*fields)
+        if fields and values is not None:
+            notes.append("motor commands are PX4's control of each motor before its thrust curve, 0..1")
+            return topic, fields, np.where(np.isfinite(values), values, 0.0)  # not a number: motor stopped
+    best = None
+    for topic in topics.get("actuator_outputs", ()):
+        fields = _outputs(topic, parameters)
+        values = topic.array(*fields)
+        if fields and values is not None and (best is None or len(fields) > len(best[1])):
+            best = (topic, fields, values)
+    if best is None:
+        return None
+    topic, fields, values = best
+    highest = float(np.nanmax(values))
+    if highest <= 1.0:
+        return topic, fields, np.clip(np.nan_to_num(values), 0.0, 1.0)
+    low, high = _pulse_range(parameters)
+    if not low < highest <= 1.2 * high or float(np.nanmin(values[values > 0.0])) < 0.5 * low:
+        notes.append(f"{topic.name} holds neither pulses in microseconds nor 0..1: motor commands are not read")
+        return None
+    notes.append(f"motor commands are pulses, {low:g} us as 0 and {high:g} us as 1")
+    return topic, fields, np.clip((np.nan_to_num(values) - low) / (high - low), 0.0, 1.0)
+
+
+def _rotors(topic: Topic, field: str, parameters: Mapping[str, float]) -> list[str]:
+    """Fields of the rotors there are: as many as the parameters say, else up to the last that ever ran."""
+    names = [f"{field}[{i}]" for i in range(16) if f"{field}[{i}]" in topic.fields]
+    stated = parameters.get("CA_ROTOR_COUNT")
+    if stated is not None and 0 < stated <= len(names):
+        return names[: int(stated)]
+    ran = [i for i, n in enumerate(names) if np.nan_to_num(topic.fields[n]).any()]
+    return names[: ran[-1] + 1] if ran else []
+
+
+def _outputs(topic: Topic, parameters: Mapping[str, float]) -> list[str]:
+    """Fields of actuator_outputs that drive motors: by their functions where the parameters say, else those that
+    move."""
+    functions = {i: parameters.get(f"PWM_MAIN_FUNC{i + 1}", 0) - FIRST_MOTOR_FUNCTION for i in range(16)}
+    by_motor = sorted((int(m), i) for i, m in functions.items() if 0 <= m < 12)
+    if by_motor:
+        return [f"output[{i}]" for _, i in by_motor if f"output[{i}]" in topic.fields]
+    names = [f"output[{i}]" for i in range(16) if f"output[{i}]" in topic.fields]
+    return [n for n in names if np.ptp(np.nan_to_num(topic.fields[n])) > 0.0]
+
+
+def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
+    low = next((parameters[n] for n in ("PWM_MAIN_MIN1", "PWM_MAIN_MIN", "PWM_MIN") if n in parameters), 1000.0)
+    high = next((parameters[n] for n in ("PWM_MAIN_MAX1", "PWM_MAIN_MAX", "PWM_MAX") if n in parameters), 2000.0)
+    return (float(low), float(high)) if 0.0 < low < high else (1000.0, 2000.0)
+
+
+def _speeds(topics: Mapping[str, Sequence[Topic]]) -> tuple[Topic, list[str], np.ndarray] | None:
+    """Rotor speeds [rad/s] of esc_status, in PX4's order of rotors."""
+    for topic in topics.get("esc_status", ()):
+        found = []
+        for i in range(8):
+            rpm, function = topic.fields.get(f"esc[{i}].esc_rpm"), topic.fields.get(f"esc[{i}].actuator_function")
+            if rpm is not None and rpm.any():
+                stated = int(function[-1]) if function is not None else 0
+                found.append((stated - FIRST_MOTOR_FUNCTION if stated >= FIRST_MOTOR_FUNCTION else i, i))
+        fields = [f"esc[{i}].esc_rpm" for _, i in sorted(found)]
+        values = topic.array(*fields) if fields else None
+        if values is not None:
+            return topic, fields, np.abs(to_si(values, "rpm"))
+    return None
