@@ -62,20 +62,24 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
 
 def diagnose_trim(options: Options, simulator: Model) -> int | None:
     """The verdict on recordings without the states that a diagnosis of motion needs: the trim they hover with against
-    the one the simulator would. None where there is no trim in them, or in it."""
-    from identification.mismatch.steady import Flights, compare
+    the one the simulator would. None where fewer than two have a trim, or the simulator has none."""
+    from identification.mismatch.steady import FEWEST, Flights, compare
     from identification.mismatch.steady_input import body_of, trims_in
     from identification.mismatch.steady_page import write_steady_page
     from identification.mismatch.steady_simulator import believed_by, corrected
+    from identification.mismatch.track import missing
+    from identification.mismatch.verdict import UNASKED
 
     from ..physics.simulator import write_simulator
 
     believed = believed_by(simulator)
     trims, _, left_out = trims_in(_values(options, options.flights, {}))
-    if believed is None or not trims:
+    if believed is None or len(trims) < FEWEST:
         return None
     options.say("no states to follow the motion with: the steady trim of the motors is compared")
     verdict = compare(trims, Flights(believed, (), {}), body_of(trims, None, simulator), left_out=left_out)
+    lacks = dict.fromkeys(name for flight in options.flights for name in missing(flight))
+    verdict["paragraph"] = " ".join([verdict["paragraph"], *(f"Without {name} {UNASKED[name]}." for name in lacks)])
     better = corrected(simulator, verdict["findings"][0]) if verdict["findings"] else None
     if options.out is not None:
         if better is not None:
