@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from firmware_tables import columns, read
 
+from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools.firmware import kalman
 from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, run_task
+from nanobench_tools.sources import load_recordings
 
 pytestmark = pytest.mark.real
 STATES = ("X", "Y", "Z", "PX", "PY", "PZ", "D0", "D1", "D2")
@@ -186,3 +188,16 @@ def test_what_controllers_are_told(real_data):
     off = (found["attitude_deg"] - angles + 180.0) % 360.0 - 180.0
     assert np.abs(off[upright]).max() < 1e-3
     assert np.abs(off[:, 1]).max() < 0.05
+
+
+def test_a_recording_gives_the_firmware_s_numbers(real_data):
+    """12 s of a flight: poses, IMU and motors as recorded, against the released code fed with the same rows."""
+    folder = real_data / "nanobench" / "datasets" / "dataset"
+    recorded = load_recordings(sorted(folder.glob("B9_trefoil_medium_rep14*"))).flights[0]
+    told = read(real_data, "kalman_seq_real_B9_trefoil_medium_rep14_no_delay.csv.xz")
+    rows = told["op"] == "finalize"
+    found = FirmwareEkf(kalman.defaults(), held=True).estimate(recorded)
+    n = int(np.sum(rows))
+    assert n == 1200
+    assert np.abs(found.position_m[:n] - columns(told, "S_X", "S_Y", "S_Z")[rows]).max() < 1e-5
+    assert np.abs(found.quaternion[:n] - columns(told, "qx", "qy", "qz", "qw")[rows]).max() < 1e-5

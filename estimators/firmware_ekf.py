@@ -1,0 +1,134 @@
+"""The vehicle's own Kalman filter, run again on a recording: what it makes of these poses and this IMU alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.firmware.kalman import ATTITUDE_SD_RAD, CORE, POSITION_SD_M, defaults
+from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, run_task
+from nanobench_tools.flight import Flight
+from nanobench_tools.methods import Estimate
+from nanobench_tools.units import GRAVITY_M_S2
+
+IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+
+HOLE_S = 0.05
+"""Between rows of the IMU further apart no samples are drawn: the filter goes on with its last average."""
+END_S = 60.0
+"""A hole after which nothing is estimated."""
+FLYING_S = 2.0
+"""The supervisor believes in a flight for so long after a motor last turned (supervisor.c)."""
+_FIRST_MS = 1000
+"""Tick of the first run."""
+
+
+class FirmwareEkf:
+    """Kalman core and 1 kHz task of firmware 2025.12.1 (``nanobench_tools.firmware.kalman``), default noise settings.
+
+    Given: the poses in ``mocap``, each applied at its stamp with no delay; the recorded IMU, which is a row per 10 ms
+    of what the vehicle had each ms, so the samples between two rows are drawn on a straight line between them
+    (``held``: a row stands until the next); the motors, for the flag "flying" (without them it flies from the start).
+    Nothing of the logged estimate. It starts at place and yaw of the first pose, level and at rest as the firmware
+    does (``parameters`` (1,) PARAMETERS: wherever they say). No drag and no biases, as on board; the estimate at a row
+    is what the task had said by then, and moves at its 100 Hz. Rows of the IMU stand on the nearest ms, poses and
+    motors on the next one, counted between rows.
+    """
+
+    name = "firmware_ekf"
+    causal = True
+
+    def __init__(self, parameters: np.ndarray | None = None, held: bool = False) -> None:
+        self.parameters, self.held = parameters, held
+
+    def estimate(self, flight: Flight) -> Estimate:
+        """At the rows of the IMU from the first pose on. InputError without a pose, or without IMU after it."""
+        imu, mocap = flight["imu"], flight["mocap"]
+        given = np.isfinite(mocap[POSE]).all(axis=1) & np.isfinite(mocap.time_s)
+        pose_s, poses = mocap.time_s[given], mocap[POSE][given]
+        values = imu[IMU] / np.repeat([GRAVITY_M_S2, np.pi / 180.0], 3)
+        rows = np.isfinite(imu.time_s) & np.isfinite(values).all(axis=1)
+        if len(pose_s):
+            rows &= imu.time_s >= pose_s[0]
+        time_s, values = imu.time_s[rows], values[rows]
+        if not len(pose_s) or len(time_s) < 2:
+            raise InputError(flight.provenance.path, "the firmware's filter needs an IMU and a pose to start from")
+        rising = np.concatenate(([True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]))
+        time_s, values = time_s[rising], values[rising]
+        ends = np.flatnonzero(np.diff(time_s) > END_S)
+        last = ends[0] + 1 if len(ends) else len(time_s)
+        time_s, values = time_s[:last], values[:last]
+        clock = _Clock(time_s)
+        out, task = np.zeros(len(time_s), CORE), np.zeros(1, TASK)
+        run_task(_runs(flight, clock, values, self.held), _measurements(pose_s, poses, clock),
+                 self._start(poses[0]) if self.parameters is None else self.parameters, task, clock.rows, out)
+        q = out["quaternion"][:, [1, 2, 3, 0]].astype(float)
+        velocity = np.einsum("nij,nj->ni", out["rotation"], out["state"][:, 3:6]).astype(float)
+        return Estimate(time_s, out["state"][:, :3].astype(float), q / np.linalg.norm(q, axis=1, keepdims=True),
+                        velocity)
+
+    @staticmethod
+    def _start(pose: np.ndarray) -> np.ndarray:
+        found = defaults()
+        found["initial_m"], found["initial_yaw_rad"] = pose[:3], so3.euler_zyx(pose[None, 3:])[0, 2]
+        return found
+
+
+class _Clock:
+    """Ticks of 1 ms from the first row on; rows (n,) of the IMU stand on whole ones."""
+
+    def __init__(self, time_s: np.ndarray) -> None:
+        self.time_s = time_s
+        self.rows = np.round((time_s - time_s[0]) * 1000.0).astype(np.int64)
+
+    def next(self, time_s: np.ndarray) -> np.ndarray:
+        """The first tick (k,) not before the stamps (k,): one after a row is at a later tick than that row."""
+        begin, end = self.time_s[0], self.time_s[-1]
+        outside = np.minimum(time_s - begin, 0.0) + np.maximum(time_s - end, 0.0)
+        found = np.interp(time_s, self.time_s, self.rows) + 1000.0 * outside
+        return np.ceil(found - 1e-6).astype(np.int64)
+
+
+def _runs(flight: Flight, clock: _Clock, values: np.ndarray, held: bool) -> np.ndarray:
+    """(m,) RUN from the first to the last row (n,) of the IMU; values (n, 6) g, deg/s."""
+    rows = clock.rows
+    ticks = np.arange(rows[-1] + 1)
+    before = np.searchsorted(rows, ticks, side="right") - 1
+    after = np.minimum(before + 1, len(rows) - 1)
+    if held:
+        samples = values[before]
+    else:
+        samples = np.stack([np.interp(ticks, rows, column) for column in values.T], axis=1)
+    samples[(rows[after] - rows[before] > 1000.0 * HOLE_S) & (ticks > rows[before])] = np.nan
+    runs = np.zeros(len(ticks), RUN)
+    runs["t_ms"] = _FIRST_MS + ticks
+    runs["acc_g"], runs["gyro_deg_s"] = samples[:, :3], samples[:, 3:]
+    runs["flying"] = _flying(flight, clock, ticks)
+    return runs
+
+
+def _flying(flight: Flight, clock: _Clock, ticks: np.ndarray) -> np.ndarray:
+    """(m,) bool: a motor turned within the last FLYING_S."""
+    if "motor" not in flight or not len(flight["motor"]):
+        return np.ones(len(ticks), dtype=bool)
+    motor = flight["motor"]
+    turns = (np.nan_to_num(motor.values) > 0.0).any(axis=1) & np.isfinite(motor.time_s)
+    on = np.sort(clock.next(motor.time_s[turns]))
+    if not len(on):
+        return np.zeros(len(ticks), dtype=bool)
+    latest = np.searchsorted(on, ticks, side="right") - 1
+    return (latest >= 0) & (ticks - on[np.maximum(latest, 0)] <= 1000.0 * FLYING_S)
+
+
+def _measurements(pose_s: np.ndarray, poses: np.ndarray, clock: _Clock) -> np.ndarray:
+    """(j,) MEASUREMENT in order of arrival; of the poses before the first run only the newest."""
+    tick = clock.next(pose_s)
+    order = np.argsort(tick, kind="stable")
+    order = order[max(int(np.searchsorted(tick[order], 0, side="right")) - 1, 0):]
+    found = np.zeros(len(order), MEASUREMENT)
+    found["t_ms"], found["attitude"] = _FIRST_MS + np.maximum(tick[order], 0), 1
+    found["position_m"], found["quaternion"] = poses[order, :3], poses[order, 3:]
+    found["position_sd_m"], found["attitude_sd_rad"] = POSITION_SD_M, ATTITUDE_SD_RAD
+    return found
