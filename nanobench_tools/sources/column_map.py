@@ -34,6 +34,9 @@ UNITS: dict[str, tuple[str, ...]] = {
 }
 """SI unit of a quantity -> units a table may give it in."""
 
+MESSAGE_TIME = "header.stamp"
+"""A map of topics needs no time column: messages carry their own stamps."""
+
 PWM_UNITS = ("1", "pwm16")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
 
@@ -47,6 +50,17 @@ class Entry:
     column: str
     index: int | None
     scale: float
+
+    @property
+    def topic(self) -> str | None:
+        """Of a column ``/topic.field.path`` of a ROS bag; None for a column of a table."""
+        topic, _, field = self.column.partition(".")
+        return topic if field and topic.startswith("/") else None
+
+    @property
+    def field(self) -> str:
+        """What stands behind the topic."""
+        return self.column.partition(".")[2]
 
 
 @dataclass(frozen=True)
@@ -63,6 +77,11 @@ class ColumnMap:
     def columns(self) -> tuple[str, ...]:
         """Columns of the table that are needed, each once."""
         return tuple(dict.fromkeys((self.time.column, *(e.column for e in self.entries))))
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics of a bag that are needed, each once; none for a map of tables."""
+        return tuple(dict.fromkeys(e.topic for e in self.entries if e.topic is not None))
 
 
 class _Reader:
@@ -109,9 +128,6 @@ def read_column_map(path: str | Path) -> ColumnMap:
     for key in content:
         if key not in ("schema", "time", "streams", "vehicle"):
             raise reader.fail(key, "unknown key", "known: schema, time, streams, vehicle")
-    if "time" not in content:
-        raise reader.fail("time", "the map names no time column", 'write time = {column = "t", unit = "s"}')
-    time = _entry(reader, "time", "", "time", content["time"], "s")
     streams = content.get("streams", {})
     if not isinstance(streams, Mapping) or not streams:
         raise reader.fail("streams", "the map names no stream", "give at least one [streams.NAME]")
@@ -128,6 +144,9 @@ def read_column_map(path: str | Path) -> ColumnMap:
                 raise reader.fail(key, "unknown quantity", f"{stream} has {', '.join(known)}")
             entries.append(_entry(reader, key, stream, quantity, what, known[quantity][0]))
     _check_once(reader, entries)
+    if "time" not in content and not all(e.topic for e in entries):
+        raise reader.fail("time", "the map names no time column", 'write time = {column = "t", unit = "s"}')
+    time = _entry(reader, "time", "", "time", content.get("time", MESSAGE_TIME), "s")
     vehicle = content.get("vehicle", {})
     if not isinstance(vehicle, Mapping):
         raise reader.fail("vehicle", "vehicle is a table", "write [vehicle]")

@@ -17,7 +17,7 @@ _USD_CONFIG = re.compile(r"^\s*on:\w+", re.MULTILINE)
 
 
 def companion(data: bytes) -> str | None:
-    """What kind of known companion a file is, by its content (sheet, usd config, toml, json, prose), or None."""
+    """What kind of known companion a file is, by its content (sheet, usd config, ros bag, toml, ...), or None."""
     if b"\x00" in data[:4096]:
         return None
     try:
@@ -28,6 +28,8 @@ def companion(data: bytes) -> str | None:
         return "sheet"
     if _USD_CONFIG.search(text) and any(line.split("#")[0].strip().isdigit() for line in text.splitlines()):
         return "usd config"
+    if text.startswith("rosbag2_bagfile_information:"):
+        return "ros bag"
     if text.lstrip()[:1] in ("{", "["):
         try:
             if isinstance(json.loads(text), dict):

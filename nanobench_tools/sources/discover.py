@@ -21,6 +21,7 @@ from . import cache as store
 from .base import SheetSource, Source, text_fault
 from .companions import companion
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
+from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
 from .table import TableSource
 
@@ -63,7 +64,11 @@ def default_data() -> list[Path] | None:
 def sources(columns: Path | None = None) -> dict[str, Source]:
     """Registered sources by name; with a column map the user's own table is asked first."""
     found = {name: (kind() if isinstance(kind, type) else kind) for name, kind in load_all("sources").items()}
-    return {"table": TableSource(columns), **found} if columns is not None else found
+    if columns is None:
+        return found
+    if "rosbag" in found:
+        found["rosbag"] = RosBag(columns)
+    return {"table": TableSource(columns), **found}
 
 
 def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Path]:
