@@ -32,9 +32,9 @@ class FirmwareEkf:
     of what the vehicle had each ms, so the samples between two rows are drawn on a straight line between them
     (``held``: a row stands until the next); the motors, for the flag "flying" (without them it flies from the start).
     Nothing of the logged estimate. It starts at place and yaw of the first pose, level and at rest as the firmware
-    does (``parameters`` (1,) PARAMETERS: wherever they say). No drag and no biases, as on board; the estimate at a row
-    is what the task had said by then, and moves at its 100 Hz. Rows of the IMU stand on the nearest ms, poses and
-    motors on the next one, counted between rows.
+    does (``parameters`` (1,) PARAMETERS: wherever they say), and begins there anew beyond 10 m/s or 100 m. No drag and
+    no biases, as on board; the estimate at a row is what the task had said by then, and moves at its 100 Hz. Rows of
+    the IMU stand on the nearest ms, poses and motors on the next one, counted between rows.
     """
 
     name = "firmware_ekf"
