@@ -173,6 +173,9 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
     moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term]))[0]
     acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
     there = [s for s in found if acting & {a.removeprefix("force ") for a in s.axes}]
+    uneven = [s for s in there if s.kind == "place"] if h.term == "force_world" else []
+    if uneven:
+        return f"{h.term} is the same everywhere, and there is {uneven[0].hint}"
     beside = [s for s in there if s.kind != "motion" and s.size_m_s2 > FOREIGN * acts]
     if beside and not h.own:
         return f"{h.term} is there beside {beside[0].hint}"

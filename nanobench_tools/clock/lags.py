@@ -54,6 +54,10 @@ class Lag:
     noise: np.ndarray
 
 
+STILL = 1e-9
+"""A signal that moves by less is a constant: no lag can be read from it."""
+
+
 def lag_sums(
     measured: np.ndarray,
     reference: np.ndarray,
@@ -65,9 +69,11 @@ def lag_sums(
     """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
 
     Blocks are whole and without holes; rows closer than ``reach_s`` to the ends of the grid are left out. None with
-    less than three seconds of blocks.
+    less than three seconds of blocks, or where either side stands still.
     """
     n, k = measured.shape
+    if not all((np.ptp(x[use], axis=0) > STILL).any() for x in (measured, reference) if use.any()):
+        return None
     reach = round(reach_s / step_s)
     use = use.copy()
     use[:reach] = False
@@ -95,9 +101,8 @@ def residual(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, fre
     """Sum of squares left per axis, (..., l, k), of sums over blocks (..., l, k, k), (..., l, k, k), (..., k, k)."""
     power = np.diagonal(measured, axis1=-2, axis2=-1)[..., None, :]
     if free:
-        regular = reference + 1e-9 * np.trace(reference, axis1=-2, axis2=-1)[..., None, None] * np.eye(
-            measured.shape[-1]
-        )
+        size = np.trace(reference, axis1=-2, axis2=-1)[..., None, None]  # 0 where the reference stands still
+        regular = reference + np.maximum(1e-9 * size, 1e-300) * np.eye(measured.shape[-1])
         solved = np.linalg.solve(regular, np.swapaxes(cross, -1, -2))
         left = power - np.einsum("...lab,...lba->...la", cross, solved)
     else:

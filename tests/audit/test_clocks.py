@@ -166,3 +166,12 @@ def test_a_wander_is_found_or_below_what_is_stated(flights, size):
         bad, _ = INJECTIONS["clock_wander"].function(flight, np.random.default_rng(i), size)
         clocks = Context(bad).once(moving_clocks).values()
         assert any(c.wanders for c in clocks) or all(c.detectable_wander_s > size for c in clocks)
+
+
+def test_a_reference_that_stands_still_gives_no_lag():
+    """A tracked attitude that never changes says nothing about anybody's clock."""
+    moving = np.random.default_rng(0).standard_normal((2000, 3))
+    use = np.ones(2000, bool)
+    assert lag_sums(moving, moving, use, 0.005) is not None
+    assert lag_sums(moving, np.ones((2000, 3)), use, 0.005) is None
+    assert lag_sums(np.zeros((2000, 3)), moving, use, 0.005) is None
