@@ -146,6 +146,17 @@ def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
                     decision.before, decision.before, decision.rejected, decision.scores)
 
 
+def without(moments: Moments, decision: Decision, terms: Sequence[str], why: str) -> Decision:
+    """The decision less some of its names, the others fitted again."""
+    kept = tuple(replace(f, confidence=UNSURE) for f in decision.findings if f.hypothesis.term not in terms)
+    rest = {n: v for n, v in decision.space.model.parameters.items() if n.partition(".")[0] in terms}
+    own = tuple(t for t in decision.own if t not in terms)
+    final = fit(Slopes(moments), decision.fit.model.with_parameters(rest),
+                free_of(decision.space, [f.hypothesis.term for f in kept]), own=free_of(decision.space, own))
+    return replace(decision, findings=kept, withdrawn=(*decision.withdrawn, *((t, why) for t in terms)), fit=final,
+                   own=own)
+
+
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
     """(6,) squared length of each channel's projection above what a right simulator leaves."""
     owner = moments.owner
@@ -278,4 +289,4 @@ def _groups(moments: Moments) -> list[str]:
     return [g for c in moments.channels for g in c.groups]
 
 
-__all__ = ["LEAST_GAIN", "PER_PARAMETER", "Decision", "Finding", "decide"]
+__all__ = ["LEAST_GAIN", "PER_PARAMETER", "Decision", "Finding", "decide", "without"]

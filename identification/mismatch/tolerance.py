@@ -96,13 +96,20 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
     if base in RELATIVE:
         return RELATIVE[base] * abs(values[name])
     if base in GAIN:
-        share = unexplained_share(best or before, moments)[_axis(name)]
+        share = _shake(best or before, moments, name)
         return min(GAIN[base] * max(share, 0.1), MOST_GAIN) * abs(values[name])
     if base == "angular_damping.d_r":
         inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
-        share = unexplained_share(best or before, moments)[_axis(name)]
+        share = _shake(best or before, moments, name)
         return min(DAMPING_1_S * max(share, 0.1), MOST_DAMPING_1_S) * inertia[_axis(name)]
     return 0.0
+
+
+def _shake(model: Model, moments: Moments, name: str) -> float:
+    """Unexplained share of the turning about a parameter's axis. Yaw is commanded by all four motors, which shake with
+    every axis."""
+    share, axis = unexplained_share(model, moments), _axis(name)
+    return float(share.max() if axis == 2 else share[axis])
 
 
 def _axis(name: str) -> int:

@@ -56,7 +56,7 @@ class Page:
         self.page.on("pageerror", lambda e: self.trouble.append(str(e)))
         self.page.on("dialog", lambda d: (self.trouble.append("a dialog"), d.dismiss()))
         self.context.route("**/*", self._gate)
-        self.page.goto(path.as_uri() + fragment)
+        self.page.goto(path.as_uri() + fragment, timeout=120_000)  # a busy machine is slow, not wrong
         self.wait()
 
     def _gate(self, route):

@@ -217,7 +217,7 @@ def test_it_is_drawn_and_fits_phone_and_desk(verdict, recordings, tmp_path):
         sheet.on("console", lambda m: trouble.append(m.text) if m.type == "error" else None)
         sheet.on("pageerror", lambda e: trouble.append(str(e)))
         sheet.on("request", lambda r: trouble.append(r.url) if r.url.startswith(("http", "ws")) else None)
-        sheet.goto(path.as_uri())
+        sheet.goto(path.as_uri(), timeout=120_000)  # a busy machine is slow, not wrong
         sheet.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
         empty = sheet.evaluate("""[...document.querySelectorAll(".plot")].filter(p =>
             !p.querySelector(".cartesianlayer path, .cartesianlayer image")).map(p => p.id)""")
