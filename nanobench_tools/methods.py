@@ -6,6 +6,7 @@ with these attributes works, from inside the package or from outside (``--method
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -119,7 +120,10 @@ class VehicleState:
 class Reference:
     """What n vehicles are asked to do now: position_m (n, 3) world, yaw_rad (n,); velocity_m_s and
     acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints only); jerk_m_s3
-    (n, 3) and yaw_rate_rad_s (n,) may be None where nobody knows them."""
+    (n, 3) and yaw_rate_rad_s (n,) may be None where nobody knows them.
+
+    ``ahead(seconds)``, seconds (k,) >= 0 from now, gives what will be asked for then, its arrays with k first: (k, n,
+    3) and (k, n). None where the future is not known; a controller that looks ahead then has to guess it from now."""
 
     position_m: np.ndarray
     yaw_rad: np.ndarray
@@ -127,6 +131,7 @@ class Reference:
     acceleration_m_s2: np.ndarray
     jerk_m_s3: np.ndarray | None = None
     yaw_rate_rad_s: np.ndarray | None = None
+    ahead: Callable[[np.ndarray], Reference] | None = None
 
 
 @runtime_checkable

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -76,6 +77,9 @@ class Timeline:
             self._yaw_rate[rows, i] = spec.yaw_rate_at(t[rows, 0] - events[i].path_start_s)
         self._from_m = np.zeros((len(specs), 3))
         self._from_yaw = np.zeros(len(specs))
+        ends = [np.flatnonzero(self.phase[:, i] == PATH)[-1:] for i in range(len(specs))]
+        self._last_m = np.stack([self._streamed[0, end[0] if len(end) else 0, i] for i, end in enumerate(ends)])
+        self._last_yaw = np.array([self._yaw[end[0] if len(end) else 0, i] for i, end in enumerate(ends)])
 
     def __len__(self) -> int:
         return len(self.specs)
@@ -91,21 +95,50 @@ class Timeline:
         begins = planned & (phase != self.phase[tick - 1]) if tick else planned
         self._from_m = np.where(begins[:, None], position_m, self._from_m)
         self._from_yaw = np.where(begins, yaw_rad, self._from_yaw)
-        p, v, a, j = (x[tick].copy() for x in self._streamed)
-        target = self._from_m.copy()
-        target[:, 2] = np.where(phase == TAKEOFF, self.altitude_m, LANDED_HEIGHT_M)
-        path = target - self._from_m
-        col = planned[:, None]
-        p = np.where(col, self._from_m + self.way[tick][:, None] * path, p)
-        v = np.where(col, self.way_1_s[tick][:, None] * path, v)
-        a, j = (np.where(col, by[tick][:, None] * path, streamed)
+        whole, yaw_rate = self._asked(np.array([tick]), (self._from_m, self._from_yaw), (position_m, yaw_rad))
+        now = Reference(*(row[0] for row in whole), ahead=partial(self._ahead, tick, position_m, yaw_rad))
+        return phase != OFF, now, yaw_rate[0]
+
+    def _asked(self, rows: np.ndarray, start: tuple[np.ndarray, np.ndarray],
+               rest: tuple[np.ndarray, np.ndarray]) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """What is asked for at ticks ``rows`` (k,): the six arrays of a Reference, (k, n, ...), and the yaw rate asked
+        of the planner (k, n). ``start`` and ``rest``: place (n, 3) and yaw (n,) where a planner begins and where the
+        vehicle stands without motors."""
+        phase = self.phase[rows]
+        planned, off = (phase == TAKEOFF) | (phase == LANDING), phase == OFF
+        way, speed = self.way[rows], self.way_1_s[rows]
+        target = np.repeat(start[0][None], len(rows), axis=0)
+        target[:, :, 2] = np.where(phase == TAKEOFF, self.altitude_m, LANDED_HEIGHT_M)
+        path = target - start[0]
+        p, v, a, j = self._streamed[:, rows]
+        col = planned[:, :, None]
+        p = np.where(col, start[0] + way[:, :, None] * path, p)
+        v = np.where(col, speed[:, :, None] * path, v)
+        a, j = (np.where(col, by[rows][:, :, None] * path, streamed)
                 for by, streamed in zip(self._planned, (a, j), strict=True))
-        yaw = np.where(planned, self._from_yaw * (1.0 - self.way[tick]), self._yaw[tick])
-        yaw_rate = np.where(planned, -self._from_yaw * self.way_1_s[tick], 0.0)
-        off = phase == OFF
-        p[off], v[off], a[off], j[off] = position_m[off], 0.0, 0.0, 0.0
-        turn = np.where(planned, yaw_rate, np.where(off, 0.0, self._yaw_rate[tick]))
-        return ~off, Reference(p, np.where(off, yaw_rad, yaw), v, a, j, turn), yaw_rate
+        yaw = np.where(planned, start[1] * (1.0 - way), self._yaw[rows])
+        yaw_rate = np.where(planned, -start[1] * speed, 0.0)
+        p[off], v[off], a[off], j[off] = np.broadcast_to(rest[0], p.shape)[off], 0.0, 0.0, 0.0
+        turn = np.where(planned, yaw_rate, np.where(off, 0.0, self._yaw_rate[rows]))
+        return (p, np.where(off, rest[1], yaw), v, a, j, turn), yaw_rate
+
+    def _ahead(self, tick: int, position_m: np.ndarray, yaw_rad: np.ndarray, seconds: np.ndarray) -> Reference:
+        """``Reference.ahead`` at a tick, linear between ticks. A planner that has not begun starts where the path
+        ends; one that would take off starts where the vehicle stands."""
+        phase = self.phase[tick]
+        planned, off = (phase == TAKEOFF) | (phase == LANDING), phase == OFF
+        start = np.where(planned[:, None], self._from_m, np.where(off[:, None], position_m, self._last_m))
+        start_yaw = np.where(planned, self._from_yaw, np.where(off, yaw_rad, self._last_yaw))
+        landed = start.copy()
+        landed[:, 2] = LANDED_HEIGHT_M
+        rest = np.where(off[:, None], position_m, landed), np.where(off, yaw_rad, 0.0)
+        exact = np.minimum(tick + np.asarray(seconds, float) / TICK_S, self.ticks - 1.0)
+        rows = np.floor(exact + 1e-9).astype(int)
+        share = exact - rows
+        low, _ = self._asked(rows, (start, start_yaw), rest)
+        high, _ = self._asked(np.minimum(rows + 1, self.ticks - 1), (start, start_yaw), rest)
+        return Reference(*(x + share.reshape(-1, *[1] * (x.ndim - 1)) * (y - x) if share.any() else x
+                           for x, y in zip(low, high, strict=True)))
 
     def as_flown(self, tick: int, reference: Reference) -> Reference:
         """The reference the published flights got: streamed points carry no derivatives, the onboard planner's do."""
