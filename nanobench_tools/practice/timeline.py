@@ -96,7 +96,8 @@ class Timeline:
         self._from_m = np.where(begins[:, None], position_m, self._from_m)
         self._from_yaw = np.where(begins, yaw_rad, self._from_yaw)
         whole, yaw_rate = self._asked(np.array([tick]), (self._from_m, self._from_yaw), (position_m, yaw_rad))
-        now = Reference(*(row[0] for row in whole), ahead=partial(self._ahead, tick, position_m, yaw_rad))
+        p, yaw, v, a, j, turn = (row[0] for row in whole)
+        now = Reference(p, yaw, v, a, j, turn, partial(self._ahead, tick, position_m, yaw_rad))
         return phase != OFF, now, yaw_rate[0]
 
     def _asked(self, rows: np.ndarray, start: tuple[np.ndarray, np.ndarray],
@@ -137,8 +138,9 @@ class Timeline:
         share = exact - rows
         low, _ = self._asked(rows, (start, start_yaw), rest)
         high, _ = self._asked(np.minimum(rows + 1, self.ticks - 1), (start, start_yaw), rest)
-        return Reference(*(x + share.reshape(-1, *[1] * (x.ndim - 1)) * (y - x) if share.any() else x
-                           for x, y in zip(low, high, strict=True)))
+        p, yaw, v, a, j, turn = (x + share.reshape(-1, *[1] * (x.ndim - 1)) * (y - x)
+                                 for x, y in zip(low, high, strict=True))
+        return Reference(p, yaw, v, a, j, turn)
 
     def as_flown(self, tick: int, reference: Reference) -> Reference:
         """The reference the published flights got: streamed points carry no derivatives, the onboard planner's do."""

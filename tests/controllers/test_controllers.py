@@ -148,7 +148,8 @@ def test_a_vehicle_flies_in_a_batch_as_it_does_alone(name):
     batch = [together.command(0.0, *one)[1].copy() for one in many]
     single = fresh(name, 1)
     for pair in many:
-        alone.append(single.command(0.0, *(type(x)(*(v if v is None else v[[1]] for v in vars(x).values())) for x in pair))[0].copy())
+        one = (type(x)(*(v if v is None else v[[1]] for v in vars(x).values())) for x in pair)
+        alone.append(single.command(0.0, *one)[0].copy())
     np.testing.assert_allclose(batch, alone, atol=2e-5)
 
 
