@@ -94,6 +94,8 @@ def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
     time_s, z = mocap.time_s, mocap["pz"]
     if not airborne:
         return []
+    if airborne[0].start_s <= time_s[0] + ROW_S and airborne[-1].end_s >= time_s[-1] - ROW_S:
+        return []  # a log without the ground: its lowest point is none
     resting = z[time_s < airborne[0].start_s]
     rest = float(np.median(resting)) if len(resting) > 10 else float(z.min())
     inside = (time_s > airborne[0].start_s + CONTACT_S) & (time_s < airborne[-1].end_s + CONTACT_S)
