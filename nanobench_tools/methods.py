@@ -18,12 +18,21 @@ from .flight import Flight
 @dataclass(frozen=True)
 class Estimate:
     """time_s (n,) s from the first row of the recording, rising; position_m (n, 3) world; quaternion (n, 4) x, y,
-    z, w body to world; velocity_m_s (n, 3) world or None."""
+    z, w body to world; velocity_m_s (n, 3) world or None.
+
+    How sure it is, if it says so: covariance (n, 3, 3) of the error of position, (n, 6, 6) of position and velocity or
+    (n, 9, 9) of both and attitude (rotation vector, body); nis (m,) normalised squared innovations of its
+    measurements, each of nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
+    """
 
     time_s: np.ndarray
     position_m: np.ndarray
     quaternion: np.ndarray
     velocity_m_s: np.ndarray | None = None
+    covariance: np.ndarray | None = None
+    nis: np.ndarray | None = None
+    nis_dof: np.ndarray | None = None
+    converged: bool | None = None
 
 
 @runtime_checkable

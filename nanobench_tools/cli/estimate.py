@@ -16,6 +16,7 @@ from .show import ALL_FAILED, data_word, score_table, show_left_out
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
+    from ..protocols.aided import Aiding
     from ..protocols.task3 import Case
     from ..retiming.warp import ClockWarp
 
@@ -23,7 +24,8 @@ LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
 RECKONING = ("error_state_ekf", "strapdown")
 DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
-                   "blackout": RECKONING + FLOORS}
+                   "aided": LOGGED + RECKONING + FLOORS, "blackout": RECKONING + FLOORS,
+                   "whole-flight": RECKONING + FLOORS}
 """Scored when nothing else is asked for."""
 
 GIVEN_CLOCK = {"offset": "; stamps less the flight's constant offset, found off-line",
@@ -35,29 +37,46 @@ POINTS_WITHIN_S = 1e-3
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
 
+DRIFTS = (("drift_percent", "drift %", 1.0, 1), ("drift_horizontal_percent", "horizontal %", 1.0, 1),
+          ("drift_vertical_percent", "vertical %", 1.0, 1), ("velocity_rmse_m_s", "velocity m/s", 1.0, 3))
+
 ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10, 20))
 
 
 @click.command()
 @shared_options()
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
-              help="as-published, as-published-corrected, clean or blackout; may repeat. Default: all but blackout.")
+              help="as-published, as-published-corrected, clean, aided, blackout or whole-flight; may repeat. Default: "
+                   "the first three.")
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
               help="Estimator to score instead of the default ones; may repeat.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
               help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
-def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...]) -> int:
+@click.option("--pose-rate", "rates", multiple=True, type=click.FloatRange(min=0.1, max=1000.0), metavar="HZ",
+              help="aided: poses per second; may repeat, as may the next three, for every combination. Default: 10.")
+@click.option("--pose-delay", "delays", multiple=True, type=click.FloatRange(min=0.0, max=10.0), metavar="S",
+              help="aided: how long after it was measured a pose arrives. Default: 0.03.")
+@click.option("--pose-noise", "noises", multiple=True, type=click.FloatRange(min=0.0, max=10.0), metavar="M",
+              help="aided: SD of the noise put on each axis of the position. Default: 0.01.")
+@click.option("--pose-loss", "losses", multiple=True, type=click.FloatRange(min=0.0, max=1.0, max_open=True),
+              metavar="SHARE", help="aided: share of the poses that never arrive. Default: 0.")
+def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...],
+             rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
+             losses: tuple[float, ...]) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
     as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
-    clean every distinct flight. blackout gives poses until t0, every 5 s, and none afterwards, and scores where the
-    vehicle is said to be 1, 5, 10 and 20 s later (windows in the JSON). --out DIR holds
-    trajectories/<method>/<flight>.tum and trajectories/truth.
+    clean every distinct flight. aided gives few, late and noisy poses all along. blackout gives poses until t0, every
+    5 s, and none afterwards, and scores where the vehicle is said to be 1, 5, 10 and 20 s later (windows in the JSON);
+    whole-flight gives none after take-off. --out DIR holds trajectories/<method>/<flight>.tum and trajectories/truth.
     """
-    from ..protocols.task3 import check_protocol
+    from ..protocols.aided import grid
+    from ..protocols.task3 import AIDED, PUBLISHED, check_protocol
 
     for name in protocols:
         check_protocol(name)
+    if (rates or delays or noises or losses) and AIDED not in protocols:
+        raise UsageError("--pose-rate, --pose-delay, --pose-noise and --pose-loss go with --protocol aided")
     scored = load_methods("estimators", methods) if methods else None
     files = trajectory_files(folders)
     flights = options.load()
@@ -65,12 +84,13 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     if folders:
         scored, protocols = scored or [], protocols or ("clean",)
     if options.clock != AS_RECORDED:
-        if set(protocols) - {"clean", "blackout"}:
-            raise UsageError(f"--clock {options.clock} goes with --protocol clean and blackout only: the published "
-                             "table was made as recorded")
+        if set(protocols) & set(PUBLISHED):
+            raise UsageError(f"--clock {options.clock} goes with --protocol clean, aided, blackout and whole-flight "
+                             "only: the published table was made as recorded")
         protocols = protocols or ("clean",)
     seen = options.see_on_clock(flights, audits, judges_estimator=True)
-    body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps)
+    body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps,
+                         aidings=grid(rates, delays, noises, losses))
     return options.finish("estimate", body)
 
 
@@ -88,13 +108,15 @@ def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
 def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                   protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
                   files: Mapping[str, Mapping[str, Path]] | None = None,
-                  warps: Mapping[str, ClockWarp | None] | None = None, trajectories: bool = True) -> dict[str, Any]:
+                  warps: Mapping[str, ClockWarp | None] | None = None, trajectories: bool = True,
+                  aidings: Sequence[Aiding] | None = None) -> dict[str, Any]:
     """The keys of estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
 
     warps: what was taken out of the flights' stamps for the clock of ``options``; trajectories: whether they are
-    written to ``--out``. Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
+    written to ``--out``; aidings: how poses come in ``aided``, one table each, the first one's trajectories are
+    written. Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
     """
-    from ..protocols import task3
+    from ..protocols import aided, task3
 
     rows: list[dict[str, Any]] = []
     per_flight: list[dict[str, Any]] = []
@@ -110,9 +132,12 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
             windows += ends
             continue
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
-        scored, single = _score(options, protocol, work, options.out if trajectories and protocol == written else None)
-        rows += scored
-        per_flight += single
+        out = options.out if trajectories and protocol == written else None
+        for aiding in (aidings or aided.grid()) if protocol == task3.AIDED else [None]:
+            scored, single = _score(options, protocol, work, out, aiding)
+            rows += scored
+            per_flight += single
+            out = None
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     left_out = show_left_out(options, flights, rows, audits, task3.NEEDED, failed)
     body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
@@ -147,35 +172,39 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
     return found
 
 
-def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]],
-           out: Path | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None,
+           aiding: Aiding | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them and the scores of
     every single flight."""
     from ..harness import make_item
-    from ..protocols import task3
+    from ..protocols import task3, whole_flight
     from ..protocols.labels import speed_of
     from ..protocols.trajectories import score_and_write, write_missing, write_truths
 
     folder = None if out is None else out / "trajectories"
-    items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder},
+    how = {} if aiding is None else {"aiding": aiding, "seed": options.seed}
+    said = {} if aiding is None else aiding.to_json()
+    given = {task3.AIDED: aiding.given if aiding else "", task3.WHOLE_FLIGHT: whole_flight.GIVEN}
+    items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder, **how},
                        f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
              for method, case in work]
     values = options.run(items, protocol).values
     done = [(method, case, values[item.key]) for (method, case), item in zip(work, items, strict=True)
             if item.key in values]
     if folder is not None:
-        write_missing(done, protocol, folder)
+        write_missing(done, protocol, folder, aiding, options.seed)
         write_truths([case for _, case, _ in done], [method.name for method, _, _ in done], folder)
     rows = []
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
-        rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed)
+        rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
+                               given.get(protocol, task3.GIVEN))
     for row in rows:
-        row["clock"] = options.clock
+        row |= {"clock": options.clock, **said}
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
-    _show(options, protocol, rows)
+    _show(options, protocol, rows, DRIFTS if protocol == task3.WHOLE_FLIGHT else COLUMNS)
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
-                   "speed": speed_of(case.flight), "clock": options.clock, "metrics": value["metrics"]}
+                   "speed": speed_of(case.flight), "clock": options.clock, **said, "metrics": value["metrics"]}
                   for method, case, value in done]
 
 

@@ -122,3 +122,13 @@ def drift_percent(estimate_m: np.ndarray, truth_m: np.ndarray) -> float:
     length = path_length(truth)[-1]
     error = np.linalg.norm((estimate[-1] - estimate[0]) - (truth[-1] - truth[0]))
     return float(100.0 * error / length) if length > 0.0 else float("nan")
+
+
+def drift_apart_percent(estimate_m: np.ndarray, truth_m: np.ndarray) -> tuple[float, float]:
+    """The horizontal and the vertical part of ``drift_percent``, each per the length of the whole path [%]."""
+    estimate, truth = checked_pair(estimate_m, truth_m)
+    length = path_length(truth)[-1]
+    if not length > 0.0:
+        return float("nan"), float("nan")
+    error = (estimate[-1] - estimate[0]) - (truth[-1] - truth[0])
+    return float(100.0 * np.hypot(error[0], error[1]) / length), float(100.0 * abs(error[2]) / length)

@@ -46,13 +46,17 @@ def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.n
     """
     raw = trajectory.ate(estimate_m, truth_m, "none").rmse_m
     turned = trajectory.ate(estimate_m, truth_m, "yaw", unique=False).rmse_m
-    found = {"ate_unaligned_rmse_m": raw, "ate_yaw_rmse_m": turned, "alignment_deg": NAN}
+    off = estimate_m - truth_m
+    found = {"ate_unaligned_rmse_m": raw, "ate_yaw_rmse_m": turned, "alignment_deg": NAN,
+             "horizontal_rmse_m": trajectory.rms(np.hypot(off[:, 0], off[:, 1])),
+             "vertical_rmse_m": trajectory.rms(off[:, 2])}
     with suppress(alignment.AlignmentError):
         found["alignment_deg"] = float(np.degrees(alignment.align(estimate_m, truth_m).angle_rad))
     longest = max(spans, key=lambda s: s.duration_s).mask(time_s)
     e, q, p, pq = estimate_m[longest], estimate_q[longest], truth_m[longest], truth_q[longest]
     found["rte_1m_start_frame_m"] = trajectory.rte(e, q, p, pq)
     found["drift_percent"] = trajectory.drift_percent(e, p)
+    found["drift_horizontal_percent"], found["drift_vertical_percent"] = trajectory.drift_apart_percent(e, p)
     split = timing.along_across(estimate_m, truth_m, truth_m_s)
     found |= {"along_track_rmse_m": split.along_rmse_m, "across_track_rmse_m": split.across_rmse_m}
     names = ("delay_s", "ate_delay_removed_rmse_m", "along_track_delay_removed_rmse_m",

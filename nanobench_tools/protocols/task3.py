@@ -34,10 +34,12 @@ from .tables import group_order, groups_of, summaries
 from .usable import MOCAP, POSE, cut_by, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
-BLACKOUT = "blackout"
-"""Same recordings as ``clean``, scored otherwise (``blackout``); only when asked for, since it takes a run per t0."""
+BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"
+"""Same recordings as ``clean``, given and scored otherwise (``blackout``, ``aided``, ``whole_flight``); only when asked
+for."""
 
-KNOWN = (*PROTOCOLS, BLACKOUT)
+KNOWN = (*PROTOCOLS, AIDED, BLACKOUT, WHOLE_FLIGHT)
+PUBLISHED = PROTOCOLS[:2]
 STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 """The streams the task is about."""
 
@@ -83,9 +85,9 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     """
     check_protocol(protocol)
     fit = usable(flights, audits, NEEDED)
-    cases = _clean(fit, audits) if protocol in ("clean", BLACKOUT) else _published(fit, audits, protocol)
+    cases = _published(fit, audits, protocol) if protocol in PUBLISHED else _clean(fit, audits)
     if not cases:
-        what = "flight" if protocol in ("clean", BLACKOUT) else "trefoil recording"
+        what = "trefoil recording" if protocol in PUBLISHED else "flight"
         place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
         cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], NEEDED))}
         if cuts and len(cuts) == len(fit):
@@ -184,7 +186,8 @@ def checked(estimate: Estimate, method: str, place: str) -> Estimate:
     if not (finite.all() and np.all(norm > 1e-6)):
         row = int(np.argmin(finite & (norm > 1e-6)))
         raise InputError(place, f"estimator {method} gave no pose at {time_s[row]:.3f} s (row {row})")
-    return Estimate(time_s, position, quaternion / norm[:, None], velocity)
+    said = (getattr(estimate, name, None) for name in ("covariance", "nis", "nis_dof", "converged"))
+    return Estimate(time_s, position, quaternion / norm[:, None], velocity, *said)
 
 
 def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
@@ -196,15 +199,16 @@ def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
     return float(np.mean(away <= NEAR_S + 1e-9))
 
 
-def _scored_rows(case: Case, estimate: Estimate, method: Estimator) -> tuple[tuple[Span, ...], np.ndarray]:
+def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
+                 given_s: float) -> tuple[tuple[Span, ...], np.ndarray]:
     """(spans, (n,) bool over the estimate's rows) that are scored; InputError when the estimate covers too little.
 
-    What the vehicle logged in flight is scored where it is. Of all others coverage is asked for after the given poses,
-    and a method that was given them is not scored there. Who made a trajectory file knows what it was given.
+    What the vehicle logged in flight is scored where it is. Of all others coverage is asked for after the poses given
+    until ``given_s``, and a method that was given them is not scored there. Who made a trajectory file knows what it
+    was given.
     """
     if is_logged(method):
         return case.spans, inside(case.spans, estimate.time_s)
-    given_s = case.spans[0].start_s + GIVEN_S
     later = subtract_spans(case.spans, [Span(-np.inf, given_s)])
     mocap_s = case.flight["mocap"].time_s
     rows = inside(later, estimate.time_s) & (estimate.time_s > given_s)
@@ -225,12 +229,16 @@ def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
     ``dropped`` counts stamps without truth; ``trajectory`` holds the scored rows: t [s from the first row], position
     [m], quaternion. nan where a metric is not defined. Raises InputError when nothing can be scored.
     """
+    return score_given(case, method, protocol, given_to(case, method), case.spans[0].start_s + GIVEN_S)
+
+
+def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, given_s: float) -> dict[str, Any]:
+    """``score`` of the estimate that ``method`` makes of ``flight``, on the rows of the case after ``given_s``."""
     place = case.flight.provenance.path
-    flight = given_to(case, method)
     estimate = checked(method.estimate(flight), method.name, place)
     mocap = case.flight["mocap"]
     estimate = replace(estimate, time_s=snap(estimate.time_s, mocap.time_s))
-    spans, rows = _scored_rows(case, estimate, method)
+    spans, rows = _scored_rows(case, estimate, method, given_s)
     truth = associate(estimate.time_s[rows], mocap.time_s, mocap["px", "py", "pz"],
                       mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
     rows = np.flatnonzero(rows)[truth.kept]
@@ -262,8 +270,8 @@ def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
     return so3.euler_zyx(so3.interpolate(mocap.time_s, mocap["qx", "qy", "qz", "qw"], at_s))
 
 
-def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
-             seed: int = 0) -> list[dict[str, Any]]:
+def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
+             given: str = GIVEN) -> list[dict[str, Any]]:
     """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric."""
     rows = []
     known = is_logged(method)
@@ -272,7 +280,7 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapp
         notes = dict.fromkeys(case.note for case, _ in members if case.note)
         row = {"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
                "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-               "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", GIVEN), *notes]),
+               "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", given), *notes]),
                "dropped_stamps": sum(value["dropped"] for _, value in members),
                "metrics": summaries([value["metrics"] for _, value in members], seed)}
         as_was = protocol == "as-published" and known and not notes

@@ -13,25 +13,36 @@ from ..flight import Flight
 from ..harness.results import write_bytes
 from ..methods import Estimator
 from ..metrics.association import associate, snap
-from .task3 import Case, score
+from . import aided, whole_flight
+from .task3 import WHOLE_FLIGHT, Case, score
 
 TRUTH = "truth"
 
 
-def score_and_write(case: Case, method: Estimator, protocol: str, folder: Path | None) -> dict[str, Any]:
-    """``task3.score`` without the trajectory, which goes to ``folder``/<method>/<flight>.tum (None: nowhere)."""
-    value = score(case, method, protocol)
+def score_and_write(case: Case, method: Estimator, protocol: str, folder: Path | None,
+                    aiding: aided.Aiding | None = None, seed: int = 0) -> dict[str, Any]:
+    """The score of the protocol without the trajectory, which goes to ``folder``/<method>/<flight>.tum (None: nowhere).
+
+    aiding: how poses come in ``aided``, with noise from ``seed``.
+    """
+    if aiding is not None:
+        value = aided.score(case, method, aiding, seed)
+    elif protocol == WHOLE_FLIGHT:
+        value = whole_flight.score(case, method)
+    else:
+        value = score(case, method, protocol)
     trajectory = value.pop("trajectory")
     if folder is not None:
         write_tum(_path(folder, method.name, case), case.flight, trajectory)
     return value
 
 
-def write_missing(done: Iterable[tuple[Estimator, Case, Any]], protocol: str, folder: Path) -> None:
+def write_missing(done: Iterable[tuple[Estimator, Case, Any]], protocol: str, folder: Path,
+                  aiding: aided.Aiding | None = None, seed: int = 0) -> None:
     """Writes the files of items that were answered from the store, or made on another machine."""
     for method, case, _ in done:
         if not _path(folder, method.name, case).exists():
-            score_and_write(case, method, protocol, folder)
+            score_and_write(case, method, protocol, folder, aiding, seed)
 
 
 def write_truths(cases: Sequence[Case], methods: Sequence[str], folder: Path) -> None:

@@ -1,0 +1,81 @@
+"""Task 3, aided: motion capture poses all along, but few, late, noisy and some lost; all other streams whole.
+
+A pose that was measured at t arrives at t + delay. The stamps an estimator gets in ``flight.streams["mocap"]`` are
+those of arrival, on the same clock as all other streams: whoever uses nothing stamped later than t is causal. The
+delay it was told is in ``flight.metadata["pose_delay_s"]``; subtracted from a stamp it gives the time of measurement.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..flight import Flight, Span, make_stream
+from ..methods import Estimator
+from .task3 import AIDED, Case, is_logged, score_given
+from .usable import POSE
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """How poses come: rate_hz per second, delay_s after they were measured, noise_m SD of each axis of the position
+    (white; the attitude stays as captured), loss 0..1 the share that never arrives (each by itself)."""
+
+    rate_hz: float = 10.0
+    delay_s: float = 0.03
+    noise_m: float = 0.01
+    loss: float = 0.0
+
+    @property
+    def given(self) -> str:
+        """What a row was given, in words."""
+        lost = f", {100.0 * self.loss:g} % lost" if self.loss else ""
+        return (f"motion capture poses at {self.rate_hz:g} Hz all along{lost}, position with noise of "
+                f"{1e3 * self.noise_m:g} mm, stamped at arrival {1e3 * self.delay_s:g} ms after measurement (the delay "
+                "is told), all other streams")
+
+    def to_json(self) -> dict[str, float]:
+        return {f"pose_{name}": value for name, value in asdict(self).items()}
+
+
+def grid(rates_hz: Sequence[float] = (), delays_s: Sequence[float] = (), noises_m: Sequence[float] = (),
+         losses: Sequence[float] = ()) -> list[Aiding]:
+    """Every combination; what is empty stays as it is by default."""
+    asked = {"rate_hz": rates_hz, "delay_s": delays_s, "noise_m": noises_m, "loss": losses}
+    asked = {name: tuple(dict.fromkeys(values)) for name, values in asked.items() if values}
+    return [Aiding(**dict(zip(asked, values, strict=True))) for values in itertools.product(*asked.values())]
+
+
+def given_to(case: Case, aiding: Aiding, seed: int = 0) -> Flight:
+    """The flight with the poses as they arrive (columns px py pz qx qy qz qw), nothing after the last scored row.
+
+    The noise depends on ``seed`` and on the content of the recording alone.
+    """
+    end = case.spans[-1].end_s
+    flight = case.flight.without_streams("mocap").during(Span(-np.inf, end))
+    mocap = case.flight["mocap"]
+    good = np.flatnonzero(np.isfinite(mocap[POSE]).all(axis=1) & np.isfinite(mocap.time_s))
+    time_s = mocap.time_s[good]
+    wanted = np.arange(time_s[0], time_s[-1], 1.0 / aiding.rate_hz) if len(good) else np.zeros(0)
+    picked = np.unique(np.searchsorted(time_s, wanted - 1e-6))
+    digest = hashlib.sha256(f"{case.flight.provenance.sha256} {seed}".encode()).digest()
+    rng = np.random.default_rng(int.from_bytes(digest[:8], "little"))
+    noise, chance = rng.normal(size=(len(picked), 3)), rng.random(len(picked))
+    poses = mocap[POSE][good[picked]]
+    poses[:, :3] += aiding.noise_m * noise
+    arrival_s = time_s[picked] + aiding.delay_s
+    kept = (chance >= aiding.loss) & (arrival_s <= end)
+    arrived = make_stream("mocap", arrival_s[kept], poses[kept], POSE, rate_hz=aiding.rate_hz)
+    told = {"pose_rate_hz": aiding.rate_hz, "pose_delay_s": aiding.delay_s, "pose_noise_m": aiding.noise_m}
+    return replace(flight, streams={"mocap": arrived, **flight.streams}, metadata={**flight.metadata, **told})
+
+
+def score(case: Case, method: Estimator, aiding: Aiding, seed: int = 0) -> dict[str, Any]:
+    """As ``task3.score``, over all airborne and clean rows; what was logged in flight had its own poses."""
+    flight = case.flight if is_logged(method) else given_to(case, aiding, seed)
+    return score_given(case, method, AIDED, flight, -np.inf)
