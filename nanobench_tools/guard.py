@@ -59,12 +59,14 @@ def _table(values: np.ndarray, n: int) -> np.ndarray:
 
 
 class Guard:
-    """Stands before and behind a controller of n vehicles. ``counts``: vehicle-steps by what was replaced."""
+    """Stands before and behind a controller of n vehicles. ``counts``: vehicle-steps by what was replaced;
+    ``measured`` (n,) bool: those whose last measurement was a good one; ``hold_s``: for how long one that is not may be
+    bridged."""
 
-    def __init__(self, n: int, period_s: float) -> None:
-        self.n, self.period_s = n, period_s
+    def __init__(self, n: int, period_s: float, hold_s: float = HOLD_S) -> None:
+        self.n, self.period_s, self.hold_s = n, period_s, hold_s
         self.counts = {"measurement": 0, "lost": 0, "battery": 0, "reference": 0, "command": 0}
-        self.lost = np.zeros(n, bool)
+        self.lost, self.measured = np.zeros((2, n), bool)
         self._missing_s = np.zeros(n)
         self._place, self._speed, self._rate = np.zeros((3, n, 3))
         self._quaternion = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
@@ -98,7 +100,7 @@ class Guard:
         _take(battery, charged, self._battery)
         self._quaternion /= np.sqrt(np.sum(self._quaternion**2, axis=1, keepdims=True))
         self._missing_s = np.where(good, 0.0, self._missing_s + self.period_s)
-        self.lost = self._missing_s > HOLD_S
+        self.lost, self.measured = self._missing_s > self.hold_s, good
         for name, bad in (("measurement", ~good), ("lost", self.lost), ("battery", ~charged)):
             self.counts[name] += int(np.count_nonzero(bad))
 

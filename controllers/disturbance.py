@@ -1,0 +1,146 @@
+"""What pushes and turns the vehicle beside the model: an observer that predicts, compares and puts the rest down to it.
+
+A Luenberger observer of the state and of a steady force and moment (both per mass and inertia), the source of
+offset-free predictive control (Pannocchia, Rawlings 2003, doi:10.1002/aic.690490213). Measurements are of different
+age: each is compared with what was predicted for its own time, and what is corrected now is corrected in the past, too,
+so that no error is counted twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+
+from nanobench_tools.methods import VehicleState
+from nanobench_tools.physics.model import Model
+
+from .mpc_code import Call
+from .mpc_model import DISTURBANCES, STATES, step_function
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """ages_s: how old position, velocity, attitude and rate are when they arrive. share: of an innovation that is
+    believed at once, of the same four. force_1_s, moment_1_s: speed at which a force and a moment are learned.
+    most: bounds of both [m/s^2, rad/s^2]."""
+
+    ages_s: tuple[float, float, float, float] = (0.020, 0.006, 0.014, 0.0)
+    share: tuple[float, float, float, float] = (0.25, 0.25, 0.2, 0.5)
+    force_1_s: float = 5.0
+    moment_1_s: float = 8.0
+    most: tuple[float, float] = (4.0, 80.0)
+
+
+@nb.njit(cache=True)
+def _turn(q, v):
+    """q times the quaternion of the small rotation vector v (3), normalised, in place."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    a, b, c = 0.5 * v[0], 0.5 * v[1], 0.5 * v[2]
+    q[0], q[1], q[2] = x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a
+    q[3] = w - x * a - y * b - z * c
+    q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+
+
+@nb.njit(cache=True)
+def _between(q, p):
+    """2 vec(q^-1 p) of the shorter way (3)."""
+    x, y, z, w = -q[0], -q[1], -q[2], q[3]
+    out = np.empty(3)
+    out[0] = w * p[0] + x * p[3] + y * p[2] - z * p[1]
+    out[1] = w * p[1] + y * p[3] + z * p[0] - x * p[2]
+    out[2] = w * p[2] + z * p[3] + x * p[1] - y * p[0]
+    return out * (2.0 if w * p[3] - x * p[0] - y * p[1] - z * p[2] >= 0.0 else -2.0)
+
+
+@nb.njit(cache=True)
+def _correct(past, head, ages, share, learn, most, measured, new_pose, good, d):
+    """past (K, n, 17) is a ring with the present at ``head``; measured (n, 13); ages in steps."""
+    count = past.shape[0]
+    gap = np.empty(13)
+    for i in range(past.shape[1]):
+        if not good[i]:
+            continue
+        for group, (a, b) in enumerate(((0, 3), (3, 6), (6, 10), (10, 13))):
+            whole = int(ages[group])
+            part = ages[group] - whole
+            now, old = past[(head - whole) % count, i], past[(head - whole - 1) % count, i]
+            if group != 2:
+                for k in range(a, b):
+                    gap[k] = measured[i, k] - (now[k] + part * (old[k] - now[k]))
+            else:
+                q = now[6:10] + part * (old[6:10] - now[6:10])
+                gap[6:9] = _between(q, measured[i, 6:10])
+        if not new_pose[i]:
+            gap[:9] = 0.0
+        turn = share[2] * gap[6:9]
+        for k in range(count):
+            x = past[k, i]
+            for j in range(3):
+                x[j] += share[0] * gap[j]
+                x[3 + j] += share[1] * gap[3 + j]
+                x[10 + j] += share[3] * gap[10 + j]
+            _turn(x[6:10], turn)
+        for j in range(3):
+            d[i, j] = min(max(d[i, j] + learn[0] * gap[3 + j], -most[0]), most[0])
+            d[i, 3 + j] = min(max(d[i, 3 + j] + learn[1] * gap[10 + j], -most[1]), most[1])
+
+
+class Observer:
+    """States (n, 17) and disturbances (n, 6) of n vehicles, as ``mpc_model`` orders them, one step a period."""
+
+    def __init__(self, model: Model, period_s: float, tuning: Tuning | None = None) -> None:
+        self.period_s, self.tuning = period_s, tuning or Tuning()
+        self._step = Call(step_function(model))
+        self._ages = np.array(self.tuning.ages_s) / period_s
+        self._share = np.array(self.tuning.share)
+        # the pair (state, disturbance) of each channel settles as exp(-t speed) and as exp(-t share / period)
+        speeds = np.array([self.tuning.force_1_s, self.tuning.moment_1_s])
+        self._learn = (1.0 - np.exp(-speeds * period_s)) * self._share[[1, 3]] / period_s
+        self._most = np.array(self.tuning.most)
+
+    def reset(self, n: int, thrust_N: float) -> None:
+        self.state = np.zeros((n, STATES))
+        self.state[:, 9], self.state[:, 13:] = 1.0, thrust_N
+        self.disturbance = np.zeros((n, DISTURBANCES))
+        self._past = np.repeat(self.state[None], int(self._ages.max()) + 2, axis=0)
+        self._head = 0
+        self.known = np.zeros(n, bool)
+
+    def begin(self, which: np.ndarray, state: VehicleState) -> None:
+        """Believe the measurement of vehicles ``which`` (n,) bool as it is; what was learned stays."""
+        self.state[which, :13] = _rows(state)[which]
+        self._past[:, which] = self.state[which]
+        self.known |= which
+
+    def correct(self, state: VehicleState, good: np.ndarray, new_pose: np.ndarray) -> None:
+        """good (n,): vehicles that were measured; new_pose (n,): those whose pose and velocity are not an old one
+        again. What is not new counts for nothing."""
+        self._past[self._head] = self.state
+        _correct(self._past, self._head, self._ages, self._share, self._learn, self._most, _rows(state), new_pose, good,
+                 self.disturbance)
+        self.state = self._past[self._head].copy()
+
+    def advance(self, commands: Iterable[tuple[float, np.ndarray]]) -> None:
+        """To the next period, under (seconds, thrusts asked (n, 4))."""
+        self.state = self.predicted(commands)
+        self._head = (self._head + 1) % len(self._past)
+        self._past[self._head] = self.state
+
+    def predicted(self, commands: Iterable[tuple[float, np.ndarray]]) -> np.ndarray:
+        """(n, 17) after (seconds, thrusts asked (n, 4)) from now; no number stays no number."""
+        found = self.state.copy()
+        x, u, d, dt = (array[0] if array.ndim > 1 else array for array in self._step.given)
+        for seconds, command in commands:
+            dt[0] = seconds
+            for i in range(len(found)):
+                x[:], u[:], d[:] = found[i], command[i], self.disturbance[i]
+                self._step()
+                found[i] = self._step.found[0][0]
+        return found
+
+
+def _rows(state: VehicleState) -> np.ndarray:
+    return np.concatenate([state.position_m, state.velocity_m_s, state.quaternion, state.rate_rad_s], axis=1)

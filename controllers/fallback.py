@@ -1,0 +1,74 @@
+"""What flies when a plan cannot be made: the last plan, then the geometric controller, then a landing.
+
+Per vehicle; every step that is not flown on a fresh plan is counted by what replaced it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.physics.vehicle import Vehicle
+
+from .geometric import Geometric
+
+PLAN_S = 0.2
+"""The last plan is flown for so long, or to its end if that comes first."""
+GEOMETRIC_S = 2.0
+"""Then the geometric controller for so long, then the vehicle lands."""
+SINK_M_S, LANDED_M = 0.4, 0.05
+LEAST_V, EMPTY_S = 2.8, 0.5
+"""A battery below this voltage for so long (both with the motors loading it) is a reason to land."""
+
+
+class Fallback:
+    """Of n vehicles. ``counts``: vehicle-steps flown by each stage, and those in which the battery was too low."""
+
+    def __init__(self, n: int, period_s: float, vehicle: Vehicle) -> None:
+        self.period_s = period_s
+        self.counts = {"plan": 0, "geometric": 0, "land": 0, "empty": 0}
+        self.missing_s, self._empty_s = np.zeros((2, n))
+        self.landing = np.zeros(n, bool)
+        self._place, self._yaw = np.zeros((n, 3)), np.zeros(n)
+        self._geometric = Geometric(vehicle)
+        self._geometric.reset(n)
+
+    def asked(self, state: VehicleState, reference: Reference) -> tuple[Reference, np.ndarray]:
+        """The reference, replaced for vehicles that land by one that comes down where landing began, and which do."""
+        self._empty_s = np.where(state.battery_V < LEAST_V, self._empty_s + self.period_s, 0.0)
+        empty = self._empty_s > EMPTY_S
+        self.counts["empty"] += int(np.count_nonzero(empty))
+        begins = (empty | (self.missing_s > PLAN_S + GEOMETRIC_S)) & ~self.landing
+        self._place[begins], self._yaw[begins] = state.position_m[begins], reference.yaw_rad[begins]
+        self.landing |= begins
+        if not self.landing.any():
+            return reference, self.landing
+        self._place[self.landing, 2] = np.maximum(self._place[self.landing, 2] - self.period_s * SINK_M_S, LANDED_M)
+        col = self.landing[:, None]
+        down = np.array([0.0, 0.0, -SINK_M_S]) * (self._place[:, 2:] > LANDED_M)
+        still = np.zeros_like(self._place)
+        jerk = still if reference.jerk_m_s3 is None else reference.jerk_m_s3
+        turn = np.zeros(len(col)) if reference.yaw_rate_rad_s is None else reference.yaw_rate_rad_s
+        return Reference(np.where(col, self._place, reference.position_m),
+                         np.where(self.landing, self._yaw, reference.yaw_rad),
+                         np.where(col, down, reference.velocity_m_s), np.where(col, still, reference.acceleration_m_s2),
+                         np.where(col, still, jerk), np.where(self.landing, 0.0, turn)), self.landing
+
+    def note(self, planned: np.ndarray) -> None:
+        """planned (n,) bool: vehicles for which a plan was found in this period."""
+        self.missing_s = np.where(planned, 0.0, self.missing_s + self.period_s)
+
+    def from_plan(self) -> np.ndarray:
+        """Vehicles (n,) that fly an old plan now."""
+        return (self.missing_s > 0.0) & (self.missing_s <= PLAN_S + 1e-9)
+
+    def replaced(self, time_s: float, state: VehicleState, reference: Reference, command: np.ndarray) -> np.ndarray:
+        """PWM (n, 4) with those of vehicles that have been without a plan for longer replaced."""
+        old = self.from_plan()
+        without = (self.missing_s > 0.0) & ~old
+        self.counts["plan"] += int(np.count_nonzero(old))
+        self.counts["geometric"] += int(np.count_nonzero(without & ~self.landing))
+        self.counts["land"] += int(np.count_nonzero(self.landing))
+        if not without.any():
+            return command
+        return np.where(without[:, None], self._geometric.command(time_s, state, reference), command)

@@ -1,0 +1,229 @@
+"""Predictive control of n vehicles: what every kind of it shares, from the measurement to the command.
+
+Guard -> observer (state and disturbance now) -> through the commands under way to the time at which a new one acts ->
+targets from the reference's future -> a plan (the kinds differ in this alone) -> PWM within what the battery gives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from nanobench_tools.guard import Guard
+from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.physics.model import Model
+
+from .delay import UnderWay
+from .disturbance import Observer, Tuning
+from .fallback import Fallback
+from .mpc_code import Call
+from .mpc_horizon import Horizon, within_reach
+from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
+from .mpc_thrust import ThrustMap
+
+PERIOD_S = 0.01
+OUTAGE_S = 0.6
+"""So long the model flies on without a measurement; then the vehicle is lost (``guard``)."""
+STALE_M, STALE_S = 0.03, 0.05
+"""A pose that has not changed by one bit for so long, while the vehicle went so far, is an old one."""
+LONGEST_STEPS = 10
+"""Periods that may pass between two calls; after more the controller starts from the measurement."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Errors that cost as much as each other (Bryson): position m and velocity m/s level and vertical, turn rad and
+    rate rad/s about body x, y and about z; thrust N and moments N m (x and y, z) that cost as much as those."""
+
+    position_m: tuple[float, float] = (0.08, 0.06)
+    velocity_m_s: tuple[float, float] = (0.5, 0.5)
+    turn_rad: tuple[float, float] = (0.4, 0.4)
+    rate_rad_s: tuple[float, float] = (5.0, 2.5)
+    thrust_N: float = 0.08
+    moment_N_m: tuple[float, float] = (1.2e-3, 6e-4)
+
+    def of_errors(self, states: int) -> np.ndarray:
+        """Diagonal of Q (S,); rotor states cost nothing."""
+        pairs = (self.position_m, self.velocity_m_s, self.turn_rad, self.rate_rad_s)
+        sizes = [size for level, other in pairs for size in (level, level, other)]
+        return np.concatenate([1.0 / np.square(sizes), np.zeros(states - RIGID)])
+
+    def of_inputs(self, model: Model) -> np.ndarray:
+        """R (4, 4) over thrusts [N]."""
+        mix = Equations4(model).mixing()
+        mix[1:] *= np.array(model.vehicle.inertia_kg_m2)[:, None]
+        cost = mix / np.array([self.thrust_N, self.moment_N_m[0], self.moment_N_m[0], self.moment_N_m[1]])[:, None]
+        return cost.T @ cost
+
+
+class Plan:
+    """Thrusts asked (n, N, 4) N from the time at which the command acts, every ``dt_s``, and the states (n, N + 1, 17)
+    they are thought to lead to."""
+
+    def __init__(self, n: int, horizon: int, dt_s: float, thrust_N: float) -> None:
+        self.dt_s = dt_s
+        self.thrust_N = np.full((n, horizon, 4), thrust_N)
+        self.states = np.zeros((n, horizon + 1, STATES))
+        self.age_s = np.zeros(n)
+
+    def shifted(self, i: int, seconds: float) -> np.ndarray:
+        """Thrusts (N, 4) of vehicle i, ``seconds`` later, linear between; the last is held."""
+        horizon = self.thrust_N.shape[1]
+        at = np.minimum(np.arange(horizon) + seconds / self.dt_s, horizon - 1.0)
+        low = at.astype(int)
+        high = np.minimum(low + 1, horizon - 1)
+        share = (at - low)[:, None]
+        return (1.0 - share) * self.thrust_N[i, low] + share * self.thrust_N[i, high]
+
+
+class Mpc:
+    """Full references in, with their future where it is given; motor PWM out, every PERIOD_S.
+
+    ``delay_s``: how long after ``command`` returns its result begins to act (the model's command_delay by default).
+    ``guard``, ``fallback`` and ``counts`` say what was replaced. ``plan`` holds the last plans.
+    """
+
+    name = "mpc"
+    information = "preview"
+    period_s = PERIOD_S
+
+    def __init__(self, model: Model | None = None, *, delay_s: float | None = None, horizon: int = 20,
+                 dt_s: float = 0.025, weights: Weights | None = None, tuning: Tuning | None = None,
+                 states: int = ERRORS, period_s: float = PERIOD_S) -> None:
+        model = model or default_model()
+        known_s = float(model.values_of("command_delay")["delay_s"]) if "command_delay" in model else 0.0
+        self.delay_s = known_s if delay_s is None else delay_s
+        self.model = model.without("command_delay") if "command_delay" in model else model
+        self.horizon, self.dt_s, self.states = horizon, dt_s, states
+        self.period_s, self.weights = period_s, weights or Weights()
+        self.thrust_map = ThrustMap(self.model)
+        self.observer = Observer(self.model, period_s, tuning)
+        self._targets = Call(targets_function(self.model, horizon + 1))
+        self._stages = Call(stages_function(self.model, horizon, dt_s, states))
+        self.hover_N = 0.25 * Equations4(self.model).mass_kg * self.model.vehicle.gravity_m_s2
+        self.q, self.r = self.weights.of_errors(states), self.weights.of_inputs(self.model)
+        self.p = self._terminal()
+        self._horizon = Horizon(self.delay_s + dt_s * np.arange(horizon + 1))
+
+    def hover_stage(self) -> tuple[np.ndarray, np.ndarray]:
+        """A (S, S) and B (S, 4) of a step of ``dt_s`` about hover, looking along x."""
+        x, u, ahead, d = self._stages.given
+        hover = np.zeros(STATES)
+        hover[9], hover[13:] = 1.0, self.hover_N
+        x[:], u[:], ahead[:], d[:] = hover, self.hover_N, hover, 0.0
+        _, a, b = self._stages()
+        s = self.states
+        return a.reshape(-1, s, s)[0].copy(), b.reshape(-1, 4, s)[0].T.copy()
+
+    def _terminal(self) -> np.ndarray:
+        """Cost of all that comes after the horizon, by the discrete Riccati equation about hover."""
+        a, b = self.hover_stage()
+        return np.asarray(solve_discrete_are(a, b, np.diag(self.q + 1e-9), self.r))
+
+    def reset(self, n: int) -> None:
+        self.n = n
+        self.guard = Guard(n, self.period_s, OUTAGE_S)
+        self.fallback = Fallback(n, self.period_s, self.model.vehicle)
+        self.counts = {"solver": 0, "stale": 0, "time": 0, "started": 0}
+        self.observer.reset(n, self.hover_N)
+        self._way = UnderWay(n, self.period_s, self.delay_s, np.full(4, self.hover_N))
+        self.plan = Plan(n, self.horizon, self.dt_s, self.hover_N)
+        self._horizon.bad = 0
+        self._time_s = np.nan
+        self._command = np.zeros((n, 4))
+        self._pose = np.full((n, 7), np.nan)
+        self._same_s, self._way_m = np.zeros((2, n))
+
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        with np.errstate(all="ignore"):
+            steps = self._steps(time_s)
+            if steps == 0:
+                return self._command
+            ahead = reference.ahead
+            state, reference = self.guard.admit(state, reference)
+            self._observe(state, steps)
+            reference, landing = self.fallback.asked(state, replace(reference, ahead=ahead))
+            limits = self.thrust_map.limits(state.battery_V)
+            start = self.observer.predicted(self._way.before())
+            self._make_plans(start, self._horizon.rows(reference, landing), limits)
+            asked = self._asked(limits)
+            ratios = self.thrust_map.ratios(asked, state.battery_V)
+            ratios = self.fallback.replaced(time_s, state, reference, ratios)
+            self._command = self.guard.release(ratios)
+            self._way.give(np.clip(asked, *limits))
+            self.observer.advance(self._way.acting())
+            return self._command
+
+    def _steps(self, time_s: float) -> int:
+        """Periods since the last call; 0 if the clock stands or runs backwards: the last command is held then."""
+        first = not np.isfinite(self._time_s)
+        passed = 1.0 if first or not np.isfinite(time_s) else (time_s - self._time_s) / self.period_s
+        if not np.isfinite(time_s):
+            self.counts["time"] += 1
+            self._time_s += self.period_s
+            return 1
+        if passed < 0.5:
+            self.counts["time"] += 1
+            if passed < -LONGEST_STEPS:  # another clock: go on from here
+                self._time_s = time_s
+            return 0
+        self._time_s = time_s
+        self.counts["time"] += passed > 1.5
+        return round(min(passed, LONGEST_STEPS + 1.0))
+
+    def _observe(self, state: VehicleState, steps: int) -> None:
+        for _ in range(min(steps, LONGEST_STEPS) - 1):  # calls that were left out
+            self._way.give(self._way.last)
+            self.observer.advance(self._way.acting())
+        good = self.guard.measured
+        pose = np.concatenate([state.position_m, state.quaternion], axis=1)
+        same = (pose == self._pose).all(axis=1)
+        self._pose = pose
+        speed = np.linalg.norm(self.observer.state[:, 3:6], axis=1)
+        self._same_s = np.where(same, self._same_s + steps * self.period_s, 0.0)
+        self._way_m = np.where(same, self._way_m + steps * self.period_s * speed, 0.0)
+        fresh = ~((self._same_s > STALE_S) & (self._way_m > STALE_M))
+        self.counts["stale"] += int(np.count_nonzero(~fresh))
+        outdated = ~np.isfinite(self.observer.state).all(axis=1) | (steps > LONGEST_STEPS)
+        far = np.linalg.norm(self.observer.state[:, :3] - state.position_m, axis=1) > 1.0
+        begin = good & fresh & (outdated | far | ~self.observer.known)
+        if begin.any():
+            self.counts["started"] += int(np.count_nonzero(begin))
+            self.observer.begin(begin, state)
+        self.observer.correct(state, good & ~begin, fresh)
+
+    def _make_plans(self, x: np.ndarray, rows: np.ndarray, limits: np.ndarray) -> None:
+        """Plans for all vehicles from x (n, 17); those without a new one keep the old."""
+        rows = within_reach(rows, x[:, :3])
+        planned = np.zeros(self.n, bool)
+        self.plan.age_s += self.period_s
+        given, d = self._targets.given
+        for i in range(self.n):
+            given[:], d[:] = rows[i], self.observer.disturbance[i]
+            try:
+                states, inputs = self._targets()
+                found = self.solve(i, x[i], rows[i, -1, 12], states, inputs, limits[0, i], limits[1, i])
+            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                found = None
+            if found is not None and np.isfinite(found).all():
+                self.plan.thrust_N[i] = np.clip(found, limits[0, i], limits[1, i])
+                self.plan.age_s[i] = 0.0
+                planned[i] = True
+        self.counts["solver"] += int(np.count_nonzero(~planned))
+        self.fallback.note(planned)
+
+    def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
+              most: np.ndarray) -> np.ndarray | None:
+        """Vehicle i at x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N ->
+        thrusts (N, 4), or None."""
+        raise NotImplementedError
+
+    def _asked(self, limits: np.ndarray) -> np.ndarray:
+        """Thrusts (n, 4) of the plans now."""
+        now = self.plan.thrust_N[:, 0].copy()
+        for i in np.flatnonzero(self.plan.age_s > 0.0):
+            now[i] = self.plan.shifted(int(i), float(self.plan.age_s[i]))[0]
+        return np.clip(now, *limits)

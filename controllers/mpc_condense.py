@@ -1,0 +1,91 @@
+"""From linearised stages to a dense quadratic program in the inputs alone (condensing).
+
+Errors e_k of the states against the target obey e_k = r_k + dx_k, dx_{k+1} = A_k dx_k + B_k du_k + c_k. The cost is
+1/2 sum e_k' Q e_k (k = 1..N-1) + 1/2 e_N' P e_N + 1/2 sum |u_k + du_k - target|^2_R; the result is 1/2 z' H z + g' z in
+z = du / UNIT_N (Jerez, Kerrigan, Constantinides 2012, doi:10.1016/j.automatica.2012.03.010, eliminated form).
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+UNIT_N = 0.1
+"""Thrusts [N] are counted in this."""
+
+
+@nb.njit(cache=True, fastmath=True)
+def condense(a, b, c, start, residual, q, p, r, offset, h, g):
+    """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,) dx_0, residual (N + 1, S), q (S,) diagonal, p (S, S),
+    r (4, 4), offset (N, 4) input minus its target [N] -> writes h (4 N, 4 N) and g (4 N)."""
+    n, s = c.shape
+    wide = 4 * n
+    free = start.copy()
+    grown, gamma, weighted = np.zeros((s, wide)), np.zeros((s, wide)), np.zeros((s, wide))
+    h[:] = 0.0
+    g[:] = 0.0
+    for k in range(n):
+        used = 4 * k
+        for i in range(s):
+            for j in range(used):
+                grown[i, j] = 0.0
+            total = c[k, i]
+            for m in range(s):
+                value = a[k, i, m]
+                if value != 0.0:
+                    total += value * free[m]
+                    for j in range(used):
+                        grown[i, j] += value * gamma[m, j]
+            for j in range(4):
+                grown[i, used + j] = UNIT_N * b[k, j, i]
+            weighted[i, 0] = total  # borrowed: the free motion one step later
+        for i in range(s):
+            free[i] = weighted[i, 0]
+        gamma, grown = grown, gamma
+        used += 4
+        for i in range(s):
+            if k < n - 1:
+                for j in range(used):
+                    weighted[i, j] = q[i] * gamma[i, j]
+            else:
+                for j in range(used):
+                    weighted[i, j] = 0.0
+                for m in range(s):
+                    value = p[i, m]
+                    if value != 0.0:
+                        for j in range(used):
+                            weighted[i, j] += value * gamma[m, j]
+        for i in range(s):
+            if k < n - 1 and q[i] == 0.0:
+                continue
+            away = residual[k + 1, i] + free[i]
+            for j in range(used):
+                g[j] += weighted[i, j] * away
+                value = gamma[i, j]
+                if value != 0.0:
+                    for m in range(j + 1):
+                        h[j, m] += value * weighted[i, m]
+    for k in range(n):
+        for i in range(4):
+            for j in range(4):
+                h[4 * k + i, 4 * k + j] += UNIT_N * UNIT_N * r[i, j]
+                g[4 * k + i] += UNIT_N * r[i, j] * offset[k, j]
+    for j in range(wide):
+        for m in range(j):
+            h[m, j] = h[j, m]
+
+
+@nb.njit(cache=True)
+def headed(p, yaw, out):
+    """p (S, S), the terminal weight of a vehicle that looks along x, for one that looks along ``yaw``, into out:
+    position and velocity are of the world, everything else of the body."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    out[:] = p
+    for first in (0, 3):
+        for m in range(out.shape[1]):
+            x, y = out[first, m], out[first + 1, m]
+            out[first, m], out[first + 1, m] = c * x - s * y, s * x + c * y
+    for first in (0, 3):
+        for m in range(out.shape[0]):
+            x, y = out[m, first], out[m, first + 1]
+            out[m, first], out[m, first + 1] = c * x - s * y, s * x + c * y

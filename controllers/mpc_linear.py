@@ -1,0 +1,92 @@
+"""Linear time-varying predictive control: the equations linearised along the targets of the reference.
+
+``mpc_daqp`` condenses the program to the inputs and solves it by an active-set method (``solver="osqp"``: the same
+program by operator splitting); ``mpc_osqp`` leaves the states in and solves the sparse program.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import UsageError
+
+from .mpc_base import Mpc
+from .mpc_condense import UNIT_N, condense, headed
+from .mpc_model import stage_pattern
+from .mpc_qp import Daqp, DenseOsqp, DenseSolver, import_solver
+from .mpc_sparse import SparseOsqp
+
+SOLVERS: dict[str, type[Daqp] | type[DenseOsqp]] = {"daqp": Daqp, "osqp": DenseOsqp}
+
+
+class Linearised(Mpc):
+    """Stages linearised along targets: (a, b, c, dx_0) of the errors against them."""
+
+    def linearise(self, x: np.ndarray, targets: np.ndarray, inputs: np.ndarray, d: np.ndarray,
+                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """a (N, S, S), b (N, 4, S) transposed, c (N, S), dx_0 (S,)."""
+        n, s = self.horizon, self.states
+        states, thrusts, ahead, steady = self._stages.given
+        states[:], thrusts[:], ahead[:], steady[:] = targets[:-1], inputs[:-1], targets[1:], d
+        c, a, b = self._stages()
+        return a.reshape(n, s, s), b.reshape(n, 4, s), c, error(x, targets[0])[:s]
+
+
+def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """(16): ``mpc_model.error`` of numbers."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = target[6:10], x[6:10]
+    w = aw * bw + ax * bx + ay * by + az * bz
+    sign = 2.0 if w >= 0.0 else -2.0
+    turn = (sign * (aw * bx - ax * bw - ay * bz + az * by), sign * (aw * by + ax * bz - ay * bw - az * bx),
+            sign * (aw * bz - ax * by + ay * bx - az * bw))
+    return np.concatenate([x[:6] - target[:6], turn, x[10:] - target[10:]])
+
+
+class MpcDaqp(Linearised):
+    """The condensed program."""
+
+    name = "mpc_daqp"
+
+    def __init__(self, *arguments: Any, solver: str = "daqp", **keywords: Any) -> None:
+        if solver not in SOLVERS:
+            raise UsageError(f"unknown solver {solver!r}; known: {', '.join(SOLVERS)}")
+        super().__init__(*arguments, **keywords)
+        self._solver: DenseSolver = SOLVERS[solver]()
+        wide = 4 * self.horizon
+        self.h, self.g = np.zeros((wide, wide)), np.zeros(wide)
+        self._p = np.zeros_like(self.p)
+        self._residual = np.zeros((self.horizon + 1, self.states))
+        self._offset = np.zeros((self.horizon, 4))
+
+    def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
+              most: np.ndarray) -> np.ndarray | None:
+        a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
+        headed(self.p, yaw, self._p)
+        condense(a, b, c, start, self._residual, self.q, self._p, self.r, self._offset, self.h, self.g)
+        low, high = ((bound - inputs[:-1]).ravel() / UNIT_N for bound in (least, most))
+        z = self._solver(self.h, self.g, low, high)
+        return None if z is None else inputs[:-1] + UNIT_N * z.reshape(-1, 4)
+
+
+class MpcOsqp(Linearised):
+    """The sparse program."""
+
+    name = "mpc_osqp"
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        import_solver("osqp")
+        self._pattern = stage_pattern(self.model, self.dt_s, self.states)
+
+    def reset(self, n: int) -> None:
+        super().reset(n)
+        # one a vehicle: each starts from its own last answer
+        self._solvers = [SparseOsqp(self.horizon, self.q, self.p, self.r, self._pattern) for _ in range(n)]
+
+    def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
+              most: np.ndarray) -> np.ndarray | None:
+        a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
+        found = self._solvers[i](a, b, c, start, yaw, least - inputs[:-1], most - inputs[:-1])
+        return None if found is None else inputs[:-1] + found

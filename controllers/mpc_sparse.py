@@ -1,0 +1,95 @@
+"""The sparse quadratic program of predictive control, states left in, by OSQP: factorised anew at every call.
+
+Unknowns: errors of the states 1..N and changes of the inputs 0..N-1, each counted in what costs as much as the others.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from .mpc_condense import headed
+from .mpc_qp import import_solver
+
+TOLERANCE, MOST_ITERATIONS = 1e-4, 400
+FREE_UNIT = np.array([0.05])
+"""N: unit of rotor states, which cost nothing."""
+
+
+class SparseOsqp:
+    """Of one vehicle. q (S,) diagonal, p (S, S) terminal, r (4, 4): weights as in ``mpc_condense``; pattern: which
+    entries of A (S, S) and B (S, 4) may be other than zero."""
+
+    def __init__(self, horizon: int, q: np.ndarray, p: np.ndarray, r: np.ndarray,
+                 pattern: tuple[np.ndarray, np.ndarray]) -> None:
+        self._n, self._s, self._p, self._r, self._pattern = horizon, len(q), p, r, pattern
+        self._q = q
+        self._unit = np.where(q > 0.0, 1.0 / np.sqrt(np.maximum(q, 1e-12)), FREE_UNIT)
+        self._unit_u = 1.0 / np.sqrt(np.diag(r))
+        self._solver: Any = None
+        self._module = import_solver("osqp")
+
+    def _cost(self, yaw: float) -> np.ndarray:
+        """Values of the upper triangle of the cost, column by column: diagonal, terminal block, inputs."""
+        s, n = self._s, self._n
+        turned = np.empty_like(self._p)
+        headed(self._p, yaw, turned)
+        turned *= self._unit[:, None] * self._unit
+        upper = np.concatenate([turned[:j + 1, j] for j in range(s)])
+        diagonal = np.tile(self._q * self._unit**2, n - 1)
+        r = self._r * self._unit_u[:, None] * self._unit_u
+        return np.concatenate([diagonal, upper, np.tile(np.concatenate([r[:j + 1, j] for j in range(4)]), n)])
+
+    def _set_up(self, a: np.ndarray, b: np.ndarray) -> None:
+        (has_a, has_b), s, n = self._pattern, self._s, self._n
+        block = sparse.csc_matrix(np.triu(np.ones((s, s))))
+        four = sparse.csc_matrix(np.triu(np.ones((4, 4))))
+        cost = sparse.block_diag([sparse.eye(s * (n - 1)), block, *[four] * n], format="csc")
+        entries = []  # row, column, where the value comes from: a, b, -1 or -2 for the constants at the end
+        for k in range(n):
+            i, j = np.nonzero(has_a if k else np.zeros((s, s), bool))
+            entries.append((s * k + i, s * (k - 1) + j, (k * s + i) * s + j))
+            i, j = np.nonzero(has_b)
+            entries.append((s * k + i, s * n + 4 * k + j, a.size + (k * 4 + j) * s + i))
+        states, inputs = np.arange(s * n), s * n + np.arange(4 * n)
+        entries += [(states, states, np.full(s * n, -2)), (inputs, inputs, np.full(4 * n, -1))]
+        row, col, taken = (np.concatenate(x) for x in zip(*entries, strict=True))
+        order = np.lexsort((row, col))
+        self._row, self._col, self._taken = row[order], col[order], taken[order]
+        units = np.concatenate([np.tile(self._unit, n), np.tile(self._unit_u, n)])
+        self._factor = units[self._col] / units[self._row]
+        matrix = sparse.csc_matrix((np.ones(len(order)), (self._row, self._col)), ((s + 4) * n, (s + 4) * n))
+        matrix.data = self._values(a, b)
+        cost.data = self._cost(0.0)
+        zero = np.zeros((s + 4) * n)
+        self._solver = self._module.OSQP()
+        self._solver.setup(cost, zero, matrix, zero, zero, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
+                           max_iter=MOST_ITERATIONS, warm_starting=True, check_termination=10, adaptive_rho=False,
+                           rho=0.1, scaling=0)
+        self._yaw = 0.0
+
+    def _values(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Of the constraint matrix in the order of its columns."""
+        whole = np.concatenate([a.ravel(), b.ravel(), [-1.0, 1.0]])
+        return whole[self._taken] * self._factor
+
+    def __call__(self, a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, yaw: float, low: np.ndarray,
+                 high: np.ndarray) -> np.ndarray | None:
+        """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,); bounds of the changes (N, 4) N -> changes (N, 4) N
+        or None."""
+        if self._solver is None:
+            self._set_up(a, b)
+        fixed = c.copy()
+        fixed[0] += a[0] @ start
+        fixed = (-fixed / self._unit).ravel()
+        changes = {"Ax": self._values(a, b), "l": np.concatenate([fixed, (low / self._unit_u).ravel()]),
+                   "u": np.concatenate([fixed, (high / self._unit_u).ravel()])}
+        if abs(yaw - self._yaw) > 1e-3:
+            changes["Px"], self._yaw = self._cost(yaw), yaw
+        self._solver.update(**changes)
+        found = self._solver.solve(raise_error=False)
+        if found.info.status_val not in (1, 2) or not np.isfinite(found.x).all():
+            return None
+        return found.x[self._s * self._n:].reshape(-1, 4) * self._unit_u

@@ -1,0 +1,97 @@
+"""Nonlinear predictive control by sequential quadratic programming, one step a command (real-time iteration).
+
+The last plan, one period later, is flown by the model from where the vehicle will be; the equations are linearised
+along that flight (Gauss-Newton), the condensed program gives its change. Diehl, Bock, Schloeder 2005,
+doi:10.1137/S0363012902400713; started from the prediction, the iteration's stages have no defects.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba as nb
+import numpy as np
+
+from .mpc_code import Call
+from .mpc_condense import UNIT_N, condense, headed
+from .mpc_linear import MpcDaqp
+from .mpc_model import rollout_function
+
+LEAST_W = 0.2
+"""Least cosine of half the angle between a flight and its target in the change of charts: beyond, half round."""
+
+
+@nb.njit(cache=True)
+def _turned(m, v):
+    """v (3) becomes m v."""
+    x, y, z = v
+    for i in range(3):
+        v[i] = m[i, 0] * x + m[i, 1] * y + m[i, 2] * z
+
+
+@nb.njit(cache=True)
+def against(flown, targets, a, b, residual):
+    """Writes the errors (N + 1, S) of states flown (N + 1, 17) against targets, and turns a (N, S, S) and b (N, 4, S),
+    made in the charts of the flight, into those of the targets: d(error) = (w 1 + v x) d(turn) for the rotation (v, w)
+    between them."""
+    n, s = a.shape[0], a.shape[1]
+    last = np.eye(3)
+    for k in range(n + 1):
+        q, p = targets[k, 6:10], flown[k, 6:10]
+        w = q[3] * p[3] + q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
+        sign = 1.0 if w >= 0.0 else -1.0
+        x = sign * (q[3] * p[0] - q[0] * p[3] - q[1] * p[2] + q[2] * p[1])
+        y = sign * (q[3] * p[1] + q[0] * p[2] - q[1] * p[3] - q[2] * p[0])
+        z = sign * (q[3] * p[2] - q[0] * p[1] + q[1] * p[0] - q[2] * p[3])
+        w = max(sign * w, LEAST_W)
+        for i in range(6):
+            residual[k, i] = flown[k, i] - targets[k, i]
+        residual[k, 6], residual[k, 7], residual[k, 8] = 2.0 * x, 2.0 * y, 2.0 * z
+        for i in range(9, s):
+            residual[k, i] = flown[k, i + 1] - targets[k, i + 1]
+        chart = np.array([[w, -z, y], [z, w, -x], [-y, x, w]])
+        if k > 0:
+            for j in range(s):
+                _turned(chart, a[k - 1, 6:9, j])
+            if k > 1:
+                for j in range(s):
+                    _turned(last, a[k - 1, j, 6:9])
+            for j in range(4):
+                _turned(chart, b[k - 1, j, 6:9])
+            last = np.linalg.inv(chart).T
+
+
+class Nmpc(MpcDaqp):
+    """13 states and the rotors'. ``iterations``: programs solved for a command."""
+
+    name = "nmpc"
+
+    def __init__(self, *arguments: Any, iterations: int = 1, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.iterations = iterations
+        self._rollout = Call(rollout_function(self.model, self.horizon, self.dt_s))
+        self._zero = np.zeros((self.horizon, self.states))
+
+    def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
+              most: np.ndarray) -> np.ndarray | None:
+        d = self.observer.disturbance[i]
+        thrusts = np.clip(self.plan.shifted(i, float(self.plan.age_s[i])), least, most)
+        headed(self.p, yaw, self._p)
+        for _ in range(self.iterations):
+            flown = self.flown(x, thrusts, d)
+            a, b, _, _ = self.linearise(x, flown, np.concatenate([thrusts, thrusts[-1:]]), d)
+            against(flown, targets, a, b, self._residual)
+            condense(a, b, self._zero, self._zero[0], self._residual, self.q, self._p, self.r, thrusts - inputs[:-1],
+                     self.h, self.g)
+            low, high = ((bound - thrusts).ravel() / UNIT_N for bound in (least, most))
+            z = self._solver(self.h, self.g, low, high)
+            if z is None:
+                return None
+            thrusts = thrusts + UNIT_N * z.reshape(-1, 4)
+        return thrusts
+
+    def flown(self, x: np.ndarray, thrusts: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """States (N + 1, 17) from x (17) under thrusts (N, 4)."""
+        start, given, steady = self._rollout.given
+        start[:], given[:], steady[:] = x, thrusts, d
+        return np.concatenate([x[None], self._rollout()[0]])
