@@ -1,0 +1,157 @@
+"""A batch smoother over the whole flight: preintegrated IMU, bias walks, poses (GTSAM).
+
+States ten times a second, started from the error-state filter; the rotation from the IMU to the tracked body and the
+lateness of the IMU's stamps are unknowns. Poses between two states count at the nearest one. It looks ahead: a value
+uses all of the IMU and every pose that was given, whenever they came. One that did not converge is no result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, make_stream
+from nanobench_tools.methods import Estimate
+
+from .error_state_ekf import ErrorStateEkf
+from .gtsam_graph import Linear, Problem, Solution
+from .gtsam_path import UP, Path, State, steps_of
+from .gtsam_rows import POSE, Rows, rows_of, stands
+from .imu_noise import ImuNoise, packet_rate_hz
+
+NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.007, acc_m_s2_sqrtHz=0.015, stamp_s_sqrtHz=0.004)
+"""In flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
+
+CLOCK_SD_M = 0.005
+"""What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose."""
+
+ATTITUDE_SD_RAD, UNTOLD_SD_M = 0.005, 0.001
+"""Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
+
+MOUNT_SD_RAD, LATE_SD_S, ATTITUDE_LATE_SD_S, VELOCITY_SD_M_S = 0.05, 0.02, 0.01, 1.0
+"""Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
+the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
+
+SLOW = 5
+WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-5])
+"""Of the slow quantities: rad x3, s, s per root second."""
+
+CONTRADICTED_M = 0.5
+"""Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
+
+
+class GtsamBatch:
+    """Batch smoother of poses and IMU. ``last`` is the Solution of the last flight: iterations, convergence, states."""
+
+    name = "gtsam_batch"
+    causal = False
+
+    def __init__(self, noise: ImuNoise | None = None) -> None:
+        self.noise = noise or NOISE
+        self.last: Solution | None = None
+
+    def estimate(self, flight: Flight) -> Estimate:
+        """InputError where there is too little to start from, where poses and IMU contradict each other, and where
+        the smoother did not converge; MissingExtraError without gtsam."""
+        rows = rows_of(flight)
+        noise, time_s = self.noise.at_rate(packet_rate_hz(flight["imu"])), stands(rows)
+        last = int(np.searchsorted(time_s, rows.pose_s[-1]))
+        problem = Problem(rows, noise, time_s[: last + 1])
+        start = started(flight, rows, problem)
+        solution = self.last = problem.solve(start, uncertain(noise), WALK, self.blocks(flight, problem))
+        if not solution.converged:
+            raise InputError(rows.place, f"{self.name} did not converge in {solution.iterations} steps",
+                             "nanobench audit shows the faults of the recording")
+        state = solution.state
+        if last + 1 < len(time_s):
+            state = state.then(Problem(rows, noise, time_s[last:]).carried(state))
+        return on_mocap_clock(rows, Path(steps_of(rows, time_s), state))
+
+    def blocks(self, flight: Flight, problem: Problem):
+        """The measurements besides the IMU, as a function of where they are linearised."""
+        poses = Poses(problem)
+
+        def at(state: State, path: Path) -> Iterable[Linear]:
+            yield poses.linear(state, path)
+
+        return at
+
+
+class Poses:
+    """Poses as measurements of the nearest states."""
+
+    def __init__(self, problem: Problem) -> None:
+        rows, time_s = problem.rows, problem.time_s
+        middle = 0.5 * (time_s[1:] + time_s[:-1])
+        self.owner = np.searchsorted(middle, rows.pose_s)
+        self.index, self.first, self.counts = np.unique(self.owner, return_index=True, return_counts=True)
+        self.rows, self.time_s = rows, time_s
+        noise = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
+        own = np.sqrt(noise**2 / self.counts + CLOCK_SD_M**2)
+        turn = np.sqrt(0.5 * ATTITUDE_SD_RAD**2 * (1.0 + 1.0 / self.counts))
+        self.sigma = np.column_stack([own] * 3 + [turn] * 3)
+
+    def linear(self, state: State, path: Path) -> Linear:
+        """Residual of position [m, world] and rotation [rad, body]."""
+        at_s, c = self.rows.pose_s, state.slow[self.owner]
+        own = self.owner
+        there, turned = path.near(own, at_s + c[:, 3]), path.near(own, at_s + c[:, 3] + c[:, 4])
+        off_p = self.rows.position - there.position
+        angle = so3.log(so3.multiply(so3.conjugate(turned.quaternion), self.rows.quaternion))
+        ahead = (at_s + c[:, 3] - self.time_s[own])[:, None]
+        bend = there.position - state.position[own] - state.velocity[own] * ahead + 0.5 * UP * ahead**2
+        bent = np.eye(3) - 0.5 * so3.hat(angle)  # what a small turn of the IMU does to ``angle``, to first order
+        m = len(own)
+        by_x, by_v, by_c = np.zeros((m, 6, 6)), np.zeros((m, 6, 3)), np.zeros((m, 6, SLOW))
+        by_x[:, :3, :3] = -so3.hat(bend) @ state.rotation[own]
+        by_x[:, :3, 3:] = state.rotation[own]
+        by_x[:, 3:, :3] = bent @ np.swapaxes(so3.matrix(turned.quaternion), 1, 2) @ state.rotation[own]
+        by_v[:, range(3), range(3)] = ahead
+        by_c[:, :3, 3] = there.velocity
+        by_c[:, 3:, :3] = np.eye(3)
+        by_c[:, 3:, 3] = by_c[:, 3:, 4] = np.einsum("nij,nj->ni", bent, turned.rate)
+        keys = [(letter, self.index, self._mean(block)) for letter, block in (("x", by_x), ("v", by_v), ("c", by_c))]
+        return Linear(keys, self._mean(np.column_stack([off_p, angle - c[:, :3]])), self.sigma)
+
+    def _mean(self, values: np.ndarray) -> np.ndarray:
+        """Of the poses of each state."""
+        return np.add.reduceat(values, self.first, axis=0) / self.counts.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def started(flight: Flight, rows: Rows, problem: Problem) -> State:
+    """The state of the error-state filter, given the poses at the times they were measured."""
+    mocap = make_stream("mocap", rows.pose_s, np.column_stack([rows.position, rows.quaternion]), POSE)
+    first = ErrorStateEkf().estimate(flight.with_streams(mocap=mocap))
+    at = np.clip(np.searchsorted(first.time_s, problem.time_s), 0, len(first.time_s) - 1)
+    velocity = np.zeros((problem.count, 3)) if first.velocity_m_s is None else first.velocity_m_s[at]
+    dt = (problem.time_s - first.time_s[at])[:, None]
+    zero = np.zeros((problem.count, 3))
+    return State(so3.matrix(first.quaternion[at]), first.position_m[at] + velocity * dt, velocity, zero, zero,
+                 np.zeros((problem.count, SLOW)), {})
+
+
+def uncertain(noise: ImuNoise) -> State:
+    """SDs of the first state, before anything is measured."""
+    row = np.ones((1, 3))
+    slow = np.array([[MOUNT_SD_RAD] * 3 + [LATE_SD_S, ATTITUDE_LATE_SD_S]])
+    biases = noise.acc_bias_sd_m_s2 * row, noise.gyro_bias_sd_rad_s * row
+    return State(row, row, VELOCITY_SD_M_S * row, *biases, slow)
+
+
+def on_mocap_clock(rows: Rows, path: Path) -> Estimate:
+    """The tracked body at the rows; InputError when the poses are nowhere near it."""
+    def slow(at_s: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(at_s, path.steps.time_s, column) for column in path.state.slow.T], axis=1)
+
+    off = np.linalg.norm(path.at(rows.pose_s + slow(rows.pose_s)[:, 3]).position - rows.position, axis=1)
+    if not np.median(off) < CONTRADICTED_M:
+        raise InputError(rows.place, f"poses and IMU contradict each other, {np.median(off):.2f} m apart when smoothed",
+                         "a gyro in degrees or a flipped axis? nanobench audit shows it")
+    time_s = path.steps.grid_s
+    c = slow(time_s)
+    there, turned = path.at(time_s + c[:, 3]), path.at(time_s + c[:, 3] + c[:, 4])
+    quaternion = so3.multiply(turned.quaternion, so3.exp(c[:, :3]))
+    return Estimate(time_s, there.position, quaternion, there.velocity, converged=True)

@@ -1,0 +1,110 @@
+"""What a smoother takes from a flight: IMU rows, poses at the times they were measured, and where its states stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight
+from nanobench_tools.sources.kinks import carries_no_packet
+
+from .imu_noise import packet_rate_hz
+
+ACC = ("acc_x", "acc_y", "acc_z")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+STEP_S = 0.1
+"""Between states; poses that come faster count together at the nearest one."""
+
+NEAR_S = 0.09
+"""A pose starts a new state if the last one is at least so old."""
+
+LEAST_POSES, LEAST_S = 5, 1.0
+GAP_S = 1.0
+"""A hole in the IMU that no integral bridges."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """IMU rows: time_s (n,), acc [m/s^2] and gyro [rad/s] (n, 3), packets (n,) how many packets a row stands for (less
+    than one where a resampler drew it); poses: pose_s (m,) when they were measured, position (m, 3), quaternion (m, 4),
+    noise_m the SD of a position that was told, or nan."""
+
+    time_s: np.ndarray
+    acc: np.ndarray
+    gyro: np.ndarray
+    packets: np.ndarray
+    pose_s: np.ndarray
+    position: np.ndarray
+    quaternion: np.ndarray
+    noise_m: float
+    place: str
+
+
+def rows_of(flight: Flight) -> Rows:
+    """InputError without an IMU, with a hole in it, or without a second of poses to start from.
+
+    Rows with nan and rows whose time does not rise are left out. A pose that comes late is taken at the time it was
+    measured, if the delay was told (``metadata["pose_delay_s"]``).
+    """
+    place = flight.provenance.path
+    imu, mocap = flight["imu"], flight["mocap"]
+    pose_s = mocap.time_s - float(flight.metadata.get("pose_delay_s", 0.0))
+    poses = mocap[POSE]
+    good = np.isfinite(poses).all(axis=1) & np.isfinite(pose_s) & (np.linalg.norm(poses[:, 3:], axis=1) > 0.5)
+    pose_s, poses = _rising(pose_s[good], poses[good])
+    packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
+    good = np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
+    time_s, values = _rising(imu.time_s[good], np.column_stack([imu[ACC + GYRO], packets])[good])
+    if len(time_s):
+        inside = (pose_s >= time_s[0]) & (pose_s <= time_s[-1])
+        pose_s, poses = pose_s[inside], poses[inside]
+    if len(pose_s) < LEAST_POSES or pose_s[-1] - pose_s[0] < LEAST_S:
+        raise InputError(place, "a smoother needs an IMU and a second of poses to start from",
+                         f"there are {len(pose_s)} poses while the IMU ran")
+    after = time_s >= pose_s[0]
+    holes = np.diff(time_s[after])
+    if len(holes) and holes.max() > GAP_S:
+        at = time_s[after][int(np.argmax(holes))]
+        raise InputError(place, f"the IMU has a hole of {holes.max():.2f} s at {at:.2f} s, no smoother bridges it")
+    quaternion = so3.make_continuous(poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True))
+    noise_m = float(flight.metadata.get("pose_noise_m", math.nan))
+    return Rows(time_s, values[:, :3], values[:, 3:6], values[:, 6], pose_s, poses[:, :3], quaternion, noise_m, place)
+
+
+def _rising(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that are later than all before them."""
+    if not len(time_s):
+        return time_s, values
+    rising = np.concatenate(([True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]))
+    return time_s[rising], values[rising]
+
+
+def _packets(time_s: np.ndarray, values: np.ndarray, rate_hz: float) -> np.ndarray:
+    """(n,) packets a row stands for: none on the chord of its neighbours, the others share what there were."""
+    own = ~carries_no_packet(time_s, values)
+    span = time_s[-1] - time_s[0] if len(time_s) else 0.0
+    share = rate_hz * span / max(np.sum(own), 1) if math.isfinite(rate_hz) else 1.0
+    return own * min(share, 1.0)
+
+
+def stands(rows: Rows) -> np.ndarray:
+    """Times (k,) of the states: at poses, never closer than NEAR_S, and every STEP_S or less where there are none."""
+    last_row, final = float(rows.time_s[-1]), float(rows.pose_s[-1])
+    times = [float(rows.pose_s[0])]
+    for pose_s in rows.pose_s[1:].tolist():
+        if pose_s - times[-1] >= NEAR_S and (pose_s == final or final - pose_s >= 0.5 * STEP_S):
+            times += _evenly(times[-1], pose_s)
+    if final > times[-1]:
+        times.append(final)
+    return np.array(times + _evenly(final, last_row))
+
+
+def _evenly(start_s: float, end_s: float) -> list[float]:
+    """Times after the start up to the end, steps of about STEP_S."""
+    count = max(round((end_s - start_s) / STEP_S), 1) if end_s > start_s else 0
+    return [start_s + (end_s - start_s) * k / count for k in range(1, count)] + [end_s] * (count > 0)

@@ -1,0 +1,82 @@
+"""How noisy an IMU is: one small TOML file that all estimators read.
+
+Densities are those of the low frequencies, where they add up in an integral: a row that a resampler drew between two
+packets is quieter than a packet and tells nothing new, so the scatter of rows says too little. ``at_rate`` carries a
+density to a stream that lost packets: vibration is faster than any of these rates and folds into them as white noise,
+of which fewer packets average less.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Stream
+
+SCHEMA = "nanobench-imu-noise/1"
+NOMINAL_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class ImuNoise:
+    """One-sided amplitude densities (white noise), walks of the biases, and how far biases may be off at the start.
+
+    gyro [rad/s/sqrt(Hz)], acc [m/s^2/sqrt(Hz)]; walks [rad/s^2/sqrt(Hz)], [m/s^3/sqrt(Hz)]; stamp [s/sqrt(Hz)] is the
+    wander of the stamps, which makes noise of a signal as fast as that changes (0 where it is part of the densities);
+    rate_hz the true rate of the packets they were measured at. The defaults are a 40 g Crazyflie in flight, its log
+    sent over radio: ten times the sensor's at rest, for vibration and for stamps that are late by a varying time.
+    """
+
+    gyro_rad_s_sqrtHz: float = 0.03
+    acc_m_s2_sqrtHz: float = 0.03
+    gyro_walk_rad_s2_sqrtHz: float = 1e-4
+    acc_walk_m_s3_sqrtHz: float = 1e-2
+    gyro_bias_sd_rad_s: float = 0.03
+    acc_bias_sd_m_s2: float = 0.3
+    stamp_s_sqrtHz: float = 0.0
+    rate_hz: float = NOMINAL_HZ
+
+    def at_rate(self, rate_hz: float) -> ImuNoise:
+        """The same sensor with ``rate_hz`` packets per second; itself where the rate is not known."""
+        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+            return self
+        more = math.sqrt(self.rate_hz / rate_hz)
+        return replace(self, gyro_rad_s_sqrtHz=self.gyro_rad_s_sqrtHz * more,
+                       acc_m_s2_sqrtHz=self.acc_m_s2_sqrtHz * more, rate_hz=rate_hz)
+
+    def to_toml(self, about: str = "") -> str:
+        """The file's text; ``about`` goes in front as comments."""
+        lines = [f"# {line}" for line in about.splitlines()] + [f'schema = "{SCHEMA}"', "[imu]"]
+        return "\n".join(lines + [f"{name} = {value!r}" for name, value in asdict(self).items()]) + "\n"
+
+
+def packet_rate_hz(stream: Stream) -> float:
+    """True packets per second: ``samples`` over the time of the rows, else the rate the stream states, else nan."""
+    span = stream.span.duration_s
+    if stream.samples and span > 0.0:
+        return min(stream.samples, len(stream)) / span
+    return stream.rate_hz
+
+
+def read_imu_noise(path: Path) -> ImuNoise:
+    """The file; keys that are left out keep their defaults. InputError for what is no such file or cannot be."""
+    place = str(path)
+    try:
+        found = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(place, f"cannot be read: {error}") from error
+    if found.get("schema") != SCHEMA:
+        raise InputError(place, f"schema {found.get('schema')!r}", f"this reads {SCHEMA!r}; nanobench noise writes it")
+    table = found.get("imu")
+    if not isinstance(table, dict):
+        raise InputError(place, "has no table [imu]")
+    known = {field.name for field in fields(ImuNoise)}
+    for name, value in table.items():
+        if name not in known:
+            raise InputError(f"{place}: [imu] {name}", "unknown key", f"known: {', '.join(sorted(known))}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e4:
+            raise InputError(f"{place}: [imu] {name}", f"{value!r}", "a positive number is needed")
+    return ImuNoise(**{name: float(value) for name, value in table.items()})

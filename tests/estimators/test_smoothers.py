@@ -1,0 +1,177 @@
+"""GTSAM smoothers against motion that is known in closed form, and what they may not know."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from nanobench_tools.errors import InputError, MissingExtraError
+from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.protocols import aided, blackout
+
+gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobench[smoothers]'")
+
+from estimators.gtsam_batch import GtsamBatch  # noqa: E402
+from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
+from estimators.gtsam_rows import rows_of, stands  # noqa: E402
+
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
+UP = np.array([0.0, 0.0, 9.81])
+
+
+def known_motion(seconds=8.0, rate_hz=100.0, pose_every=10, noise_m=0.0, seed=0):
+    """A tilting, turning loop given in closed form: the flight with an ideal IMU (mean over each row's step is what a
+    trapezoid of it sees), poses at a tenth of the rate, and the true position and attitude."""
+    t = np.arange(0.0, seconds, 1.0 / rate_hz)
+
+    def place(x):
+        return np.stack([np.cos(0.9 * x), np.sin(1.1 * x), 1.0 + 0.2 * np.sin(0.7 * x)], axis=1)
+
+    acceleration = np.stack([-0.81 * np.cos(0.9 * t), -1.21 * np.sin(1.1 * t), -0.098 * np.sin(0.7 * t)], axis=1)
+    rotation = Rotation.from_euler("ZYX", np.stack([0.3 * t, 0.1 * np.sin(1.3 * t), 0.12 * np.cos(t)], axis=1))
+    h = 1e-5
+    later = Rotation.from_euler("ZYX", np.stack([0.3 * (t + h), 0.1 * np.sin(1.3 * (t + h)),
+                                                 0.12 * np.cos(t + h)], axis=1))
+    gyro = (rotation.inv() * later).as_rotvec() / h
+    force = rotation.inv().apply(acceleration + UP)
+    rng = np.random.default_rng(seed)
+    given = slice(None, None, pose_every)
+    p, q = place(t), rotation.as_quat()
+    noisy = p[given] + noise_m * rng.normal(size=p[given].shape)
+    told = {"pose_noise_m": noise_m} if noise_m else {}
+    flight = Flight("known", {"mocap": make_stream("mocap", t[given], np.column_stack([noisy, q[given]]), POSE),
+                              "imu": make_stream("imu", t, np.column_stack([force, gyro]), IMU)}, told,
+                    Provenance("known", "", "test", synthetic=True))
+    return flight, t, p, q
+
+
+def rms(error):
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+
+def test_without_noise_the_path_is_the_true_one():
+    flight, t, p, q = known_motion()
+    method = GtsamBatch()
+    estimate = method.estimate(flight)
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    assert estimate.converged
+    assert method.last.converged
+    assert rms(estimate.position_m - true) < 1e-3
+    last = Rotation.from_quat(estimate.quaternion[400]).inv() * Rotation.from_quat(q[400])
+    assert last.magnitude() < 2e-3
+
+
+def test_smoothing_beats_the_noise_of_the_poses():
+    """1 cm of noise on each axis of poses at 10 Hz, an ideal IMU: far below 17 mm, and below 7 mm."""
+    flight, t, p, _ = known_motion(noise_m=0.01)
+    estimate = GtsamBatch().estimate(flight)
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    assert rms(estimate.position_m - true) < 0.007
+
+
+def test_a_turned_world_turns_the_path():
+    flight, *_ = known_motion(seconds=4.0, noise_m=0.01)
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.8])
+    mocap = flight["mocap"]
+    attitude = turn * Rotation.from_quat(mocap.values[:, 3:])
+    values = np.column_stack([turn.apply(mocap.values[:, :3]), attitude.as_quat()])
+    plain = GtsamBatch().estimate(flight)
+    turned = GtsamBatch().estimate(flight.with_streams(mocap=replace(mocap, values=values)))
+    assert np.allclose(turned.position_m, turn.apply(plain.position_m), atol=2e-4)
+
+
+def test_the_path_from_either_side_of_an_interval_is_the_same_motion():
+    """Forward from one state and backward from the next, with states that the IMU itself gives: no difference."""
+    flight, *_ = known_motion(seconds=3.0)
+    rows = rows_of(flight)
+    time_s = stands(rows)
+    zero = np.zeros((len(time_s), 3))
+    start = State(np.tile(np.eye(3), (len(time_s), 1, 1)), zero, zero, zero, zero, np.zeros((len(time_s), 5)))
+    from estimators.gtsam_graph import Problem
+    from estimators.imu_noise import ImuNoise
+
+    problem = Problem(rows, ImuNoise(), time_s)
+    state = problem.carried(State(*(getattr(start, n)[:1] for n in ("rotation", "position", "velocity", "acc_bias",
+                                                                   "gyro_bias", "slow"))))
+    path = Path(steps_of(rows, time_s), state)
+    middle = 0.5 * (time_s[1:] + time_s[:-1]) + 0.003
+    owner = np.arange(len(middle))
+    ahead, back = path.near(owner, middle), path.near(owner + 1, middle)
+    assert np.allclose(ahead.position, back.position, atol=1e-6)
+    assert np.allclose(ahead.velocity, back.velocity, atol=1e-6)
+
+
+def test_states_stand_at_poses_and_not_closer_than_a_tenth_of_a_second():
+    flight, t, *_ = known_motion(pose_every=1)
+    time_s = stands(rows_of(flight))
+    assert np.diff(time_s).min() > 0.045
+    assert np.diff(time_s).max() < 0.15
+    assert time_s[-1] == t[-1]
+    early = flight.with_streams(mocap=flight["mocap"].rows(flight["mocap"].time_s < 3.0))
+    later = stands(rows_of(early))
+    assert later[-1] == t[-1]
+    assert np.isclose(later, early["mocap"].time_s[-1]).any()
+
+
+def test_late_poses_count_when_they_were_measured():
+    flight, t, p, _ = known_motion()
+    mocap = flight["mocap"]
+    arrived = flight.with_streams(mocap=replace(mocap, time_s=mocap.time_s + 0.03))
+    late = replace(arrived, metadata={"pose_delay_s": 0.03})
+    estimate = GtsamBatch().estimate(late)
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    assert rms(estimate.position_m - true) < 1e-3
+
+
+def test_bad_input_is_one_line():
+    flight, *_ = known_motion(seconds=4.0)
+    imu, mocap = flight["imu"], flight["mocap"]
+    with pytest.raises(InputError, match="imu"):
+        GtsamBatch().estimate(flight.without_streams("imu"))
+    with pytest.raises(InputError, match="a second of poses"):
+        GtsamBatch().estimate(flight.with_streams(mocap=mocap.rows(mocap.time_s < 0.3)))
+    with pytest.raises(InputError, match=r"hole of 1\.\d\d s"):
+        GtsamBatch().estimate(flight.with_streams(imu=imu.rows((imu.time_s < 1.0) | (imu.time_s > 2.5))))
+    degrees = replace(imu, values=imu.values * [1, 1, 1, 57.3, 57.3, 57.3])
+    with pytest.raises(InputError, match=r"contradict|converge"):
+        GtsamBatch().estimate(flight.with_streams(imu=degrees))
+
+
+def test_nan_and_time_that_goes_back_are_left_out():
+    flight, t, p, _ = known_motion(seconds=4.0)
+    imu = flight["imu"]
+    values, time_s = imu.values.copy(), imu.time_s.copy()
+    values[100] = np.nan
+    time_s[200] = time_s[150]
+    estimate = GtsamBatch().estimate(flight.with_streams(imu=replace(imu, values=values, time_s=time_s)))
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    assert np.isfinite(estimate.position_m).all()
+    assert rms(estimate.position_m - true) < 5e-3
+
+
+def test_bent_poses_after_t0_change_nothing(crowd):
+    flight = crowd.flight("slow trefoil")
+    mocap = flight["mocap"]
+    bent = mocap.values.copy()
+    bent[mocap.time_s > 8.0, :3] += 5.0
+    worse = flight.with_streams(mocap=replace(mocap, values=bent))
+    first, other = (GtsamBatch().estimate(blackout.given_until(f, 8.0)) for f in (flight, worse))
+    assert np.array_equal(first.position_m, other.position_m)
+
+
+def test_without_the_package_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gtsam", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'nanobench\[smoothers\]'"):
+        GtsamBatch().estimate(known_motion(seconds=3.0)[0])
+
+
+def test_practice_flight_aided(crowd, audited):
+    """Poses with 1 cm of noise on a SYNTHETIC flight through the whole logging chain: less than half of it is left."""
+    from nanobench_tools.protocols import task3
+
+    flight = crowd.flight("slow trefoil")
+    case = task3.select([flight], {flight.name: audited(flight)}, "clean")[0]
+    assert aided.score(case, GtsamBatch(), aided.Aiding())["metrics"]["ate_rmse_m"] < 0.009
