@@ -12,6 +12,7 @@ from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.protocols.selection import distinct
 
 from .track import NEEDED, Track, missing, tracks_of
+from .tracked_point import Arm, arm_of, centred
 
 INFORMATION = ("interpolated", "clock_wander", "extra_column", "missing_column", "copy")
 """Kinds that are said but are no reason to call the data faulty: a clock that wanders is re-timed."""
@@ -24,13 +25,15 @@ LATE_S, WANDERS_S = 0.03, 0.1
 @dataclass(frozen=True)
 class Recordings:
     """flights, on the motion capture's clock where that can be told; audits by name, of the same clock; tracks of what
-    can be judged; faults (flight, fault) of all; left_out {flight: why}."""
+    can be judged; faults (flight, fault) of all; left_out {flight: why}; arm: how far from the centre of mass the
+    tracked point sits, where that was taken out of the tracks."""
 
     flights: tuple[Flight, ...]
     audits: Mapping[str, Audit]
     tracks: tuple[Track, ...]
     faults: tuple[tuple[str, Fault], ...]
     left_out: Mapping[str, str]
+    arm: Arm | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,7 +84,13 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
         tracks += found
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
                    if fault.kind not in INFORMATION)
-    return Recordings(tuple(moved.get(f.name, f) for f in kept), dict(on_clock_audits), tuple(tracks), faults, left_out)
+    arm = arm_of(tracks)
+    if arm is not None and arm.counts:
+        tracks = list(centred(tracks, arm.r_m))
+    else:
+        arm = None
+    return Recordings(tuple(moved.get(f.name, f) for f in kept), dict(on_clock_audits), tuple(tracks), faults, left_out,
+                      arm)
 
 
 def _finite(flight: Flight) -> Flight:

@@ -204,6 +204,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         parts.append("Flights differ among themselves in " + ", ".join(
             f"{name} (sd {entry['sd']:.2g} {entry['unit']})" for name, entry in body["levels"].items())
             + "; that is taken as each flight's own, and a change of all flights has to stand out of it.")
+    if recordings.arm is not None:
+        x, y, z = 1e3 * recordings.arm.r_m
+        parts.append(f"The point that was tracked sits {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z) off the centre of mass; "
+                     "the path of the centre is judged.")
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")
