@@ -126,11 +126,10 @@ class Mpc:
         self.n = n
         self.guard = Guard(n, self.period_s, OUTAGE_S)
         self.fallback = Fallback(n, self.period_s, self.model.vehicle)
-        self.counts = {"solver": 0, "stale": 0, "time": 0, "started": 0}
+        self.counts = {"solver": 0, "stale": 0, "time": 0, "started": 0, "future": 0}
         self.observer.reset(n, self.hover_N)
         self._way = UnderWay(n, self.period_s, self.delay_s, np.full(4, self.hover_N))
         self.plan = Plan(n, self.horizon, self.dt_s, self.hover_N)
-        self._horizon.bad = 0
         self._time_s = np.nan
         self._command = np.zeros((n, 4))
         self._pose = np.full((n, 7), np.nan)
@@ -148,7 +147,9 @@ class Mpc:
             reference, landing = self.fallback.asked(state, replace(reference, ahead=ahead))
             limits = self.thrust_map.limits(state.battery_V)
             start = self.observer.predicted(self._way.before())
-            self._make_plans(start, self._horizon.rows(reference, landing), limits)
+            rows, bad = self._horizon.rows(reference, landing)
+            self.counts["future"] += bad
+            self._make_plans(start, rows, limits)
             asked = self._asked(limits)
             ratios = self.thrust_map.ratios(asked, state.battery_V)
             ratios = self.fallback.replaced(time_s, state, reference, ratios)
@@ -206,7 +207,7 @@ class Mpc:
             try:
                 states, inputs = self._targets()
                 found = self.solve(i, x[i], rows[i, -1, 12], states, inputs, limits[0, i], limits[1, i])
-            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+            except Exception:  # solvers are other people's code; without an answer there is a fallback
                 found = None
             if found is not None and np.isfinite(found).all():
                 self.plan.thrust_N[i] = np.clip(found, limits[0, i], limits[1, i])

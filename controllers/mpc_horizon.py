@@ -14,27 +14,28 @@ JUMP_M = 0.6
 
 
 class Horizon:
-    """References at ``seconds`` (k,) from now, for n vehicles. ``bad`` counts vehicle-steps in which ``ahead`` was no
-    use and the future was guessed."""
+    """References at ``seconds`` (k,) from now, for n vehicles."""
 
     def __init__(self, seconds: np.ndarray) -> None:
         self.seconds = np.asarray(seconds, float)
-        self.bad = 0
 
-    def rows(self, reference: Reference, landing: np.ndarray) -> np.ndarray:
-        """(n, k, WIDTH); ``reference`` is finite and whole (``Guard.admit``), its ``ahead`` need not be; vehicles that
-        are ``landing`` (n,) do not look at it."""
+    def rows(self, reference: Reference, landing: np.ndarray) -> tuple[np.ndarray, int]:
+        """(n, k, WIDTH), and of how many vehicles ``ahead`` was no use, so that it was guessed.
+
+        ``reference`` is finite and whole (``Guard.admit``), its ``ahead`` need not be; vehicles that are ``landing``
+        (n,) do not look at it.
+        """
         found = self._guessed(reference)
         if reference.ahead is None:
-            return found
+            return found, 0
         told = self._told(reference, len(found))
         good = np.isfinite(told).all(axis=(1, 2)) & (np.abs(told[:, :, :3]) < LARGEST).all(axis=(1, 2))
-        self.bad += int(np.count_nonzero(~good))
+        bad = int(np.count_nonzero(~good))
         good &= ~landing
         if good.all():
-            return told
+            return told, 0
         found[good] = told[good]
-        return found
+        return found, bad
 
     def _told(self, reference: Reference, n: int) -> np.ndarray:
         out = np.full((n, len(self.seconds), WIDTH), np.nan)

@@ -81,6 +81,10 @@ class Onboard:
         self._control = np.zeros((1, n), self._output)
         self._no_trace = np.zeros((0, n), self._state)
 
+    def drive_with(self, motors: MotorOutput) -> None:
+        """Other motors after ``reset``: of another build, or with a voltage filtered already."""
+        self._motors = motors
+
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
         state, reference = self.guard.admit(state, reference)
