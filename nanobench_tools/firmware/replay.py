@@ -51,28 +51,7 @@ def replay(flight: Flight, controller: str, build: np.ndarray = motors.BUILD) ->
     The yaw wanted is the logged one where the recording has it (stream ``pid``), which a Mellinger flight has not: 0.
     Raises InputError when a stream is missing or shorter than one second.
     """
-    needed = ("estimator", "attitude_qw", "imu", "setpoint", "motor", "battery")
-    missing = [name for name in needed if name not in flight]
-    if missing:
-        raise InputError(flight.provenance.path, f"has no stream {missing[0]}", "replaying a controller needs "
-                         f"{', '.join(needed)}")
-    start, end = max(flight[n].time_s[0] for n in needed), min(flight[n].time_s[-1] for n in needed)
-    if end - start < 1.0:
-        raise InputError(flight.provenance.path, "its streams have less than one second in common")
-    t = np.arange(start, end, GRID_S)
-    state = VehicleState(flight["estimator"].interpolate(("x", "y", "z"), t),
-                         flight["estimator"].interpolate(("vx", "vy", "vz"), t),
-                         _rotations(flight, t), flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), t),
-                         flight["battery"].interpolate("vbat", t))
-    logged = flight["motor"].interpolate(MOTORS, t)
-    on = logged.max(axis=1) > MOTOR_ON
-    estimate, setpoint = np.zeros((len(t), 1), ESTIMATE), np.zeros((len(t), 1), SETPOINT)
-    estimates(state, estimate[:, 0])
-    for mode in ("mode_x", "mode_y", "mode_z", "mode_yaw"):
-        setpoint[mode][:, 0] = np.where(on, ABSOLUTE, 0)
-    setpoint["position_m"][:, 0] = flight["setpoint"].interpolate(("x", "y", "z"), t)
-    if controller == "pid" and "pid" in flight:
-        setpoint["attitude_deg"][:, 0, 2] = np.degrees(flight["pid"].interpolate("yaw", t))
+    t, on, state, setpoint, estimate = _inputs(flight, controller)
     code = CONTROLLERS[controller]
     steps = 1 + np.arange(HELD * len(t))
     control, trace = np.zeros((len(steps), 1), CONTROL), np.zeros((len(steps), 1), code.STATE)
@@ -86,6 +65,46 @@ def replay(flight: Flight, controller: str, build: np.ndarray = motors.BUILD) ->
     if controller == "pid":
         attitude = np.radians(trace["attitude_deg"][last, 0].astype(float)) * [1.0, -1.0, 1.0]
     return Replay(t, control["thrust"][last, 0].astype(float), attitude, counts[:, 0] / PWM_FULL_SCALE, on)
+
+
+def flown_state(flight: Flight, controller: str, end_s: float) -> np.ndarray:
+    """(1,) STATE of ``controller`` at ``end_s`` of a recording, from what was logged until then: its integrals.
+
+    As at power-up where nothing was logged before. Raises InputError as ``replay`` does.
+    """
+    _, _, _, setpoint, estimate = _inputs(flight, controller, end_s)
+    code, steps = CONTROLLERS[controller], 1 + np.arange(HELD * len(setpoint))
+    found = np.zeros(1, code.STATE)
+    code.run_steps(steps, code.defaults(), found, np.repeat(setpoint, HELD, axis=0), np.repeat(estimate, HELD, axis=0),
+                   np.zeros((len(steps), 1), CONTROL), np.zeros((0, 1), code.STATE))
+    return found
+
+
+def _inputs(flight: Flight, controller: str, end_s: float = np.inf) -> tuple:
+    """Grid (m,) s, motors on (m,) bool, VehicleState of m rows, SETPOINT (m, 1) and ESTIMATE (m, 1) as logged."""
+    needed = ("estimator", "attitude_qw", "imu", "setpoint", "motor", "battery")
+    missing = [name for name in needed if name not in flight]
+    if missing:
+        raise InputError(flight.provenance.path, f"has no stream {missing[0]}", "replaying a controller needs "
+                         f"{', '.join(needed)}")
+    start, end = max(flight[n].time_s[0] for n in needed), min(flight[n].time_s[-1] for n in needed)
+    if end - start < 1.0:
+        raise InputError(flight.provenance.path, "its streams have less than one second in common")
+    t = np.arange(start, min(end, end_s), GRID_S)
+    state = VehicleState(flight["estimator"].interpolate(("x", "y", "z"), t),
+                         flight["estimator"].interpolate(("vx", "vy", "vz"), t),
+                         _rotations(flight, t), flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), t),
+                         flight["battery"].interpolate("vbat", t))
+    logged = flight["motor"].interpolate(MOTORS, t)
+    on = logged.max(axis=1) > MOTOR_ON
+    estimate, setpoint = np.zeros((len(t), 1), ESTIMATE), np.zeros((len(t), 1), SETPOINT)
+    estimates(state, estimate[:, 0])
+    for mode in ("mode_x", "mode_y", "mode_z", "mode_yaw"):
+        setpoint[mode][:, 0] = np.where(on, ABSOLUTE, 0)
+    setpoint["position_m"][:, 0] = flight["setpoint"].interpolate(("x", "y", "z"), t)
+    if controller == "pid" and "pid" in flight:
+        setpoint["attitude_deg"][:, 0, 2] = np.degrees(flight["pid"].interpolate("yaw", t))
+    return t, on, state, setpoint, estimate
 
 
 def flown_command(flight: Flight, time_s: np.ndarray, build: np.ndarray = motors.BUILD) -> np.ndarray:

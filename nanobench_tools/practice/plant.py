@@ -31,10 +31,26 @@ LEVELLING_RAD_S = 60.0
 def battery_voltage(charge: np.ndarray, motor: np.ndarray, vehicles: Vehicles) -> np.ndarray:
     """Charge left (n,), PWM ratios (4, n) -> terminal voltage (n,) V.
 
+    """
+    return np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + battery_load(
+        motor, vehicles.resistance_ohm, vehicles.motor_conductance_A_V))
+
+
+def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V: np.ndarray) -> np.ndarray:
+    """(n,): open-circuit over terminal voltage is 1 more than this, at PWM ratios (4, n).
+
     Each motor draws u_i (u_i V) G from the cell, so V = OCV - R G V sum u_i^2 has a closed solution.
     """
-    load = vehicles.resistance_ohm * vehicles.motor_conductance_A_V * np.sum(motor * motor, axis=0)
-    return np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + load)
+    return resistance_ohm * conductance_A_V * np.sum(motor * motor, axis=0)
+
+
+def legs(depth_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Specific force (3, n) m/s^2 of legs that are pressed in by depth (n,), at velocity (3, n) world: spring, damper
+    and friction; zero for a vehicle in the air."""
+    push = CONTACT_RAD_S**2 * np.maximum(depth_m, 0.0) - 2 * CONTACT_DAMPING * CONTACT_RAD_S * velocity_m_s[2]
+    normal = np.where(depth_m > 0.0, np.maximum(push, 0.0), 0.0)
+    friction = -FRICTION * normal * np.tanh(velocity_m_s[:2] / FRICTION_SPEED_M_S)
+    return np.concatenate([friction, normal[None]])
 
 
 def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
@@ -99,12 +115,10 @@ class Plant:
 
         tilt: world height of the ends of body x and y; the moment turns them to zero.
         """
-        v, w = s[VELOCITY], s[RATE]
-        depth = np.maximum(self.ground_z - s[2], 0.0)
-        push = CONTACT_RAD_S**2 * depth - 2 * CONTACT_DAMPING * CONTACT_RAD_S * v[2]
-        normal = np.where(depth > 0.0, np.maximum(push, 0.0), 0.0)
-        force[2] += normal
-        force[:2] -= FRICTION * normal * np.tanh(v[:2] / FRICTION_SPEED_M_S)
+        w = s[RATE]
+        pushed = legs(self.ground_z - s[2], s[VELOCITY])
+        normal = pushed[2]
+        force += pushed
         level = np.stack([-tilt[1], tilt[0], np.zeros_like(normal)])
         share = np.minimum(normal / GRAVITY_M_S2, 1.0)
         moment += share * self._inertia * (LEVELLING_RAD_S**2 * level - LEVELLING_RAD_S * w)

@@ -1,0 +1,201 @@
+"""The gate of Task 2: does the plant, flown by the controller that flew, do what the recording did?
+
+A case is a held-out recording from the first to the last time it was in the air, as far as its log is alive. What
+flies it again (``controllers.gate``) is given setpoints, battery and the state at the start as logged, and nothing
+else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of the real one, the lag
+behind them within LAG_S, and the median distance of the two paths below GAP_M.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.signal import welch
+
+from ..audit import Audit
+from ..flight import Flight, Span, intersect_spans
+from ..metrics import tracking
+from ..metrics.timing import constant_delay
+from ..metrics.trajectory import rms
+from .phases import is_cut, streamed_phase
+from .selection import distinct
+from .task3 import LOG_KINDS
+from .usable import MOCAP, MOTORS, usable
+
+RATIO, LAG_S, GAP_M = 0.10, 0.030, 0.05
+"""A flight passes within these."""
+SHARE = 0.85
+"""Of flights whose RMSE ratio has to be within RATIO, of each controller."""
+NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery": ("vbat",),
+          "estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw"),
+          "imu": ("gyro_x", "gyro_y", "gyro_z")}
+FLOWN = ("pid", "mellinger")
+MINIMUM_S = 5.0
+ROSE_M = 0.3
+"""A vehicle that never rose so far above where it began stayed in its own ground effect, which the plant has not."""
+TICK_S = 0.01
+MOST_LAG_S = 1.0
+BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
+STILL_M = 2e-4
+"""Per 10 ms: a setpoint that moves less stands still."""
+PLANNED_M_S = 1.6
+"""A planner climbs and sinks slower (2.19 m/s per m/s of mean speed); faster is a jump."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording, who flew it, and the span that is flown again."""
+
+    flight: Flight
+    controller: str
+    span: Span
+
+    @property
+    def ticks(self) -> int:
+        return int(self.span.duration_s / TICK_S)
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """(m,) s from the first row of the recording, every 10 ms."""
+        return self.span.start_s + TICK_S * np.arange(self.ticks)
+
+
+def select(flights: Sequence[Flight], audits: Mapping[str, Audit],
+           trained: Sequence[tuple[float, float]] = ()) -> tuple[list[Case], dict[str, str]]:
+    """(cases, reason by name of the recordings left out). ``trained``: (start, end) in Unix time of the recordings the
+    plant was identified from; whatever overlaps them is no judge. Copies and slices are left out."""
+    kept, repeats = distinct(flights)
+    reasons = {r.flight.name: f"{r.kind} of {r.of.name}" for r in repeats}
+    fit = {f.name: f for f in usable(kept, audits, NEEDED)}
+    cases = []
+    for flight in kept:
+        audit = audits.get(flight.name)
+        whole = fit.get(flight.name)
+        if audit is None or whole is None:
+            reasons[flight.name] = "lacks a stream the gate needs"
+        elif audit.controller not in FLOWN:
+            reasons[flight.name] = f"flown by {audit.controller}, which is not of the firmware"
+        elif any(_overlaps(flight, begin, end) for begin, end in trained):
+            reasons[flight.name] = "the plant was identified from it"
+        else:
+            span = _span(whole, audit)
+            if span is None:
+                reasons[flight.name] = f"less than {MINIMUM_S:g} s in the air with a log"
+            elif not is_cut(whole) and np.ptp(whole["mocap"]["pz"]) < ROSE_M:
+                reasons[flight.name] = f"never rose {ROSE_M:g} m: all in ground effect"
+            else:
+                cases.append(Case(whole, audit.controller, span))
+    return cases, reasons
+
+
+def _overlaps(flight: Flight, begin: float, end: float) -> bool:
+    time_s = flight["mocap"].time_s
+    return flight.epoch_s + float(time_s[0]) < end and flight.epoch_s + float(time_s[-1]) > begin
+
+
+def _span(flight: Flight, audit: Audit) -> Span | None:
+    """First to last in the air where the log is alive; a piece cut to the flight has been in the air all the time."""
+    if not audit.airborne:
+        return None
+    air = Span(audit.airborne[0].start_s, audit.airborne[-1].end_s)
+    if is_cut(flight):
+        air = audit.span
+    within = Span(max(flight[n].time_s[0] for n in NEEDED), min(flight[n].time_s[-1] for n in NEEDED))
+    alive = intersect_spans(intersect_spans([air], [within]), audit.clean_for(NEEDED, LOG_KINDS))
+    first = alive[0] if alive else None
+    return first if first is not None and first.duration_s >= MINIMUM_S else None
+
+
+def setpoints(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """position (m, 3), yaw (m,), velocity (m, 3) that the controller was asked for at ``case.time_s``.
+
+    A streamed setpoint has no velocity. The planner's, of take-off and landing, have: it is taken from the logged
+    height while x and y stand still before and after the stream; the yaw is the one the PID group logged, else 0.
+    """
+    t, flight = case.time_s, case.flight
+    place = flight["setpoint"].interpolate(("x", "y", "z"), t)
+    yaw = np.zeros(len(t))
+    if case.controller == "pid" and "pid" in flight and "yaw" in flight["pid"]:
+        yaw = flight["pid"].interpolate("yaw", t)
+    velocity = np.zeros((len(t), 3))
+    moving = np.flatnonzero(np.abs(np.diff(place[:, :2], axis=0)).max(axis=1) > STILL_M)
+    planned = np.ones(len(t), bool)
+    if len(moving):
+        planned[moving[0]:moving[-1] + 1] = False
+    climb = np.gradient(place[:, 2], TICK_S)
+    velocity[:, 2] = np.where(planned & (np.abs(climb) < PLANNED_M_S), climb, 0.0)
+    return place, yaw, velocity
+
+
+def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, Any]:
+    """Row of the gate: simulated position (m, 3) and PWM ratios (m, 4) at ``case.time_s`` against the recording."""
+    t = case.time_s
+    real = case.flight["mocap"].interpolate(("px", "py", "pz"), t)
+    asked = case.flight["setpoint"].interpolate(("x", "y", "z"), t)
+    flown = case.flight["motor"].interpolate(MOTORS, t)
+    rmse = [rms(tracking.position_errors(p, asked)) for p in (real, position_m)]
+    lag = [constant_delay(t, p, t, asked, MOST_LAG_S).delay_s for p in (real, position_m)]
+    gap = float(np.median(tracking.position_errors(position_m, real)))
+    steady = _streamed(case)
+    bias = [float(np.mean((p - asked)[steady, 2])) for p in (real, position_m)]
+    full = [tracking.saturated_percent(u) for u in (flown, motor)]
+    row = {"flight": case.flight.name, "controller": case.controller, "duration_s": case.ticks * TICK_S,
+           "rmse_real_m": rmse[0], "rmse_sim_m": rmse[1], "ratio": rmse[1] / rmse[0], "lag_real_s": lag[0],
+           "lag_sim_s": lag[1], "lag_diff_s": lag[1] - lag[0], "path_gap_m": gap, "z_bias_real_m": bias[0],
+           "z_bias_sim_m": bias[1], "saturated_real_percent": full[0], "saturated_sim_percent": full[1],
+           "pwm_rms": {f"{low:g}-{high:g} Hz": [_band(u, low, high) for u in (flown, motor)] for low, high in BANDS_HZ}}
+    reason = reason_of(row)
+    return {**row, "pass": not reason, "reason": reason}
+
+
+def reason_of(row: Mapping[str, Any]) -> str:
+    """Which quantity fails and by how much; empty for a flight that passes."""
+    parts = []
+    if not abs(row["ratio"] - 1.0) <= RATIO:
+        parts.append(f"RMSE {row['rmse_sim_m']:.3f} m simulated, {row['rmse_real_m']:.3f} m real: "
+                     f"{100.0 * (row['ratio'] - 1.0):+.0f} %, allowed {100.0 * RATIO:.0f}")
+    if not abs(row["lag_diff_s"]) <= LAG_S:
+        parts.append(f"lag {1e3 * row['lag_sim_s']:.0f} ms simulated, {1e3 * row['lag_real_s']:.0f} ms real: "
+                     f"{1e3 * row['lag_diff_s']:+.0f} ms, allowed {1e3 * LAG_S:.0f}")
+    if not row["path_gap_m"] < GAP_M:
+        parts.append(f"paths {100.0 * row['path_gap_m']:.1f} cm apart, allowed {100.0 * GAP_M:.0f}")
+    return "; ".join(parts)
+
+
+def _streamed(case: Case) -> np.ndarray:
+    """(m,) bool: the path is streamed, or, where none was, all."""
+    phase = streamed_phase(case.flight, [case.span])
+    t = case.time_s
+    return np.ones(len(t), bool) if phase is None else (t >= phase.start_s) & (t <= phase.end_s)
+
+
+def _band(motor: np.ndarray, low_hz: float, high_hz: float) -> float:
+    """RMS over the four motors of the PWM ratio between two frequencies."""
+    frequency, density = welch(motor, 1.0 / TICK_S, nperseg=min(512, len(motor)), axis=0)
+    rows = (frequency >= low_hz) & (frequency < high_hz)
+    return float(np.sqrt(np.mean(density[rows].sum(axis=0)) * (frequency[1] - frequency[0])))
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Of each controller, and of ``all``: n, shares of flights that pass as a whole and in each quantity, medians, and
+    whether the aim (RMSE ratio on SHARE of flights, median lag difference and median gap) is reached."""
+    found = {}
+    for name in (*FLOWN, "all"):
+        mine = [row for row in rows if name in ("all", row["controller"])]
+        if not mine:
+            continue
+        ratio, lag, gap = (np.array([row[key] for row in mine]) for key in ("ratio", "lag_diff_s", "path_gap_m"))
+        within = np.abs(ratio - 1.0) <= RATIO
+        found[name] = {
+            "n": len(mine), "pass_share": float(np.mean([row["pass"] for row in mine])),
+            "ratio_share": float(within.mean()), "lag_share": float(np.mean(np.abs(lag) <= LAG_S)),
+            "gap_share": float(np.mean(gap < GAP_M)), "ratio_median": float(np.median(ratio)),
+            "ratio_off_median": float(np.median(np.abs(ratio - 1.0))),
+            "ratio_off_p90": float(np.quantile(np.abs(ratio - 1.0), 0.9)), "lag_diff_median_s": float(np.median(lag)),
+            "lag_off_median_s": float(np.median(np.abs(lag))), "path_gap_median_m": float(np.median(gap)),
+            "path_gap_p90_m": float(np.quantile(gap, 0.9)),
+            "aim": bool(within.mean() >= SHARE and abs(np.median(lag)) <= LAG_S and np.median(gap) < GAP_M)}
+    return found
