@@ -1,0 +1,31 @@
+"""The filter that is not told how late poses come: the offset between the poses' clock and the vehicle's is a state.
+
+A pose is compared with where the filter was then, found by taking back what the IMU integrated since; how the
+comparison changes with the offset is the velocity (and, for the attitude, the rate) at that time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from nanobench_tools.flight import Flight
+from nanobench_tools.methods import Estimate
+
+from .drag_ekf import DragMatrixEkf
+
+OFFSET_SD_S = 0.1
+"""Before anything is seen."""
+
+
+class DelayedPoseEkf(DragMatrixEkf):
+    """Ignores ``metadata["pose_delay_s"]``. Late poses and early stamps of the vehicle look alike: it takes the vehicle's
+    stamps for right."""
+
+    name = "delayed_pose_ekf"
+    settings: ClassVar = {**DragMatrixEkf.settings, "late_sd": OFFSET_SD_S, "late_moves": 0.0}
+
+    def estimate(self, flight: Flight) -> Estimate:
+        """As ``Inertial.estimate``."""
+        known = {key: value for key, value in flight.metadata.items() if key != "pose_delay_s"}
+        return super().estimate(replace(flight, metadata=known))

@@ -1,0 +1,220 @@
+"""What the inertial rows share: a flight's streams as the compiled filter takes them, and what is refused.
+
+A row is a small class with ``settings`` (``inertial_core.SETTINGS`` says what there is) and the aids it needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numba as nb
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, Stream
+from nanobench_tools.methods import Estimate
+
+from . import inertial_core as core
+from .radio_clock import lateness
+
+ACC = ("acc_x", "acc_y", "acc_z")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+MOTORS = ("m1", "m2", "m3", "m4")
+
+HOLE_S = 0.5
+"""No filter reckons over a longer hole in the IMU: what happened in it is not known."""
+LEAST_S, LEAST_POSES = 1.0, 5
+BACK_S = 0.1
+"""Stamps that jump back by more are no jitter."""
+
+COMPARED_S = 0.5
+LEAST_TURN_RAD = 0.03
+"""Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
+LEAST_ALIKE = 0.7
+"""Where the two are correlated less, nothing is said about unit and sign."""
+
+THRUST_MAP = (7.544, -0.4359, 0.2157)
+"""Specific force [m/s^2] = c0 + c1 S(V u) + c2 S((V u)^2) over the four motors, V battery voltage, u PWM ratio."""
+THRUST_LAG_S = 0.06
+LIFT_RATIO, OFF_RATIO = 0.65, 0.1
+"""Mean PWM ratio above which a vehicle on the ground is taken to fly, until it falls below the second."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """IMU rows (n,) from the first pose on, and the poses (m,) as they arrive; ``clock_s`` are the rows' stamps less
+    what the missing packets say they are late."""
+
+    time_s: np.ndarray
+    clock_s: np.ndarray
+    acc: np.ndarray
+    gyro: np.ndarray
+    flying: np.ndarray
+    thrust: np.ndarray
+    arrived: np.ndarray
+    pose_s: np.ndarray
+    poses: np.ndarray
+
+
+class Inertial:
+    """An error-state Kalman filter; subclasses say ``name`` and what they set differently."""
+
+    name = "inertial"
+    causal = True
+    settings: ClassVar[Mapping[str, float]] = {}
+    radio = True
+    """Whether the stamps are set back by what missing packets tell."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Streams beside the IMU that its aids need."""
+    keep_covariance = True
+
+    def estimate(self, flight: Flight) -> Estimate:
+        """InputError without IMU or a second of poses, for a hole in the IMU, units or axes that the poses contradict,
+        and without a stream that an aid of this row needs."""
+        for stream, quantity in (("motor", "m1"), ("battery", "vbat")):
+            if stream in self.needs and (stream not in flight or quantity not in flight[stream]):
+                raise InputError(flight.provenance.path, f"has no {stream} stream: the thrust aid of {self.name} is "
+                                 "missing", "rows without it go on")
+        rows = rows_of(flight, self.radio, "motor" in self.needs)
+        settings = {**core.SETTINGS, **self.settings}
+        told = float(flight.metadata.get("pose_noise_m", 0.0))
+        settings["position_sd"] = float(np.hypot(settings["position_sd"], told))
+        return run(rows, values_of(settings), self.keep_covariance)
+
+
+def values_of(settings: Mapping[str, float]) -> np.ndarray:
+    """The settings as the core takes them; KeyError for one that it does not have."""
+    if unknown := set(settings) - set(core.SETTINGS):
+        raise KeyError(f"no such setting: {', '.join(sorted(unknown))}")
+    return np.array([float({**core.SETTINGS, **settings}[name]) for name in core.NAMES])
+
+
+def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True) -> Estimate:
+    """The filter over all rows; covariance of position, velocity and attitude (n, 9, 9) where it is kept."""
+    n = len(rows.time_s)
+    state, cov = np.zeros(core.STATE), np.zeros((core.ERROR, core.ERROR))
+    core.start(rows.poses[0], values, state, cov)
+    out = np.empty((n, 11))
+    kept = np.empty((n if keep_covariance else 0, 9, 9))
+    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.flying, rows.thrust, rows.arrived, rows.pose_s,
+             rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
+    nis = out[:, 10][np.isfinite(out[:, 10])]
+    return Estimate(rows.time_s, out[:, :3], out[:, 6:10], out[:, 3:6], kept if keep_covariance else None, nis,
+                    np.full(len(nis), 3))
+
+
+def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
+    """What the core needs of a flight. InputError as ``Inertial.estimate`` says."""
+    place = flight.provenance.path
+    imu, mocap = flight["imu"], flight["mocap"]
+    if not all(name in imu for name in ACC + GYRO):
+        raise InputError(place, "dead reckoning needs an accelerometer and a gyro of three axes")
+    pose_s, poses = _poses(mocap)
+    good = _rising(place, imu.time_s, np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s))
+    if len(pose_s):
+        good &= imu.time_s >= pose_s[0]
+    time_s = imu.time_s[good]
+    if len(pose_s) < LEAST_POSES or len(time_s) < 2 or pose_s[-1] - pose_s[0] < LEAST_S:
+        raise InputError(place, "dead reckoning needs an IMU and a second of poses to start from")
+    hole = int(np.argmax(np.diff(time_s)))
+    if time_s[hole + 1] - time_s[hole] > HOLE_S:
+        size = time_s[hole + 1] - time_s[hole]
+        raise InputError(place, f"the IMU has a hole of {size:.2f} s at {time_s[hole]:.2f} s",
+                         f"no filter reckons over more than {HOLE_S} s")
+    acc, gyro = np.ascontiguousarray(imu[ACC][good]), np.ascontiguousarray(imu[GYRO][good])
+    measured_s = pose_s - float(flight.metadata.get("pose_delay_s", 0.0))
+    _check(place, time_s, acc, gyro, measured_s, poses)
+    clock_s = time_s
+    if radio:
+        clock_s = np.maximum.accumulate(time_s - lateness(flight)[good])
+    arrived = np.concatenate(([0], np.searchsorted(pose_s, time_s, side="right"))).astype(np.int64)
+    motor, force = np.ones(len(time_s)), np.zeros(len(time_s))
+    if "motor" in flight and all(name in flight["motor"] for name in MOTORS) and len(flight["motor"]):
+        ratio = _held(flight["motor"], MOTORS, time_s)
+        motor = ratio.mean(axis=1)
+        if thrust:
+            w = ratio * _held(flight["battery"], ("vbat",), time_s)
+            force = THRUST_MAP[0] + THRUST_MAP[1] * w.sum(axis=1) + THRUST_MAP[2] * (w * w).sum(axis=1)
+    flying, lagged = _flown(time_s, motor, force, "motor" not in flight)
+    return Rows(time_s, clock_s, acc, gyro, flying, lagged, arrived, measured_s, poses)
+
+
+def _poses(mocap: Stream) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) stamps that rise and (m, 7) poses with signs of the quaternions that go on; rows with nan are left out."""
+    poses = mocap[POSE]
+    good = np.isfinite(poses).all(axis=1) & np.isfinite(mocap.time_s) & (np.linalg.norm(poses[:, 3:], axis=1) > 0.5)
+    time_s, poses = mocap.time_s[good], poses[good]
+    rising = np.concatenate(([True], time_s[1:] > np.maximum.accumulate(time_s)[:-1])) if len(time_s) else good[:0]
+    time_s, poses = time_s[rising], np.ascontiguousarray(poses[rising])
+    poses[:, 3:] = so3.make_continuous(poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True))
+    return time_s, poses
+
+
+def _rising(place: str, time_s: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """``good`` (n,) without the rows that are not later than all before; InputError if time really goes back."""
+    latest = np.maximum.accumulate(np.where(good, time_s, -np.inf))
+    before = np.concatenate(([-np.inf], latest[:-1]))
+    back = np.where(good & np.isfinite(before), before - time_s, 0.0)
+    if len(back) and back.max() > BACK_S:
+        row = int(np.argmax(back))
+        raise InputError(place, f"the time of the IMU goes back by {back[row]:.2f} s at {time_s[row]:.2f} s, row {row}")
+    return good & (time_s > before)
+
+
+def _held(stream: Stream, names: tuple[str, ...], at_s: np.ndarray) -> np.ndarray:
+    """(m, k): the latest finite row not after ``at_s`` (the first one before it)."""
+    values = stream[names]
+    good = np.isfinite(values).all(axis=1)
+    row = np.clip(np.searchsorted(stream.time_s[good], at_s, side="right") - 1, 0, None)
+    return values[good][row] if good.any() else np.zeros((len(at_s), len(names)))
+
+
+@nb.njit(cache=True)
+def _flown(time_s: np.ndarray, ratio: np.ndarray, force: np.ndarray, always: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool whether it flies, and force (n,) behind a first-order lag."""
+    n = len(time_s)
+    flying, lagged = np.ones(n, np.bool_), force.copy()
+    on = always
+    for i in range(n):
+        if i > 0:
+            share = 1.0 - np.exp(-(time_s[i] - time_s[i - 1]) / THRUST_LAG_S)
+            lagged[i] = lagged[i - 1] + share * (force[i] - lagged[i - 1])
+        if not always:
+            on = ratio[i] > (OFF_RATIO if on else LIFT_RATIO)
+        flying[i] = on
+    return flying, lagged
+
+
+def _check(place: str, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, pose_s: np.ndarray,
+           poses: np.ndarray) -> None:
+    """InputError if gyro or accelerometer have another unit or sign than the poses that were given."""
+    until = int(np.searchsorted(time_s, pose_s[-1]))
+    if until < 10:
+        return
+    up = so3.matrix(poses[:, 3:])[np.clip(np.searchsorted(pose_s, time_s[:until]), 0, len(pose_s) - 1), 2]
+    level = float(np.median(np.sum(up * acc[:until], axis=1)))
+    if not 4.0 < level < 20.0:
+        what = "the other way round" if level < 0.0 else "in another unit"
+        raise InputError(place, f"the accelerometer shows {level:.2f} m/s^2 upwards where the poses are given, not "
+                         f"about 9.81: an axis may be {what}")
+    angle = np.vstack([np.zeros(3), np.cumsum(0.5 * (gyro[1:] + gyro[:-1]) * np.diff(time_s)[:, None], axis=0)])
+    at = np.arange(pose_s[0] + 0.05, min(pose_s[-1], time_s[-1]) - COMPARED_S, 0.1)
+    if len(at) < 10:
+        return
+    first, last = np.searchsorted(pose_s, at), np.searchsorted(pose_s, at + COMPARED_S)
+    turned = so3.log(so3.multiply(so3.conjugate(poses[first, 3:]), poses[np.minimum(last, len(pose_s) - 1), 3:]))
+    by_gyro = np.stack([np.interp(pose_s[np.minimum(last, len(pose_s) - 1)], time_s, angle[:, k])
+                        - np.interp(pose_s[first], time_s, angle[:, k]) for k in range(3)], axis=1)
+    for k, axis in enumerate("xyz"):
+        square = float(np.mean(turned[:, k] ** 2))
+        if square < LEAST_TURN_RAD**2:
+            continue
+        product = float(np.mean(turned[:, k] * by_gyro[:, k]))
+        slope, alike = product / square, abs(product) / np.sqrt(square * np.mean(by_gyro[:, k] ** 2) + 1e-30)
+        if alike > LEAST_ALIKE and not 0.3 < slope < 3.0:
+            why = "in degrees" if slope > 20.0 else "the other way round" if slope < 0.0 else "in another unit"
+            raise InputError(place, f"gyro_{axis} turns {slope:.2f} times as far as the poses do: it may be {why}")
