@@ -22,7 +22,7 @@ from .gtsam_path import UP, Path, State, steps_of
 from .gtsam_rows import POSE, Rows, rows_of, stands
 from .imu_noise import ImuNoise, packet_rate_hz
 
-NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.007, acc_m_s2_sqrtHz=0.015, stamp_s_sqrtHz=0.004)
+NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.007, acc_m_s2_sqrtHz=0.015, acc_walk_m_s3_sqrtHz=3e-3, stamp_s_sqrtHz=0.004)
 """In flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
 
 CLOCK_SD_M = 0.005
@@ -35,8 +35,7 @@ MOUNT_SD_RAD, LATE_SD_S, ATTITUDE_LATE_SD_S, VELOCITY_SD_M_S = 0.05, 0.02, 0.01,
 """Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
 the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
 
-SLOW = 5
-WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-5])
+WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-3])
 """Of the slow quantities: rad x3, s, s per root second."""
 
 CONTRADICTED_M = 0.5
@@ -48,6 +47,8 @@ class GtsamBatch:
 
     name = "gtsam_batch"
     causal = False
+    measures_after_poses = False
+    slow, slow_sd, walk = np.zeros(5), np.array([MOUNT_SD_RAD] * 3 + [LATE_SD_S, ATTITUDE_LATE_SD_S]), WALK
 
     def __init__(self, noise: ImuNoise | None = None) -> None:
         self.noise = noise or NOISE
@@ -58,10 +59,11 @@ class GtsamBatch:
         the smoother did not converge; MissingExtraError without gtsam."""
         rows = rows_of(flight)
         noise, time_s = self.noise.at_rate(packet_rate_hz(flight["imu"])), stands(rows)
-        last = int(np.searchsorted(time_s, rows.pose_s[-1]))
+        last = len(time_s) - 1 if self.measures_after_poses else int(np.searchsorted(time_s, rows.pose_s[-1]))
         problem = Problem(rows, noise, time_s[: last + 1])
-        start = started(flight, rows, problem)
-        solution = self.last = problem.solve(start, uncertain(noise), WALK, self.blocks(flight, problem))
+        blocks = self.blocks(flight, problem)
+        start = started(flight, rows, problem, self.slow)
+        solution = self.last = problem.solve(start, self.uncertain(noise), self.walk, blocks)
         if not solution.converged:
             raise InputError(rows.place, f"{self.name} did not converge in {solution.iterations} steps",
                              "nanobench audit shows the faults of the recording")
@@ -69,6 +71,12 @@ class GtsamBatch:
         if last + 1 < len(time_s):
             state = state.then(Problem(rows, noise, time_s[last:]).carried(state))
         return on_mocap_clock(rows, Path(steps_of(rows, time_s), state))
+
+    def uncertain(self, noise: ImuNoise) -> State:
+        """SDs of the first state, before anything is measured."""
+        row = np.ones((1, 3))
+        biases = noise.acc_bias_sd_m_s2 * row, noise.gyro_bias_sd_rad_s * row
+        return State(row, row, VELOCITY_SD_M_S * row, *biases, self.slow_sd[None])
 
     def blocks(self, flight: Flight, problem: Problem):
         """The measurements besides the IMU, as a function of where they are linearised."""
@@ -105,7 +113,7 @@ class Poses:
         bend = there.position - state.position[own] - state.velocity[own] * ahead + 0.5 * UP * ahead**2
         bent = np.eye(3) - 0.5 * so3.hat(angle)  # what a small turn of the IMU does to ``angle``, to first order
         m = len(own)
-        by_x, by_v, by_c = np.zeros((m, 6, 6)), np.zeros((m, 6, 3)), np.zeros((m, 6, SLOW))
+        by_x, by_v, by_c = np.zeros((m, 6, 6)), np.zeros((m, 6, 3)), np.zeros((m, 6, state.slow.shape[1]))
         by_x[:, :3, :3] = -so3.hat(bend) @ state.rotation[own]
         by_x[:, :3, 3:] = state.rotation[own]
         by_x[:, 3:, :3] = bent @ np.swapaxes(so3.matrix(turned.quaternion), 1, 2) @ state.rotation[own]
@@ -121,7 +129,7 @@ class Poses:
         return np.add.reduceat(values, self.first, axis=0) / self.counts.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def started(flight: Flight, rows: Rows, problem: Problem) -> State:
+def started(flight: Flight, rows: Rows, problem: Problem, slow: np.ndarray) -> State:
     """The state of the error-state filter, given the poses at the times they were measured."""
     mocap = make_stream("mocap", rows.pose_s, np.column_stack([rows.position, rows.quaternion]), POSE)
     first = ErrorStateEkf().estimate(flight.with_streams(mocap=mocap))
@@ -130,15 +138,7 @@ def started(flight: Flight, rows: Rows, problem: Problem) -> State:
     dt = (problem.time_s - first.time_s[at])[:, None]
     zero = np.zeros((problem.count, 3))
     return State(so3.matrix(first.quaternion[at]), first.position_m[at] + velocity * dt, velocity, zero, zero,
-                 np.zeros((problem.count, SLOW)), {})
-
-
-def uncertain(noise: ImuNoise) -> State:
-    """SDs of the first state, before anything is measured."""
-    row = np.ones((1, 3))
-    slow = np.array([[MOUNT_SD_RAD] * 3 + [LATE_SD_S, ATTITUDE_LATE_SD_S]])
-    biases = noise.acc_bias_sd_m_s2 * row, noise.gyro_bias_sd_rad_s * row
-    return State(row, row, VELOCITY_SD_M_S * row, *biases, slow)
+                 np.tile(slow, (problem.count, 1)))
 
 
 def on_mocap_clock(rows: Rows, path: Path) -> Estimate:

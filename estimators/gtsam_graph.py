@@ -24,7 +24,7 @@ from .imu_noise import NOMINAL_HZ, ImuNoise
 CHANGE_S = 0.06
 """A signal's slope is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
 
-INTEGRATION_SD_M = 1e-4
+INTEGRATION_SD_M = 1e-3
 """Per root second: keeps the covariance of an interval of one row regular."""
 
 LEAST_PACKETS = 0.1
@@ -170,11 +170,11 @@ class Problem:
             return linear.optimize(ordering, self.gtsam.EliminateQR)
 
     def _in_time(self, like: State) -> Any:
-        """Elimination from the first state to the last: each then stands on what is known before it, which keeps a long
-        tail without poses regular."""
+        """Elimination from the first state to the last, biases and slow quantities at its end: each then stands on what
+        is known before it, and the last pivots are well conditioned however far a tail without poses has drifted."""
         ordering = self.gtsam.Ordering()
         for i in range(self.count):
-            for letter in (*like.others, "c", "b", "v", "x"):
+            for letter in (*like.others, "x", "v", "b", "c"):
                 if i < len(self.keys[letter]):
                     ordering.push_back(self.keys[letter][i])
         return ordering

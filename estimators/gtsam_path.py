@@ -93,7 +93,7 @@ class Path:
             at = steps.first[on] + j
             self.turn[at], self.gain[at], self.way[at] = q[on], v[on], p[on]
             dt = self.step_s[at]
-            a = so3.rotate(q[on], self.force[at])
+            a = turned(q[on], self.force[at])
             p[on] += v[on] * dt + 0.5 * a * dt * dt
             v[on] += a * dt
             q[on] = so3.multiply(q[on], turn[at])
@@ -106,7 +106,7 @@ class Path:
         row = np.searchsorted(steps.grid_s, at_s, side="right") - 1
         row = np.clip(row, steps.first[interval], steps.first[interval] + steps.lengths[interval] - 1)
         dt = (at_s - steps.grid_s[row])[:, None]
-        a = so3.rotate(self.turn[row], self.force[row])
+        a = turned(self.turn[row], self.force[row])
         way = self.way[row] + self.gain[row] * dt + 0.5 * a * dt * dt
         return so3.multiply(self.turn[row], so3.exp(self.rate[row] * dt)), self.gain[row] + a * dt, way, self.rate[row]
 
@@ -124,11 +124,11 @@ class Path:
         span = np.where(back, time_s[owner] - time_s[interval], 0.0)[:, None]
         v, p = np.where(back[:, None], v, 0.0), np.where(back[:, None], p, 0.0)
         # from the owner back to the start of its interval, and from there to the time
-        v0 = state.velocity[owner] + UP * span - so3.rotate(origin, v)
-        p0 = state.position[owner] - v0 * span + 0.5 * UP * span**2 - so3.rotate(origin, p)
+        v0 = state.velocity[owner] + UP * span - turned(origin, v)
+        p0 = state.position[owner] - v0 * span + 0.5 * UP * span**2 - turned(origin, p)
         since = tau + span
-        return Motion(p0 + v0 * since - 0.5 * UP * since**2 + so3.rotate(origin, way),
-                      v0 - UP * since + so3.rotate(origin, gain), so3.multiply(origin, turn), rate)
+        return Motion(p0 + v0 * since - 0.5 * UP * since**2 + turned(origin, way),
+                      v0 - UP * since + turned(origin, gain), so3.multiply(origin, turn), rate)
 
     def at(self, at_s: np.ndarray) -> Motion:
         """At any times (m,): from the state before each to the one after it as time goes from one to the other."""
@@ -140,6 +140,13 @@ class Path:
         turn = so3.log(so3.multiply(so3.conjugate(a.quaternion), b.quaternion))
         return Motion(a.position + (b.position - a.position) * over, a.velocity + (b.velocity - a.velocity) * over,
                       so3.multiply(a.quaternion, so3.exp(turn * over)), a.rate)
+
+
+def turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """``so3.rotate`` of (n, 4) and (n, 3), column by column: a third of the time for a few hundred rows."""
+    (x, y, z, w), (a, b, c) = q.T, v.T
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return np.stack([a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx], axis=1)
 
 
 def small_turn(angle: np.ndarray) -> np.ndarray:

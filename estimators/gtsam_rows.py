@@ -10,7 +10,7 @@ import numpy as np
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
-from nanobench_tools.sources.kinks import carries_no_packet
+from nanobench_tools.sources.kinks import carries_no_packet, count_packets
 
 from .imu_noise import packet_rate_hz
 
@@ -48,7 +48,8 @@ class Rows:
 def rows_of(flight: Flight) -> Rows:
     """InputError without an IMU, with a hole in it, or without a second of poses to start from.
 
-    Rows with nan and rows whose time does not rise are left out. A pose that comes late is taken at the time it was
+    Rows with nan, rows whose time does not rise and the straight line that a resampler draws after the last packet are
+    left out. A pose that comes late is taken at the time it was
     measured, if the delay was told (``metadata["pose_delay_s"]``).
     """
     place = flight.provenance.path
@@ -58,7 +59,8 @@ def rows_of(flight: Flight) -> Rows:
     good = np.isfinite(poses).all(axis=1) & np.isfinite(pose_s) & (np.linalg.norm(poses[:, 3:], axis=1) > 0.5)
     pose_s, poses = _rising(pose_s[good], poses[good])
     packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
-    good = np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
+    logged = imu.time_s <= count_packets(imu.time_s, imu[ACC + GYRO]).last_s
+    good = logged & np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
     time_s, values = _rising(imu.time_s[good], np.column_stack([imu[ACC + GYRO], packets])[good])
     if len(time_s):
         inside = (pose_s >= time_s[0]) & (pose_s <= time_s[-1])

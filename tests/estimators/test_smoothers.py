@@ -13,9 +13,12 @@ from nanobench_tools.protocols import aided, blackout
 
 gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobench[smoothers]'")
 
-from estimators.gtsam_batch import GtsamBatch  # noqa: E402
+from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
+from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402
+from estimators.gtsam_graph import Problem  # noqa: E402
 from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
 from estimators.gtsam_rows import rows_of, stands  # noqa: E402
+from estimators.imu_noise import ImuNoise  # noqa: E402
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
@@ -90,9 +93,6 @@ def test_the_path_from_either_side_of_an_interval_is_the_same_motion():
     time_s = stands(rows)
     zero = np.zeros((len(time_s), 3))
     start = State(np.tile(np.eye(3), (len(time_s), 1, 1)), zero, zero, zero, zero, np.zeros((len(time_s), 5)))
-    from estimators.gtsam_graph import Problem
-    from estimators.imu_noise import ImuNoise
-
     problem = Problem(rows, ImuNoise(), time_s)
     state = problem.carried(State(*(getattr(start, n)[:1] for n in ("rotation", "position", "velocity", "acc_bias",
                                                                    "gyro_bias", "slow"))))
@@ -136,29 +136,30 @@ def test_bad_input_is_one_line():
     with pytest.raises(InputError, match=r"hole of 1\.\d\d s"):
         GtsamBatch().estimate(flight.with_streams(imu=imu.rows((imu.time_s < 1.0) | (imu.time_s > 2.5))))
     degrees = replace(imu, values=imu.values * [1, 1, 1, 57.3, 57.3, 57.3])
-    with pytest.raises(InputError, match=r"contradict|converge"):
+    with pytest.raises(InputError, match=r"degrees|contradict|converge"):
         GtsamBatch().estimate(flight.with_streams(imu=degrees))
 
 
-def test_nan_and_time_that_goes_back_are_left_out():
+def test_nan_and_a_repeated_time_are_left_out():
     flight, t, p, _ = known_motion(seconds=4.0)
     imu = flight["imu"]
     values, time_s = imu.values.copy(), imu.time_s.copy()
     values[100] = np.nan
-    time_s[200] = time_s[150]
+    time_s[200] = time_s[199]
     estimate = GtsamBatch().estimate(flight.with_streams(imu=replace(imu, values=values, time_s=time_s)))
     true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
     assert np.isfinite(estimate.position_m).all()
     assert rms(estimate.position_m - true) < 5e-3
 
 
-def test_bent_poses_after_t0_change_nothing(crowd):
+@pytest.mark.parametrize("method", [GtsamBatch, GtsamAided])
+def test_bent_poses_after_t0_change_nothing(crowd, method):
     flight = crowd.flight("slow trefoil")
     mocap = flight["mocap"]
     bent = mocap.values.copy()
     bent[mocap.time_s > 8.0, :3] += 5.0
     worse = flight.with_streams(mocap=replace(mocap, values=bent))
-    first, other = (GtsamBatch().estimate(blackout.given_until(f, 8.0)) for f in (flight, worse))
+    first, other = (method().estimate(blackout.given_until(f, 8.0)) for f in (flight, worse))
     assert np.array_equal(first.position_m, other.position_m)
 
 
@@ -166,6 +167,64 @@ def test_without_the_package_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "gtsam", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'nanobench\[smoothers\]'"):
         GtsamBatch().estimate(known_motion(seconds=3.0)[0])
+
+
+def moved(state, letter, i, change):
+    """The state with one of its parts changed as GTSAM would."""
+    if letter == "x":
+        rotation, position = state.rotation.copy(), state.position.copy()
+        position[i] = position[i] + rotation[i] @ change[3:]
+        rotation[i] = rotation[i] @ Rotation.from_rotvec(change[:3]).as_matrix()
+        return replace(state, rotation=rotation, position=position)
+    names = {"v": ["velocity"], "c": ["slow"], "b": ["acc_bias", "gyro_bias"]}[letter]
+    parts = {}
+    for name, part in zip(names, np.split(change, len(names)), strict=True):
+        parts[name] = getattr(state, name).copy()
+        parts[name][i] += part
+    return replace(state, **parts)
+
+
+def test_jacobians_are_those_of_finite_differences():
+    """Poses, drag and thrust: what a block says of its derivative, against central differences of its residual."""
+    flight, *_ = known_motion(seconds=3.0, pose_every=3)
+    rows = rows_of(flight)
+    problem = Problem(rows, ImuNoise(), stands(rows))
+    rng = np.random.default_rng(5)
+    k = problem.count
+    turns = Rotation.from_rotvec(0.2 * rng.normal(size=(k, 3)))
+    state = State((Rotation.from_euler("Z", 0.03 * np.arange(k)[:, None]) * turns).as_matrix(),
+                  rng.normal(size=(k, 3)), rng.normal(size=(k, 3)), 0.1 * rng.normal(size=(k, 3)),
+                  0.01 * rng.normal(size=(k, 3)),
+                  np.tile([0.02, 0.01, -0.02, 0.013, 0.004, 0.1, -0.1, 0.4, 0.9], (k, 1)))
+    poses, force, thrust = Poses(problem), rng.normal(size=(k, 3)), 9.0 + rng.normal(size=k)
+    every = np.arange(k)
+    made = {"poses": lambda s: poses.linear(s, Path(problem.steps, s)), "drag": lambda s: drag(s, force, every),
+            "lift": lambda s: lift(s, force, thrust, every)}
+    # attitudes far from the poses' would test the small-angle term of the rotation rows only
+    near = replace(state, rotation=Rotation.from_quat(
+        [np.array(flight["mocap"].values[min(round(t * 100 / 3), len(flight["mocap"]) - 1), 3:])
+         for t in problem.time_s]).as_matrix())
+    h = 1e-5
+    for name, block in made.items():
+        at = near if name == "poses" else state
+        linear = block(at)
+        i = 7
+        row = int(np.flatnonzero(linear.keys[0][1] == i)[0])
+        for letter, _, jacobian in linear.keys:
+            found = np.empty_like(jacobian[row])
+            for column in range(found.shape[1]):
+                change = np.zeros(found.shape[1])
+                change[column] = h
+                up, down = (block(moved(at, letter, i, sign * change)).residual[row] for sign in (1.0, -1.0))
+                found[:, column] = -(up - down) / (2.0 * h)
+            assert np.allclose(found, jacobian[row], atol=0.02 if name == "poses" else 1e-6), (name, letter)
+
+
+def test_without_motors_the_aided_row_says_what_is_missing_and_goes_on(crowd):
+    flight = crowd.flight("slow trefoil")
+    given = blackout.given_until(flight, 8.0).without_streams("motor")
+    with pytest.warns(UserWarning, match="without thrust, which needs the motor stream"):
+        assert GtsamAided().estimate(given).converged
 
 
 def test_practice_flight_aided(crowd, audited):
