@@ -46,7 +46,7 @@ class GreyBox:
     window follow from the inputs of the half second before it (class ``state``); ``past``: from all streams of the two
     seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
     where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap. soft: priors in place of those
-    for the same parameters.
+    for the same parameters. hold: terms that stay as they are.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -60,6 +60,7 @@ class GreyBox:
     threads: int = 1
     progress: Any = None
     soft: tuple[Prior, ...] = ()
+    hold: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.adapt not in ADAPTS:
@@ -84,6 +85,7 @@ class GreyBox:
         model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **cast("Terms", self.terms)})
         lower, upper = bounds(model)
         fixed = held(model) + (tuple(n for n in model.names if n.startswith("inertia.")) if _held_rate(model) else ())
+        fixed += tuple(n for n in model.names if n.partition(".")[0] in self.hold)
         free = np.array([name not in fixed for name in model.names])
         lower, upper = np.where(free, lower, model.values), np.where(free, upper, model.values)
         given = {p.names for p in self.soft}

@@ -24,12 +24,14 @@ AIR_MOMENT: Terms = {"drag_torque": {"c": -3e-4}}
 @dataclass(frozen=True)
 class Rung:
     """name of the row; sentence what it adds; terms with where a fit starts; adapt: what is set per window
-    (``none``, ``inputs`` before the start, ``past``: all streams before the start)."""
+    (``none``, ``inputs`` before the start, ``past``: all streams before the start); hold: terms that stay as they
+    are."""
 
     name: str
     sentence: str
     terms: Terms = field(default_factory=dict)
     adapt: str = "none"
+    hold: tuple[str, ...] = ()
 
     @property
     def information(self) -> str:

@@ -33,7 +33,8 @@ def rungs(names: Sequence[str] | None = None) -> list[Rung]:
 def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> dict[str, Any]:
     """{predictor, result} of one rung fitted to ``cases``, as plain JSON values."""
     vehicle = Vehicle(mass_kg=mass_kg)
-    model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed).fit(cases)
+    model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed,
+                    hold=rung.hold).fit(cases)
     made = model.predictor_
     return {"predictor": {"terms": {term: {k: _plain(v) for k, v in values.items()}
                                     for term, values in made.terms.items()},

@@ -13,7 +13,7 @@ from nanobench_tools.physics import Model
 from .fitting import Fit, Slopes, bootstrap, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
-from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of
+from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
 from .space import MAPS, Space
 from .tolerance import feigned
@@ -22,7 +22,7 @@ from .wrench import CHANNELS
 PLAIN = 1.6
 """Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
 unit variance, since no autoregression describes every disturbance."""
-UNEXPLAINED = 0.35
+UNEXPLAINED = 0.5
 """A name stands only where it explains more than what is left is large, in this proportion."""
 FOREIGN = 0.25
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
@@ -96,7 +96,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         found = [rough]
     kept, withdrawn, alike = [], [], []
     for h, others in zip(named.accepted, named.alike, strict=True):
-        why = _hollow(moments, known, named, h, after, before, found)
+        why = _hollow(moments, known, named, h, after, space, found)
         if why:
             withdrawn.append((h.term, why))
         else:
@@ -105,18 +105,18 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     unsure = bool(withdrawn) or any(h.own for h in kept)
     here = named.space
     if not kept and any(t in MAPS for t, _ in withdrawn):
-        instead = _level_instead(moments, known, space, before, found, simulator)
+        instead = _level_instead(moments, known, space, found)
         if instead is not None:
             named, kept, alike = instead, list(instead.accepted), list(instead.alike)
             final = named.fit
     if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
         here = space if any(t in MAPS for t in gone) else here
-        stays = carried(_rested(named, gone), here.model)
+        stays = carried(_rested(named, gone, space), here.model)
         own = free_of(here, [h.term for h in kept if h.own])
         final = fit(known, stays if kept else space.model, free_of(here, [h.term for h in kept]), own=own)
         here = here if kept else space
-    findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, final.loss)
+    findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, space)
                      for h, others in zip(kept, alike, strict=True))
     findings = tuple(replace(f, confidence=UNSURE) if unsure or _strange_beside(f, found) else f for f in findings)
     if withdrawn and not found:
@@ -164,15 +164,14 @@ def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
                          - PLAIN * np.sum(owner == c), 0.0) for c in range(6)])
 
 
-def _rested(named: Named, terms: Sequence[str]) -> Model:
-    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] in terms}
-    return named.fit.model.with_parameters(rest)
+def _rested(named: Named, terms: Sequence[str], home: Space) -> Model:
+    return rested(named.fit.model, terms, named.space, home)
 
 
-def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, before: np.ndarray,
+def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, home: Space,
             found: Sequence[Structure]) -> str:
     """Why a hypothesis is no name for what is there; empty when it is."""
-    without = _level_only(known, named, h) if h.term in MAPS else _without(known, named, h, named.fit)
+    without = _level_only(known, named, h, home) if h.term in MAPS else _without(known, named, h, named.fit, home)
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
     here = taken > 0.2 * taken.sum()
     acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])}
@@ -181,13 +180,13 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
         where = ", ".join(np.array(CHANNELS)[here])
         return f"{h.term} explains {taken[here].sum():.0f} but leaves {left:.0f} in {where}"
     wrench = moments.wrench
-    moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term]))[0]
+    moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term], home))[0]
     acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
     there = [s for s in found if acting & {a.removeprefix("force ") for a in s.axes}]
     uneven = [s for s in there if s.kind == "place"] if h.term == "force_world" else []
     if uneven:
         return f"{h.term} is the same everywhere, and there is {uneven[0].hint}"
-    beside = [s for s in there if s.kind != "motion" and s.size_m_s2 > FOREIGN * acts]
+    beside = [s for s in there if s.kind != "motion" and s.rms_m_s2 > FOREIGN * acts]
     if beside and not h.own:
         return f"{h.term} is there beside {beside[0].hint}"
     strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
@@ -200,8 +199,7 @@ def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
     return any(s.kind != "motion" and mine & set(s.axes) for s in found)
 
 
-def _level_instead(moments: Moments, known: Slopes, space: Space, before: np.ndarray, found: Sequence[Structure],
-                   simulator: Model) -> Named | None:
+def _level_instead(moments: Moments, known: Slopes, space: Space, found: Sequence[Structure]) -> Named | None:
     """Where a thrust curve is no name for what is there, its level may be: mass, or thrust as a whole."""
     nothing = fit(known, space.model, [])
     tried = []
@@ -215,20 +213,23 @@ def _level_instead(moments: Moments, known: Slopes, space: Space, before: np.nda
     best = max(tried, key=lambda h: h.gain)
     alike = tuple(h.term for h in tried if h is not best and best.gain - h.gain < ALIKE_LEFT * best.gain)
     named = Named((best,), (alike,), space, best.fit, nothing.loss)
-    return None if _hollow(moments, known, named, best, excess(moments, best.fit.left), before, found) else named
+    return None if _hollow(moments, known, named, best, excess(moments, best.fit.left), space, found) else named
 
 
-def _level_only(known: Slopes, named: Named, h: Hypothesis) -> np.ndarray:
-    """(K,) what is left when only the level of a thrust curve may change: the curve has to earn its name beyond it."""
-    model = _rested(named, [h.term])
-    fits = [fit(known, model, named.space.free(t), own=named.own()) for t in LEVEL if t in named.space.terms]
-    return min(fits, key=lambda f: f.loss).left if fits else _without(known, named, h, named.fit)
+def _level_only(known: Slopes, named: Named, h: Hypothesis, home: Space) -> np.ndarray:
+    """(K,) what is left when only the level of the simulator's own thrust curve may change: a curve has to earn its
+    name beyond it."""
+    model = _rested(named, [h.term], home)
+    here = named.space if h.term in home.terms else home
+    own = free_of(here, [g.term for g in named.accepted if g.own])
+    fits = [fit(known, model, here.free(t), own=own) for t in LEVEL if t in here.terms]
+    return min(fits, key=lambda f: f.loss).left if fits else _without(known, named, h, named.fit, home)
 
 
-def _without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit) -> np.ndarray:
+def _without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit, home: Space) -> np.ndarray:
     """(K,) what is left of a fit when a hypothesis rests, and what differs between flights stays as it is."""
-    rest = {n: v for n, v in named.space.model.parameters.items() if n.partition(".")[0] == h.term}
-    model = fitted.model.with_parameters({n: v for n, v in rest.items() if n in fitted.model.names})
+    here = named.space if h.term in fitted.model else home
+    model = rested(fitted.model, [h.term], here, home)
     if h.own:
         return fit(known, model, [], own=named.own(h.term)).left
     return known.left(model) - fitted.beside
@@ -261,9 +262,9 @@ def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
 
 
 def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike: tuple[str, ...], final: Fit,
-             before: float, after: float) -> Finding:
+             before: float, home: Space) -> Finding:
     model = final.model
-    without = _without(known, named, h, final)
+    without = _without(known, named, h, final, home)
     owner = moments.owner
     taken = np.array([max(float(without[owner == c] @ without[owner == c])
                           - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])
@@ -277,7 +278,7 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
                                          SYSTEMATIC * abs(model.values[i]) if model.values[i] else 0.0))
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
-    return Finding(h, alike, sd, float(taken.sum() / max(before - after, taken.sum(), 1e-9)), axes,
+    return Finding(h, alike, sd, float(taken.sum() / max(before - final.loss, taken.sum(), 1e-9)), axes,
                    max(slow)[1] if slow else "", float(np.clip(MOST_SURE - 0.35 * doubt, UNSURE, MOST_SURE)))
 
 

@@ -27,7 +27,7 @@ from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
 from .proof import Proof, prove
 from .recordings import Recordings, look_over
-from .space import Space, space_around
+from .space import Space, space_around, space_of_other_map
 from .verdict import Verdict, data_faults
 from .wrench import CHANNELS, Wrench
 
@@ -156,9 +156,10 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
     names = [space.model.names[i] for i in asked]
     at: Model = space.model
     named: Named | None = None
+    other = space_of_other_map(simulator, wrench.battery_V)
     for number in range(PASSES):
         force, _torque = slopes(wrench, space.model, asked)
-        moments = with_levels(moments_of(wrench, wrench.residual(at), force, names), space)
+        moments = with_levels(moments_of(wrench, wrench.residual(at), force, names), space, other)
         found = name_effects(moments, space, simulator, say)
         same = named is not None and [h.term for h in found.accepted] == [h.term for h in named.accepted]
         named, at = found, found.fit.model

@@ -28,8 +28,9 @@ BURSTS = 6
 
 @dataclass(frozen=True)
 class Structure:
-    """kind: ``place``, ``time``, ``motion``, ``period`` or ``bursts``; size_m_s2: RMS of the force (bursts: their
-    typical height); gain: squared standard deviations it explains on held-out flights; hint: a sentence."""
+    """kind: ``place``, ``time``, ``motion``, ``period`` or ``bursts``; size_m_s2: RMS of the force (bursts: while they
+    last, which is ``share`` of the time); gain: squared standard deviations it explains on held-out flights; hint: a
+    sentence."""
 
     kind: str
     size_m_s2: float
@@ -37,6 +38,12 @@ class Structure:
     axes: tuple[str, ...]
     hint: str
     flights: tuple[int, ...] = ()
+    share: float = 1.0
+
+    @property
+    def rms_m_s2(self) -> float:
+        """Over all of the time."""
+        return self.size_m_s2 * self.share**0.5
 
 
 def structures(moments: Moments, force: np.ndarray) -> list[Structure]:
@@ -181,4 +188,5 @@ def _bursts(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
         return None
     size = float(np.sqrt(np.mean(force[far, 2] ** 2)))
     named = tuple(np.unique(flight[far]).tolist())
-    return Structure("bursts", size, share * len(white), ("z",), f"{events} short losses or gusts along body z", named)
+    return Structure("bursts", size, share * len(white), ("z",), f"{events} short losses or gusts along body z", named,
+                     float(np.mean(far)))

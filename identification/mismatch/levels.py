@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from .fitting import Slopes
 from .moments import Levels, Moments
-from .space import Space, scales
+from .space import MAPS, Space, scales
 
 GROUPS = {"frame_tilt": ("frame_tilt.roll_rad", "frame_tilt.pitch_rad"),
           "com_offset": ("com_offset.r_m[0]", "com_offset.r_m[1]"), "thrust_scale": ("thrust_scale.s",)}
@@ -35,12 +35,15 @@ LEAST_FREE = 5.0
 """Moments of a channel that are left to judge a spread by."""
 
 
-def with_levels(moments: Moments, space: Space) -> Moments:
+def with_levels(moments: Moments, space: Space, other: Space | None = None) -> Moments:
     """The moments with the scatter between flights as a nuisance of every fit, and with each channel's unit as large as
-    what nothing in the vocabulary explains: a name has to stand out of that."""
+    what nothing in the vocabulary explains: a name has to stand out of that. ``other``: with the other thrust map."""
     model, known = space.model, Slopes(moments)
     left = known.left(model)
     shared = known.columns(model, np.concatenate([space.free(t) for t in space.terms]))
+    if other is not None:
+        maps = np.concatenate([other.free(t) for t in MAPS if t in other.terms])
+        shared = np.concatenate([shared, known.columns(other.model, maps)], axis=1)
     groups = {term: [model.index(n) for n in names if n in model.names] for term, names in GROUPS.items()
               if term in model}
     many = len(np.unique(moments.wrench.flight))

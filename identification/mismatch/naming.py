@@ -12,7 +12,7 @@ from nanobench_tools.physics.numeric import equations
 
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
-from .space import MAPS, Space, space_around, with_other_map
+from .space import MAPS, Space, space_of_other_map
 from .tolerance import feigned
 from .track import ROW_S
 
@@ -27,8 +27,6 @@ ALIKE_LEFT = 0.5
 are not told apart."""
 REDUNDANT = 0.4
 """Beside the best, another explanation of the same thing has less than this share of its own left."""
-LEAST_SAG_V = 0.05
-"""A voltage that changes by less tells nothing about its influence."""
 MOST = 5
 CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
 """What may have been changed between two flights."""
@@ -115,11 +113,9 @@ class _Search:
     """Where the search stands."""
 
     def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
-        self.moments, self.space, self.known = moments, space, Slopes(moments)
+        self.moments, self.space, self.home, self.known = moments, space, space, Slopes(moments)
         self.known.anchor = space.model
-        battery = np.concatenate([t.battery_V[t.counts] for t in moments.wrench.tracks])
-        other = with_other_map(simulator, float(np.median(battery))) if np.ptp(battery) > LEAST_SAG_V else None
-        self.other = None if other is None else space_around(other)
+        self.other = space_of_other_map(simulator, moments.wrench.battery_V)
         self.current = fit(self.known, space.model, [])
         self.accepted: list[Hypothesis] = []
         self.alike: dict[str, tuple[str, ...]] = {}
@@ -221,13 +217,19 @@ class _Search:
 
     def _beside(self, term: str, others: Sequence[str] = ()) -> float:
         """What a term would still take away beside those accepted, and beside ``others``, to first order."""
-        if term not in self.space.terms:
-            return 0.0
         start = _start(self.moments, self.current.model, term)
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
         left, near = self.known.left(start), self._near(start)
         beside = np.concatenate([self._differing(start), self.known.columns(near, held)], axis=1)
-        both = np.concatenate([beside, self.known.columns(near, self.space.free(term))], axis=1)
+        if term in self.space.terms:
+            free = self.known.columns(near, self.space.free(term))
+        elif self.other is not None and term in self.other.terms and not any(n in MAPS for n in self.names):
+            there = carried(start, self.other.model)
+            swap = left - self.known.left(there)  # the other map acts as it stands, before anything of it is changed
+            free = np.column_stack([swap, self.known.columns(there, self.other.free(term))])
+        else:
+            return 0.0
+        both = np.concatenate([beside, free], axis=1)
         return self._explained(both, left) - self._explained(beside, left)
 
     def _explained(self, columns: np.ndarray, left: np.ndarray) -> float:
@@ -244,14 +246,17 @@ class _Search:
             losses = []
             for i, h in enumerate(self.accepted):
                 names = [n for k, n in enumerate(self.names) if k != i]
-                rest = {n: v for n, v in self.space.model.parameters.items() if n.partition(".")[0] == h.term}
-                own = free_of(self.space, [g.term for k, g in enumerate(self.accepted) if g.own and k != i])
-                without = fit(self.known, self.current.model.with_parameters(rest), free_of(self.space, names), own=own)
+                space = self.home if h.term in MAPS else self.space
+                own = free_of(space, [g.term for k, g in enumerate(self.accepted) if g.own and k != i])
+                without = fit(self.known, rested(self.current.model, [h.term], self.space, self.home),
+                              free_of(space, names), own=own)
                 losses.append((without.loss - self.current.loss - PER_PARAMETER * len(self.space.free(h.term)), i,
                                without))
             lost, i, without = min(losses, key=lambda entry: entry[0])
             if lost >= LEAST_GAIN:
                 return
+            if self.accepted[i].term in MAPS:
+                self.space = self.home
             del self.accepted[i]
             self.current = without
 
@@ -272,10 +277,18 @@ def _explained(columns: np.ndarray, left: np.ndarray) -> float:
     return float(columns @ np.linalg.lstsq(columns, left, rcond=1e-7)[0] @ left) if columns.shape[1] else 0.0
 
 
+def rested(model: Model, terms: Sequence[str], space: Space, home: Space) -> Model:
+    """``model``, of ``space``, with some terms as the simulator, of ``home``, has them: its own thrust map where the
+    other one is among them."""
+    if any(t in MAPS and t not in home.terms for t in terms):
+        model, space = carried(model, home.model), home
+    return model.with_parameters({n: v for n, v in space.model.parameters.items() if n.partition(".")[0] in terms})
+
+
 def carried(model: Model, other: Model) -> Model:
     """``other`` at the values of ``model`` where both have the parameter."""
     values = model.parameters
     return other.with_parameters({n: values[n] for n in other.names if n in values})
 
 
-__all__ = ["Hypothesis", "Named", "carried", "free_of", "name_effects"]
+__all__ = ["Hypothesis", "Named", "carried", "free_of", "name_effects", "rested"]

@@ -17,6 +17,8 @@ MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
 K_F = 2.3e-8
 """N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
 which the drag of turning rotors is measured."""
+LEAST_SAG_V = 0.05
+"""A voltage that changes by less tells nothing about its influence."""
 HELD = ("ground_effect.rho", "thrust_rpm.k_f")
 """Parameters that are not asked for: they are only seen in products, rho R^2 and d / sqrt(k_f)."""
 AT_REST = {"saturation": {"u_max": 1.0, "T_max_N": 50.0}}
@@ -74,6 +76,13 @@ def with_other_map(simulator: Model, battery_V: float) -> Model | None:
             return Model(simulator.vehicle, {there if n == here else n: {"c": tuple(c)} if n == here else v
                                              for n, v in terms.items()})
     return None
+
+
+def space_of_other_map(simulator: Model, battery_V: np.ndarray) -> Space | None:
+    """The space around the simulator with the other thrust map, where the battery (n,) V in the air changed enough to
+    tell the two."""
+    other = with_other_map(simulator, float(np.median(battery_V))) if np.ptp(battery_V) > LEAST_SAG_V else None
+    return None if other is None else space_around(other)
 
 
 def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:

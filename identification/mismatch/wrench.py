@@ -100,6 +100,11 @@ class Wrench:
     def quaternion(self) -> np.ndarray:
         return joined(self.tracks, "quaternion")
 
+    @cached_property
+    def battery_V(self) -> np.ndarray:
+        """Wherever the residual is judged."""
+        return joined(self.tracks, "battery_V")[self._judged]
+
     def of(self, field: str, at: np.ndarray) -> np.ndarray:
         """A field of the tracks at some rows."""
         return joined(self.tracks, field)[at]

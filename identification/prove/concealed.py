@@ -1,9 +1,13 @@
 """Real flights with one piece of knowledge taken from the simulator: does the diagnosis ask for it back?
 
-The simulator is our own: a grey-box model fitted to training flights. Then it is made ignorant - of the battery's
-voltage (its thrust map fitted to PWM alone), of what the vehicle weighed, of drag, of motor lag - and diagnosed on
-other flights, together with the fit as it is (``control``). No fit is the truth: what is named in the control, or
+The simulator is our own: on training flights a thrust map is fitted to the accelerometer, and a grey-box model with
+that map to 50-step predictions. Then it is made ignorant - of the battery's voltage (its map fitted to PWM alone), of
+what the vehicle weighed, of drag, of motor lag - and diagnosed on other flights, together with the fit as it is
+(``control``). No fit is the truth: what is named in the control, or
 beside what was taken away, may really be missing, and is counted as false all the same, since nobody can know.
+
+One case more (``dead log``): flights whose radio log died while the vehicle flew on, so that its estimate seems to
+diverge by metres. That is a fault of the data, and no physics.
 """
 
 from __future__ import annotations
@@ -16,11 +20,15 @@ import numpy as np
 
 from identification.greybox.ladder import FULL, THRUST_PWM, Rung
 from identification.greybox.study import fit_item
+from identification.thrust.data import flown_rows
+from identification.thrust.export import rising_cubic
+from identification.thrust.flight_fit import SUFFIX, find_delay, fit_flights, models
+from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
-from nanobench_tools.protocols.task1 import Split
+from nanobench_tools.protocols.task1 import Case, Split
 
 from .run import Diagnose, Run
 from .score import score_case
@@ -29,9 +37,14 @@ STOCK_KG = 0.0270
 """A bare vehicle of the type, without marker set and deck."""
 FLIGHTS = 6
 """Of one case."""
+DEAD = "dead_stream"
 RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
 BLIND = Rung("concealed_blind", "the same from PWM alone", {**{k: v for k, v in FULL.items() if k != "thrust_voltage"},
                                                             **THRUST_PWM}, "past")
+KNOWN, UNKNOWN = "thrust_voltage", "thrust_pwm"
+"""The thrust maps of the two."""
+THIN = 20
+"""Of the rows of all flights, every so many shape a cubic."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +84,36 @@ class RealCase:
 
 def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[Model, Model]:
     """(with the battery's voltage, from PWM alone), fitted to the training flights."""
+    place = split.train[0].flight.provenance.path
+    thrust = make_item(thrust_item, {"cases": list(split.train), "mass_kg": mass_kg}, "fit thrust", file=place)
+    flown = run([thrust], "fit thrust")
+    if not flown.values:
+        raise InputError(place, f"no thrust map can be fitted: {flown.failed[0]['error']}")
+    maps = flown.values[thrust.key]
+    rungs = [replace(rung, terms={**rung.terms, name: {"c": tuple(maps[name])}}, hold=(name,))
+             for rung, name in ((RUNG, KNOWN), (BLIND, UNKNOWN))]
     items = [make_item(fit_item, {"cases": list(split.train), "rung": rung, "seed": seed, "mass_kg": mass_kg},
-                       f"fit {rung.name}", file=split.train[0].flight.provenance.path) for rung in (RUNG, BLIND)]
+                       f"fit {rung.name}", file=place) for rung in rungs]
     result = run(items, "fit")
     if len(result.values) < len(items):
         raise InputError(str(result.failed[0]["file"]), f"no simulator can be fitted: {result.failed[0]['error']}")
     fitted, blind = (Model(Vehicle(mass_kg=mass_kg), result.values[i.key]["simulator"]) for i in items)
     return fitted, blind
+
+
+def thrust_item(cases: Sequence[Case], mass_kg: float) -> dict[str, Any]:
+    """{term: coefficients} of both maps, from what the accelerometer felt along z, inflow and heating beside them
+    (``identification.thrust``), as cubics that rise. Predictions of half a second see too small a slope, because
+    controllers answer gusts.
+    """
+    flown = [(case.flight, case.spans) for case in cases]
+    rows = flown_rows(flown, find_delay(flown, mass_kg)).files
+    u, volts = np.concatenate([f.u for f in rows]), np.concatenate([f.battery_V for f in rows])[:, None]
+    found: dict[str, Any] = {}
+    for name, drive in ((KNOWN, u * volts), (UNKNOWN, u)):
+        thrust = fit_flights(models(mass_kg)[name + SUFFIX], rows).fit.predict(u, volts)
+        found[name] = rising_cubic(drive.ravel()[::THIN], thrust.ravel()[::THIN]).tolist()
+    return found
 
 
 def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int) -> list[RealCase]:
@@ -98,6 +134,21 @@ def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int)
                      "engine": None, "note": f"group {number + 1}: {', '.join(names)}"}
             found.append(RealCase(tuple(group), lack.simulator(*simulators), truth))
     return found[:n]
+
+
+def dead_logs(split: Split, audits: Mapping[str, Audit], simulators: tuple[Model, Model],
+              number: int) -> list[RealCase]:
+    """The case of the test flights whose log died in the air; none where no log did."""
+    found = {case.flight.name: (case.flight, dead) for case in split.test
+             if (dead := [f for f in audits[case.flight.name].faults if f.kind == DEAD])}
+    if not found:
+        return []
+    names = list(found)[:FLIGHTS]
+    faults = [{"kind": DEAD, "flight": name, "stream": fault.stream, "size": fault.size}
+              for name in names for fault in found[name][1]]
+    truth = {"case": f"real_{number:03d}", "kind": "dead log", "effects": [], "faults": faults, "engine": None,
+             "note": ", ".join(names)}
+    return [RealCase(tuple(found[name][0] for name in names), simulators[0], truth)]
 
 
 def _groups(flights: Sequence[Flight], rng: np.random.Generator) -> list[list[Flight]]:
@@ -136,7 +187,9 @@ def diagnose_real(cases: Sequence[RealCase], run: Run, diagnose: Diagnose, seed:
             continue
         entry = score_case(case.truth, values[item.key])
         false = [f["term"] for f in entry["findings"] if not f["right"]]
-        if entry["effects"]:
+        if case.truth["faults"]:
+            entry["right"] = bool(entry["fault_right"]) and not entry["findings"]
+        elif entry["effects"]:
             entry["right"] = all(e["named"] for e in entry["effects"])
         else:
             control[entry["note"]] = false

@@ -99,7 +99,7 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[
 
 def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str, Any]:
     from identification.mismatch.diagnose import diagnose_flights
-    from identification.prove.concealed import diagnose_real, fit_simulators, real_cases
+    from identification.prove.concealed import dead_logs, diagnose_real, fit_simulators, real_cases
     from identification.prove.summary import power_by_term, summarise
 
     from ..protocols import task1
@@ -108,7 +108,9 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str
     flights = options.load()
     audits, _ = options.audit(flights)
     split = task1.split(flights, audits)
-    chosen = real_cases(split, fit_simulators(split, options.run, options.seed, mass_kg), n, options.seed)
+    simulators = fit_simulators(split, options.run, options.seed, mass_kg)
+    chosen = real_cases(split, simulators, n, options.seed)
+    chosen += dead_logs(split, audits, simulators, len(chosen))
     scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
     body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored),
             "train": [case.flight.name for case in split.train]}

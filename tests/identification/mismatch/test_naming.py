@@ -10,6 +10,8 @@ from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
 from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import slopes
+from identification.mismatch.leftover import Structure
+from identification.mismatch.naming import rested
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
 from identification.mismatch.wrench import Wrench
@@ -132,3 +134,18 @@ def test_the_other_map_gives_the_same_thrust_at_its_voltage():
     u = np.linspace(0.3, 1.0, 8)
     old = np.polyval(MODEL.values_of("thrust_voltage")["c"][::-1], u * 3.7)
     np.testing.assert_allclose(np.polyval(other.values_of("thrust_pwm")["c"][::-1], u), old, rtol=1e-12)
+
+
+def test_a_term_at_rest_is_the_simulators_own_again():
+    home, other = space_around(with_other_map(MODEL, 3.7)), space_around(MODEL)
+    moved = other.model.with_parameters({"mass.m": 0.05, "drag_linear.d[0]": 0.03})
+    here = rested(moved, ["drag_linear"], other, home)
+    assert here.parameters == {**other.model.parameters, "mass.m": 0.05}
+    back = rested(moved, ["thrust_voltage"], other, home)  # swapped: at rest the simulator's map from PWM is back
+    assert "thrust_voltage" not in back
+    assert back.parameters == {**home.model.parameters, "mass.m": 0.05, "drag_linear.d[0]": 0.03}
+
+
+def test_a_burst_counts_as_long_as_it_lasts():
+    assert Structure("bursts", 0.5, 100.0, ("z",), "", share=0.01).rms_m_s2 == pytest.approx(0.05)
+    assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5

@@ -1,17 +1,18 @@
 """Knowledge taken from a fitted simulator: what is missing, what it is missing on, and what counts as found."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
 
 from identification.greybox.ladder import FULL
 from identification.prove import concealed
-from identification.prove.concealed import diagnose_real, fit_simulators, real_cases
+from identification.prove.concealed import dead_logs, diagnose_real, fit_simulators, real_cases
 from identification.prove.summary import summarise
 from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.prove import show_real
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Provenance
+from nanobench_tools.flight import Fault, Flight, Provenance
 from nanobench_tools.harness import run_items
 
 VOLTS, PWM = dict(FULL), {**{k: v for k, v in FULL.items() if k != "thrust_voltage"}, "thrust_pwm": {"c": (0.0, 0.4)}}
@@ -28,8 +29,17 @@ def split(n):
                            test=[SimpleNamespace(flight=f) for f in flights(n)])
 
 
+MAPS = {"thrust_voltage": [0.01, 0.0, 0.01], "thrust_pwm": [0.0, 0.1, 0.1]}
+
+
 def fitted(cases, rung, seed, mass_kg):
-    return {"simulator": VOLTS if rung is concealed.RUNG else PWM}
+    known, = rung.hold
+    assert list(rung.terms[known]["c"]) == MAPS[known]
+    return {"simulator": VOLTS if known == "thrust_voltage" else PWM}
+
+
+def thrust(cases, mass_kg):
+    return MAPS
 
 
 def run(items, title):
@@ -39,6 +49,7 @@ def run(items, title):
 @pytest.fixture
 def simulators(monkeypatch):
     monkeypatch.setattr(concealed, "fit_item", fitted)
+    monkeypatch.setattr(concealed, "thrust_item", thrust)
     return fit_simulators(split(1), run, 0, 0.041)
 
 
@@ -108,8 +119,42 @@ def test_a_fit_that_fails_is_one_line(monkeypatch):
         raise InputError("training flights", "PWM of m1 never changes")
 
     monkeypatch.setattr(concealed, "fit_item", no_fit)
+    monkeypatch.setattr(concealed, "thrust_item", thrust)
     with pytest.raises(InputError, match="no simulator can be fitted: training flights: PWM of m1"):
         fit_simulators(split(1), run, 0, 0.041)
+
+
+def dead(stream):
+    return Fault("dead_stream", stream, (), 1.0, 2.0, 1.0, "s", 0.1, "made up")
+
+
+def test_dead_logs_are_a_case_of_their_own(simulators):
+    flown = split(8)
+    audits = {c.flight.name: SimpleNamespace(faults=()) for c in flown.test}
+    assert dead_logs(flown, audits, simulators, 3) == []
+    audits["f02"] = SimpleNamespace(faults=(dead("estimator"), dead("motor")))
+    case, = dead_logs(flown, audits, simulators, 3)
+    assert [f.name for f in case.flights] == ["f02"]
+    assert [(f["kind"], f["flight"], f["stream"]) for f in case.truth["faults"]] == [
+        ("dead_stream", "f02", "estimator"), ("dead_stream", "f02", "motor")]
+    assert (case.truth["case"], case.truth["kind"], case.truth["effects"]) == ("real_003", "dead log", [])
+
+
+@pytest.mark.parametrize(("stated", "named", "right"), [([("f02", "dead_stream")], [], True), ([], [], False),
+                                                        ([("f02", "dead_stream")], ["wind"], False)])
+def test_a_dead_log_is_right_when_it_is_stated_and_nothing_is_named(simulators, stated, named, right):
+    audits = {f"f{i:02d}": SimpleNamespace(faults=()) for i in range(8)}
+    audits["f02"] = SimpleNamespace(faults=(dead("estimator"),))
+    # physics that nobody took away may be left beside the fault
+    monkey = {"outcome": "named" if named else "unknown", "unknown": {"hint": "gusts"}, "power": {}, "elapsed_s": 1.0,
+              "data_faults": [{"flight": flight, "kind": kind} for flight, kind in stated], "improvement": None,
+              "findings": [{"term": t, "equivalent": [], "confidence": 0.5, "parameters": {}} for t in named]}
+    scored, = diagnose_real(dead_logs(split(8), audits, simulators, 0), run, partial(verdict_of, monkey))
+    assert scored["right"] is right
+
+
+def verdict_of(verdict, flights, simulator, *, seed):
+    return verdict
 
 
 def test_the_simulator_without_voltage_has_the_same_terms_otherwise():
