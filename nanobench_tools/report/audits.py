@@ -16,7 +16,8 @@ INFORMATION_KINDS = frozenset({"interpolated", "extra_column"})
 
 FAULT_GROUPS: dict[str, tuple[str, ...]] = {
     "lost": ("dead_stream", "frozen_stream", "gap", "truncated", "mocap_occlusion", "missing_column", "checksum"),
-    "value": ("spike", "mocap_jump", "saturated_sensor", "unit", "sign", "axis_swap", "quaternion_order", "bad_cell"),
+    "value": ("spike", "mocap_jump", "saturated_sensor", "unit", "sign", "axis_swap", "quaternion_order", "bad_cell",
+              "wrong_speed"),
     "clock": ("clock_offset", "clock_drift", "clock_wander", "duplicate_time", "backward_time"),
     "flight": ("estimator_reset", "crash", "never_flew", "copy"),
 }

@@ -28,6 +28,7 @@ KINDS = {
     "quaternion_order",
     "estimator_reset",
     "never_flew",
+    "wrong_speed",
     "crash",
     "copy",
     "missing_column",
