@@ -150,7 +150,7 @@ def on_mocap_clock(rows: Rows, path: Path) -> Estimate:
     if not np.median(off) < CONTRADICTED_M:
         raise InputError(rows.place, f"poses and IMU contradict each other, {np.median(off):.2f} m apart when smoothed",
                          "a gyro in degrees or a flipped axis? nanobench audit shows it")
-    time_s = path.steps.grid_s
+    time_s = rows.report_s[rows.report_s >= rows.pose_s[0]]
     c = slow(time_s)
     there, turned = path.at(time_s + c[:, 3]), path.at(time_s + c[:, 3] + c[:, 4])
     quaternion = so3.multiply(turned.quaternion, so3.exp(c[:, :3]))

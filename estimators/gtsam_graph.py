@@ -78,7 +78,7 @@ class Problem:
         poorer = np.sqrt(np.maximum(np.diff(time_s) * NOMINAL_HZ, 1.0) / np.maximum(packets, LEAST_PACKETS))
         self.acc_sd = np.hypot(noise.acc_m_s2_sqrtHz * poorer, noise.stamp_s_sqrtHz * self._change(rows.acc))
         self.gyro_sd = np.hypot(noise.gyro_rad_s_sqrtHz * poorer, noise.stamp_s_sqrtHz * self._change(rows.gyro))
-        self.params = _params(self.gtsam, noise)
+        self.params = params_of(self.gtsam, noise)
         self.keys = {letter: [self.gtsam.symbol(letter, i) for i in range(self.count)] for letter in "xvbc"}
         self.increments = [self._increment(i) for i in range(self.count - 1)]
 
@@ -235,7 +235,7 @@ class Problem:
                      vectors(values, "c"), others)
 
 
-def _params(gtsam: Any, noise: ImuNoise) -> Any:
+def params_of(gtsam: Any, noise: ImuNoise) -> Any:
     """Parameters of preintegration that are the same for all intervals; gravity along -z."""
     params = gtsam.PreintegrationCombinedParams.MakeSharedU(GRAVITY_M_S2)
     params.setIntegrationCovariance(np.eye(3) * INTEGRATION_SD_M**2)

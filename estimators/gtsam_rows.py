@@ -13,6 +13,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.sources.kinks import carries_no_packet, count_packets
 
 from .imu_noise import packet_rate_hz
+from .radio_clock import lateness
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -30,10 +31,12 @@ GAP_S = 1.0
 
 @dataclass(frozen=True)
 class Rows:
-    """IMU rows: time_s (n,), acc [m/s^2] and gyro [rad/s] (n, 3), packets (n,) how many packets a row stands for (less
-    than one where a resampler drew it); poses: pose_s (m,) when they were measured, position (m, 3), quaternion (m, 4),
-    noise_m the SD of a position that was told, or nan."""
+    """report_s (n,): stamps of the IMU rows; time_s (n,) those less what missing packets say they are late, acc
+    [m/s^2] and gyro [rad/s] (n, 3), packets (n,) how many packets a row stands for (less than one where a resampler
+    drew it); poses: pose_s (m,) when they were measured, position (m, 3), quaternion (m, 4), noise_m the SD of a
+    position that was told, or nan."""
 
+    report_s: np.ndarray
     time_s: np.ndarray
     acc: np.ndarray
     gyro: np.ndarray
@@ -45,12 +48,13 @@ class Rows:
     place: str
 
 
-def rows_of(flight: Flight) -> Rows:
+def rows_of(flight: Flight, causal: bool = False) -> Rows:
     """InputError without an IMU, with a hole in it, or without a second of poses to start from.
 
     Rows with nan, rows whose time does not rise and the straight line that a resampler draws after the last packet are
     left out. A pose that comes late is taken at the time it was
-    measured, if the delay was told (``metadata["pose_delay_s"]``).
+    measured, if the delay was told (``metadata["pose_delay_s"]``). ``causal``: packets are not counted, which takes
+    the whole recording.
     """
     place = flight.provenance.path
     imu, mocap = flight["imu"], flight["mocap"]
@@ -58,10 +62,14 @@ def rows_of(flight: Flight) -> Rows:
     poses = mocap[POSE]
     good = np.isfinite(poses).all(axis=1) & np.isfinite(pose_s) & (np.linalg.norm(poses[:, 3:], axis=1) > 0.5)
     pose_s, poses = _rising(pose_s[good], poses[good])
-    packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
-    logged = imu.time_s <= count_packets(imu.time_s, imu[ACC + GYRO]).last_s
+    packets, logged = np.ones(len(imu)), np.ones(len(imu), bool)
+    if not causal:
+        packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
+        logged = imu.time_s <= count_packets(imu.time_s, imu[ACC + GYRO]).last_s
     good = logged & np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
-    time_s, values = _rising(imu.time_s[good], np.column_stack([imu[ACC + GYRO], packets])[good])
+    values = np.column_stack([imu[ACC + GYRO], packets, lateness(flight), imu.time_s])[good]
+    values = _rising(values[:, 8], values)[1]
+    time_s, values = _rising(values[:, 8] - values[:, 7], values)
     if len(time_s):
         inside = (pose_s >= time_s[0]) & (pose_s <= time_s[-1])
         pose_s, poses = pose_s[inside], poses[inside]
@@ -75,7 +83,8 @@ def rows_of(flight: Flight) -> Rows:
         raise InputError(place, f"the IMU has a hole of {holes.max():.2f} s at {at:.2f} s, no smoother bridges it")
     quaternion = so3.make_continuous(poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True))
     noise_m = float(flight.metadata.get("pose_noise_m", math.nan))
-    return Rows(time_s, values[:, :3], values[:, 3:6], values[:, 6], pose_s, poses[:, :3], quaternion, noise_m, place)
+    acc, gyro, packets = values[:, :3], values[:, 3:6], values[:, 6]
+    return Rows(values[:, 8], time_s, acc, gyro, packets, pose_s, poses[:, :3], quaternion, noise_m, place)
 
 
 def _rising(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

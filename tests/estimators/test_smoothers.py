@@ -15,6 +15,7 @@ gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobenc
 
 from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
 from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402
+from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
 from estimators.gtsam_graph import Problem  # noqa: E402
 from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
 from estimators.gtsam_rows import rows_of, stands  # noqa: E402
@@ -152,7 +153,7 @@ def test_nan_and_a_repeated_time_are_left_out():
     assert rms(estimate.position_m - true) < 5e-3
 
 
-@pytest.mark.parametrize("method", [GtsamBatch, GtsamAided])
+@pytest.mark.parametrize("method", [GtsamBatch, GtsamAided, GtsamFixedLag])
 def test_bent_poses_after_t0_change_nothing(crowd, method):
     flight = crowd.flight("slow trefoil")
     mocap = flight["mocap"]
@@ -218,6 +219,28 @@ def test_jacobians_are_those_of_finite_differences():
                 up, down = (block(moved(at, letter, i, sign * change)).residual[row] for sign in (1.0, -1.0))
                 found[:, column] = -(up - down) / (2.0 * h)
             assert np.allclose(found, jacobian[row], atol=0.02 if name == "poses" else 1e-6), (name, letter)
+
+
+def test_fixed_lag_follows_a_known_motion_and_uses_nothing_later():
+    """Poses at 10 Hz, 30 ms late; everything after 5 s replaced by noise leaves what was said before as it was."""
+    flight, t, p, _ = known_motion()
+    mocap, imu = flight["mocap"], flight["imu"]
+    late = replace(flight.with_streams(mocap=replace(mocap, time_s=mocap.time_s + 0.03)),
+                   metadata={"pose_delay_s": 0.03})
+    method = GtsamFixedLag()
+    estimate = method.estimate(late)
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    settled = estimate.time_s > 3.0
+    assert rms((estimate.position_m - true)[settled]) < 0.03
+    assert len(method.update_s) > 60
+    rng = np.random.default_rng(2)
+    noise, poses = imu.values.copy(), late["mocap"].values.copy()
+    noise[imu.time_s > 5.0] += rng.normal(size=noise[imu.time_s > 5.0].shape)
+    poses[late["mocap"].time_s > 5.0, :3] += 3.0
+    bent = late.with_streams(imu=replace(imu, values=noise), mocap=replace(late["mocap"], values=poses))
+    other = GtsamFixedLag().estimate(bent)
+    before = estimate.time_s <= 5.0
+    assert np.array_equal(estimate.position_m[before], other.position_m[before])
 
 
 def test_without_motors_the_aided_row_says_what_is_missing_and_goes_on(crowd):

@@ -1,0 +1,258 @@
+"""An incremental fixed-lag smoother: what can be known now, with the last seconds still open to change (GTSAM, iSAM2).
+
+A state at the time each pose was measured, made when it arrives, or after WAIT_S without one; preintegrated IMU between
+them (CombinedImuFactor), poses and drag as linear factors at the predicted state. Between states the newest one is
+carried on by the IMU. Nothing of the recording later than a row is used for its value.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight
+from nanobench_tools.methods import Estimate
+
+from .gtsam_aided import GtsamAided, drag
+from .gtsam_batch import ATTITUDE_SD_RAD, CLOCK_SD_M, NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
+from .gtsam_graph import CHANGE_S, Linear, load, params_of
+from .gtsam_path import State, quaternion_of
+from .gtsam_rows import NEAR_S, Rows, rows_of
+from .imu_noise import ImuNoise
+
+LEAST_ROWS = 200
+"""A flight that is lost before has no result; later the estimate ends there."""
+
+LAG_S = 0.7
+"""How long a state stays open; biases and slow quantities carry what was learned before."""
+
+WAIT_S = 0.2
+"""Without a pose for so long, a state is made of the IMU and drag alone."""
+
+FLYING_PWM = 0.3
+"""Mean PWM ratio above which drag is taken to hold: not on the ground."""
+
+USED = 8
+"""Of the slow quantities of the aided smoother: all but the thrust scale."""
+
+
+class GtsamFixedLag:
+    """Causal fixed-lag smoother. ``update_s``: processor seconds of every update of the last flight."""
+
+    name = "gtsam_fixed_lag"
+    causal = True
+
+    def __init__(self, noise: ImuNoise | None = None) -> None:
+        self.noise = noise or NOISE
+        self.update_s: list[float] = []
+
+    def estimate(self, flight: Flight) -> Estimate:
+        """InputError as for the batch smoother; MissingExtraError without gtsam."""
+        rows = rows_of(flight, causal=True)
+        run = _Run(flight, rows, self.noise)
+        estimate = run.through()
+        self.update_s = run.update_s
+        return estimate
+
+
+class _Run:
+    """One pass over the rows; everything that ends in _s is a time, on the IMU's clock less its wander."""
+
+    def __init__(self, flight: Flight, rows: Rows, noise: ImuNoise) -> None:
+        self.gtsam, self.rows, self.noise = load(), rows, noise
+        settings = self.gtsam.ISAM2Params()
+        settings.relinearizeSkip = 1
+        self.smoother = self.gtsam.IncrementalFixedLagSmoother(LAG_S, settings)
+        self.params = params_of(self.gtsam, noise)
+        self.values = np.column_stack([rows.acc, rows.gyro])
+        self.slope = _slope(rows.time_s, self.values)
+        self.arrival_s = rows.pose_s + float(flight.metadata.get("pose_delay_s", 0.0))
+        told = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
+        self.pose_sd = np.array([np.hypot(told, CLOCK_SD_M)] * 3 + [ATTITUDE_SD_RAD] * 3)
+        self.flying = _flying(flight, rows)
+        self.update_s: list[float] = []
+        self.count, self.state_s = 0, float(rows.pose_s[0])
+
+    def through(self) -> Estimate:
+        """Every row in turn: states that have become possible, then the newest one carried to the row."""
+        rows = self.rows
+        row = int(np.searchsorted(rows.time_s, self.state_s))
+        while rows.report_s[row] < self.arrival_s[0]:
+            row += 1
+        self._begin()
+        first, taken = row, 0
+        found: list[Any] = []
+        slow: list[np.ndarray] = []
+        tail, tail_s = self._increment(self.state_s, float(rows.time_s[row])), float(rows.time_s[row])
+        for row in range(first, len(rows.time_s)):
+            now_s, stamp = float(rows.time_s[row]), rows.report_s[row]
+            if row > first:
+                self._integrate(tail, tail_s, now_s)
+                tail_s = now_s
+            try:
+                made, taken = self._possible(now_s, float(stamp), taken)
+            except RuntimeError as error:  # of gtsam; nothing later can be known then
+                if len(found) < LEAST_ROWS:
+                    raise InputError(rows.place, f"gtsam_fixed_lag lost the flight at {stamp:.2f} s",
+                                     "nanobench audit shows the faults of the recording") from error
+                break
+            if made:
+                tail = self._increment(self.state_s, now_s)
+            found.append(tail.predict(self.there, self.bias))
+            slow.append(self.slow)
+        return self._given_out(first, found, np.array(slow))
+
+    def _possible(self, now_s: float, stamp_s: float, taken: int) -> tuple[bool, int]:
+        """Makes the states that have become possible; (whether there was one, the last pose seen)."""
+        rows, before = self.rows, self.count
+        while taken + 1 < len(rows.pose_s) and self.arrival_s[taken + 1] <= stamp_s + 1e-9 \
+                and rows.pose_s[taken + 1] <= now_s:
+            taken += 1
+            if rows.pose_s[taken] - self.state_s >= NEAR_S:
+                self._update(float(rows.pose_s[taken]), taken)
+        if stamp_s - self.state_s >= WAIT_S and now_s - self.state_s >= 0.5 * WAIT_S:
+            self._update(now_s, None)
+        return self.count > before, taken
+
+    def _given_out(self, first: int, found: list[Any], slow: np.ndarray) -> Estimate:
+        rows = self.rows
+        position, velocity = np.array([s.position() for s in found]), np.array([s.velocity() for s in found])
+        rotation = quaternion_of(np.array([s.attitude().matrix() for s in found]))
+        stamp = rows.report_s[first : first + len(found)]
+        ahead = (stamp + slow[:, 3] - rows.time_s[first : first + len(found)])[:, None]
+        turn = so3.exp(rows.gyro[first : first + len(found)] * (ahead + slow[:, 4:5]))
+        attitude = so3.multiply(so3.multiply(rotation, turn), so3.exp(slow[:, :3]))
+        return Estimate(stamp, position + velocity * ahead, attitude, velocity)
+
+    def _begin(self) -> None:
+        """The first state: the first pose, at rest give or take."""
+        gtsam, rows = self.gtsam, self.rows
+        self.x, self.v, self.b, self.c = (gtsam.symbol(letter, 0) for letter in "xvbc")
+        pose = gtsam.Pose3(gtsam.Rot3(so3.matrix(rows.quaternion[0])), rows.position[0])
+        self.slow = np.array(GtsamAided.slow[:USED])
+        self.bias, zero = gtsam.imuBias.ConstantBias(), np.zeros(3)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        sigmas = gtsam.noiseModel.Diagonal.Sigmas
+        biases = [self.noise.acc_bias_sd_m_s2] * 3 + [self.noise.gyro_bias_sd_rad_s] * 3
+        tilt = np.concatenate([np.full(3, 0.05), self.pose_sd[:3]])
+        graph.add(gtsam.PriorFactorPose3(self.x, pose, sigmas(tilt)))
+        graph.add(gtsam.PriorFactorVector(self.v, zero, sigmas(np.full(3, VELOCITY_SD_M_S))))
+        graph.add(gtsam.PriorFactorConstantBias(self.b, self.bias, sigmas(np.array(biases))))
+        graph.add(gtsam.PriorFactorVector(self.c, self.slow, sigmas(GtsamAided.slow_sd[:USED])))
+        for key, value in ((self.x, pose), (self.v, zero), (self.b, self.bias), (self.c, self.slow)):
+            values.insert(key, value)
+        self.smoother.update(graph, values, dict.fromkeys((self.x, self.v, self.b, self.c), self.state_s))
+        self.there = gtsam.NavState(pose.rotation(), pose.translation(), zero)
+
+    def _update(self, at_s: float, pose: int | None) -> None:
+        """One more state; the smoother takes what was measured since the last one."""
+        before = time.thread_time()
+        gtsam = self.gtsam
+        self.count += 1
+        x, v, b, c = (gtsam.symbol(letter, self.count) for letter in "xvbc")
+        increment = self._increment(self.state_s, at_s)
+        there = increment.predict(self.there, self.bias)
+        at = gtsam.Pose3(there.attitude(), there.position())
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph.add(gtsam.CombinedImuFactor(self.x, self.v, x, v, self.b, b, increment))
+        step = np.sqrt(at_s - self.state_s)
+        graph.add(gtsam.BetweenFactorVector(self.c, c, np.zeros(USED),
+                                            gtsam.noiseModel.Diagonal.Sigmas(GtsamAided.walk[:USED] * step)))
+        for key, value in ((x, at), (v, there.velocity()), (b, self.bias), (c, self.slow)):
+            values.insert(key, value)
+        row = int(np.searchsorted(self.rows.time_s, at_s, side="right")) - 1
+        state = State(there.attitude().matrix()[None], there.position()[None], there.velocity()[None],
+                      self.bias.accelerometer()[None], self.bias.gyroscope()[None], self.slow[None])
+        blocks = [] if pose is None else [self._pose(state, pose, row)]
+        if self.flying[row]:
+            force = increment_mean(self.rows, self.state_s, at_s)
+            block = drag(state, force[None], np.zeros(1, int))
+            blocks.append(replace(block, sigma=block.sigma * np.sqrt(0.1) / step))
+        where = {"x": x, "v": v, "c": c}
+        for block in blocks:
+            sigma = np.broadcast_to(block.sigma, block.residual.shape)[0]
+            parts = [part for letter, _, by in block.keys for part in (where[letter], by[0] / sigma[:, None])]
+            unit = gtsam.noiseModel.Unit.Create(len(sigma))
+            linear = gtsam.JacobianFactor(*parts, block.residual[0] / sigma, unit)
+            graph.add(gtsam.LinearContainerFactor(linear, values))
+        self.smoother.update(graph, values, dict.fromkeys((x, v, b, c), at_s))
+        now = self.smoother.calculateEstimate()
+        pose3, self.bias, self.slow = now.atPose3(x), now.atConstantBias(b), now.atVector(c)
+        self.there = gtsam.NavState(pose3.rotation(), pose3.translation(), now.atVector(v))
+        self.x, self.v, self.b, self.c, self.state_s = x, v, b, c, at_s
+        self.update_s.append(time.thread_time() - before)
+
+    def _pose(self, state: State, pose: int, row: int) -> Linear:
+        rotation, slow = state.rotation[0], state.slow[0]
+        rate = self.rows.gyro[row] - state.gyro_bias[0]
+        late = slow[3]
+        angle = so3.log(so3.multiply(so3.conjugate(quaternion_of(rotation)), self.rows.quaternion[pose]))
+        off = np.concatenate([self.rows.position[pose] - state.position[0] - state.velocity[0] * late,
+                              angle - slow[:3] - rate * (late + slow[4])])
+        by_x, by_v, by_c = np.zeros((1, 6, 6)), np.zeros((1, 6, 3)), np.zeros((1, 6, USED))
+        by_x[0, :3, 3:], by_x[0, 3:, :3] = rotation, np.eye(3)
+        by_v[0, :3] = late * np.eye(3)
+        by_c[0, :3, 3], by_c[0, 3:, 3], by_c[0, 3:, 4], by_c[0, 3:, :3] = state.velocity[0], rate, rate, np.eye(3)
+        one = np.zeros(1, int)
+        return Linear([("x", one, by_x), ("v", one, by_v), ("c", one, by_c)], off[None], self.pose_sd)
+
+    def _increment(self, start_s: float, end_s: float) -> Any:
+        """Preintegrated rows from one time to a later one, with the noise of how much they change."""
+        rows = self.rows.time_s
+        a, b = np.searchsorted(rows, [start_s, end_s])
+        acc, gyro = np.mean(self.slope[a : max(b, a + 1)], axis=0)
+        eye = np.eye(3)
+        wander = self.noise.stamp_s_sqrtHz**2
+        self.params.setAccelerometerCovariance(eye * (self.noise.acc_m_s2_sqrtHz**2 + wander * acc))
+        self.params.setGyroscopeCovariance(eye * (self.noise.gyro_rad_s_sqrtHz**2 + wander * gyro))
+        one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
+        self._integrate(one, start_s, end_s)
+        return one
+
+    def _integrate(self, one: Any, start_s: float, end_s: float) -> None:
+        times, values = between(self.rows.time_s, self.values, start_s, end_s)
+        middle = 0.5 * (values[1:] + values[:-1])
+        for i, step in enumerate(np.diff(times).tolist()):
+            if step > 1e-9:
+                one.integrateMeasurement(middle[i, :3], middle[i, 3:], step)
+
+
+def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) from start to end, both included, and the values there (m, d), piecewise linear."""
+    a, b = np.searchsorted(time_s, [start_s, end_s], side="right")
+    last = len(time_s) - 1
+
+    def at(t: float, i: int) -> np.ndarray:
+        j = min(max(i, 1), last)
+        share = (t - time_s[j - 1]) / (time_s[j] - time_s[j - 1])
+        return values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
+
+    times = np.concatenate(([start_s], time_s[a:b], [end_s]))
+    return times, np.vstack([at(start_s, a), values[a:b], at(end_s, b if time_s[b - 1] < end_s else b - 1)])
+
+
+def increment_mean(rows: Rows, start_s: float, end_s: float) -> np.ndarray:
+    """(3,) mean specific force between two times."""
+    a, b = np.searchsorted(rows.time_s, [start_s, end_s], side="right")
+    return rows.acc[min(a, b - 1) : b].mean(axis=0)
+
+
+def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n, 2): squared slope of accelerometer and gyro over the CHANGE_S before each row, mean of three axes."""
+    back = np.clip(np.searchsorted(time_s, time_s - CHANGE_S), 0, None)
+    slope = (values - values[back]) / np.maximum(time_s - time_s[back], 1e-3)[:, None]
+    return np.stack([np.mean(slope[:, :3] ** 2, axis=1), np.mean(slope[:, 3:] ** 2, axis=1)], axis=1)
+
+
+def _flying(flight: Flight, rows: Rows) -> np.ndarray:
+    """(n,) whether the motors carry the vehicle at a row; everywhere, without a motor stream."""
+    if "motor" not in flight or not len(flight["motor"]):
+        return np.ones(len(rows.time_s), bool)
+    motor = flight["motor"]
+    held = np.clip(np.searchsorted(motor.time_s, rows.report_s, side="right") - 1, 0, None)
+    return np.nan_to_num(motor["m1", "m2", "m3", "m4"].mean(axis=1))[held] > FLYING_PWM
