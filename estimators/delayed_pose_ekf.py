@@ -19,8 +19,8 @@ OFFSET_SD_S = 0.1
 
 
 class DelayedPoseEkf(DragMatrixEkf):
-    """Ignores ``metadata["pose_delay_s"]``. Late poses and early stamps of the vehicle look alike: it takes the vehicle's
-    stamps for right."""
+    """Ignores ``metadata["pose_delay_s"]``. Late poses and early stamps of the vehicle look alike: it takes the
+    vehicle's stamps for right."""
 
     name = "delayed_pose_ekf"
     settings: ClassVar = {**DragMatrixEkf.settings, "late_sd": OFFSET_SD_S, "late_moves": 0.0}

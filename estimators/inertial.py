@@ -32,7 +32,7 @@ BACK_S = 0.1
 """Stamps that jump back by more are no jitter."""
 
 COMPARED_S = 0.5
-LEAST_TURN_RAD = 0.03
+LEAST_TURN_RAD = 0.01
 """Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
 LEAST_ALIKE = 0.7
 """Where the two are correlated less, nothing is said about unit and sign."""

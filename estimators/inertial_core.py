@@ -158,8 +158,9 @@ def run(stamps_s, time_s, acc, gyro, flying, thrust, pose_of, pose_s, poses, set
     stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag and
     thrust count. acc, gyro (n, 3); thrust (n,) m/s^2 of the map; pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1]
     have arrived by row i; pose_s (m,) when they were measured; poses (m, 7). sums (n, 6), turns (n, 4): room for what
-    the IMU alone would integrate to. out (n, 11): position, velocity, quaternion and the squared innovation of the positions of the
-    row's poses (nan: none); sds (n, 9, 9): covariance of position, velocity and attitude, or (0, 9, 9) for none.
+    the IMU alone would integrate to. out (n, 11): position, velocity, quaternion and the squared innovation of the
+    positions of the row's poses (nan: none); sds (n, 9, 9): covariance of position, velocity and attitude, or (0, 9, 9)
+    for none.
     """
     n = len(time_s)
     other = np.empty((ERROR, ERROR))

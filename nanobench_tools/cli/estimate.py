@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
-RECKONING = ("error_state_ekf", "strapdown")
+RECKONING = ("strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf", "invariant_ekf")
 DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
-                   "aided": LOGGED + RECKONING + FLOORS, "blackout": RECKONING + FLOORS,
+                   "aided": (*LOGGED, *RECKONING, "delayed_pose_ekf", *FLOORS), "blackout": RECKONING + FLOORS,
                    "whole-flight": RECKONING + FLOORS}
 """Scored when nothing else is asked for."""
 
@@ -227,8 +227,27 @@ def _score_blackout(options: Options,
         row["clock"] = options.clock
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _show(options, "blackout", rows, ENDS)
+    _show_windows(options, rows)
     return rows, [{"flight": case.flight.name, "method": method.name, "clock": options.clock, **window}
                   for method, case, value in done for window in value["windows"]]
+
+
+def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Median and p90 over the windows of all flights, 3-D, horizontal and vertical."""
+    from rich.table import Table
+
+    from ..protocols.blackout import HORIZONS_S, KINDS
+
+    table = Table(title=f"blackout, end error [m] over windows, clock {options.clock}: median / p90", title_style="",
+                  box=None)
+    for name in ("method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
+        table.add_column(name)
+    for row in (row for row in rows if row["group"] == "all"):
+        for kind in KINDS:
+            found = [row["over_windows"].get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
+            cells = [f"{f['median']:.3f} / {f['p90']:.3f}" if f else "-" for f in found]
+            table.add_row(one_line(row["method"]), kind.strip("_") or "3-D", *cells)
+    options.show(table)
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],

@@ -23,6 +23,9 @@ from .usable import POSE
 FIRST_S, EVERY_S = 5.0, 5.0
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
 GIVEN = "motion capture poses until t0, none afterwards; all other streams"
+KINDS = {"": "error_m", "horizontal_": "horizontal_m", "vertical_": "vertical_m"}
+"""Parts of an end error: of what a metric is called -> of what a window holds."""
+
 NEAREST_S = 0.05
 """An estimate counts at the end of a window if it has a stamp within this of it."""
 
@@ -46,7 +49,8 @@ def given_until(flight: Flight, t0_s: float) -> Flight:
 
 
 def score(case: Case, method: Estimator) -> dict[str, Any]:
-    """{windows: [{t0_s, h_s, end_m, error_m}], metrics: {end_error_Hs_m: mean over the windows of the flight}}.
+    """{windows: [{t0_s, h_s, end_m, error_m, horizontal_m, vertical_m}], metrics: {end_error_Hs_m and the same with
+    horizontal_ and vertical_: mean over the windows of the flight}}.
 
     Raises InputError when the estimator gives no trajectory or does not reach the end of a window.
     """
@@ -64,16 +68,34 @@ def score(case: Case, method: Estimator) -> dict[str, Any]:
                 raise InputError(case.flight.provenance.path, f"estimator {method.name} has no value at {end:.2f} s")
             found = np.array([np.interp(end, estimate.time_s, estimate.position_m[:, k]) for k in range(3)])
             true = np.array([np.interp(end, truth_s, truth_m[:, k]) for k in range(3)])
-            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(),
-                            "error_m": float(np.linalg.norm(found - true))})
-    metrics = {f"end_error_{h:.0f}s_m": float(np.mean([w["error_m"] for w in windows if w["h_s"] == h]))
-               if any(w["h_s"] == h for w in windows) else float("nan") for h in HORIZONS_S}
+            off = found - true
+            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(), "error_m": float(np.linalg.norm(off)),
+                            "horizontal_m": float(np.hypot(off[0], off[1])), "vertical_m": float(abs(off[2]))})
+    metrics = {}
+    for h in HORIZONS_S:
+        mine = [w for w in windows if w["h_s"] == h]
+        for kind, key in KINDS.items():
+            value = float(np.mean([w[key] for w in mine])) if mine else float("nan")
+            metrics[f"end_error_{kind}{h:.0f}s_m"] = value
     return {"windows": windows, "metrics": metrics}
+
+
+def over_windows(scored: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | int]]:
+    """{end_error_Hs_m: {n, median, p90}} over all windows of the flights, also horizontal and vertical."""
+    found: dict[str, dict[str, float | int]] = {}
+    for kind, key in KINDS.items():
+        for h in HORIZONS_S:
+            errors = [w[key] for value in scored for w in value["windows"] if w["h_s"] == h]
+            if errors:
+                found[f"end_error_{kind}{h:.0f}s_m"] = {"n": len(errors), "median": float(np.median(errors)),
+                                                        "p90": float(np.percentile(errors, 90.0))}
+    return found
 
 
 def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
              seed: int = 0) -> list[dict[str, Any]]:
-    """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows)."""
+    """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows); beside it
+    ``over_windows``."""
     scored = [(case, value) for case, value in scored if value["windows"]]
     rows = []
     for group in group_order([g for case, _ in scored for g in case.groups]):
@@ -81,6 +103,6 @@ def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]]
         counts = {f"{h:.0f}": sum(w["h_s"] == h for _, value in members for w in value["windows"]) for h in HORIZONS_S}
         rows.append({"protocol": "blackout", "method": method.name, "causal": getattr(method, "causal", None),
                      "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-                     "n_windows": counts, "given": GIVEN,
+                     "n_windows": counts, "given": GIVEN, "over_windows": over_windows([v for _, v in members]),
                      "metrics": summaries([value["metrics"] for _, value in members], seed)})
     return rows

@@ -1,6 +1,7 @@
 """estimate --protocol blackout: rows, windows, and what a clock does to them."""
 
 import json
+from statistics import median
 
 import pytest
 
@@ -14,8 +15,9 @@ def blackout(nanobench, folder, out, *more):
 
 def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
     body = blackout(nanobench, wandering, tmp_path / "a.json")
-    assert {row["method"] for row in body["rows"]} == {"error_state_ekf", "strapdown", "hold_position",
-                                                       "constant_velocity"}
+    assert {row["method"] for row in body["rows"]} == {
+        "strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf", "invariant_ekf", "hold_position",
+        "constant_velocity"}
     for row in (r for r in body["rows"] if r["group"] == "all"):
         mine = [w for w in body["windows"] if w["method"] == row["method"] and w["h_s"] == 5.0]
         flights = {w["flight"] for w in mine}
@@ -23,6 +25,11 @@ def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
                  for f in flights]
         assert row["metrics"]["end_error_5s_m"]["mean"] == pytest.approx(sum(means) / len(means))
         assert row["protocol"] == "blackout"
+        whole = row["over_windows"]["end_error_5s_m"]
+        assert whole["n"] == len(mine)
+        assert whole["median"] == pytest.approx(median(w["error_m"] for w in mine))
+        for window in mine:
+            assert window["error_m"] ** 2 == pytest.approx(window["horizontal_m"] ** 2 + window["vertical_m"] ** 2)
         assert "until t0" in row["given"]
         assert len(mine[0]["end_m"]) == 3
 
