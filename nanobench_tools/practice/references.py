@@ -1,6 +1,6 @@
 """The reference paths: families with the parameters of the published sheets, and one path with all its numbers.
 
-A new family is one function in ``curves.py`` and one line in FAMILIES.
+A new family is one function in ``curves.py`` or ``courses.py`` and one line in FAMILIES.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..methods import Reference
+from .courses import minimum_snap, time_optimal_eight
 from .curves import (
     PathPoint,
     circle,
@@ -71,7 +72,13 @@ FAMILIES: dict[str, Family] = {
         "z_climb_m": 0.9}, _ONE_SPEED),
     "hover_until_landing": Family(hover_until_landing, "C4", {"altitude_m": 1.0, "min_voltage": 3.0,
                                                               "duration_s": 60.0}, _ONE_SPEED),
+    "time_optimal_eight": Family(time_optimal_eight, "H1", {**_FLAT, "scale_m": 1.0}, {
+        "slow": {"acceleration_m_s2": 1.0}, "medium": {"acceleration_m_s2": 2.0}, "fast": {"acceleration_m_s2": 3.0}}),
+    "minimum_snap": Family(minimum_snap, "H2", {**_FLAT, "waypoints_m": (
+        (0.9, 0.5, 1.3), (0.2, 1.0, 0.8), (-0.8, 0.6, 1.2), (-0.3, -0.2, 0.7), (-0.9, -0.9, 1.1), (0.3, -1.0, 1.4),
+        (1.0, -0.4, 0.9))}, {"slow": {"speed_mps": 0.4}, "medium": {"speed_mps": 0.55}, "fast": {"speed_mps": 0.7}}),
 }
+"""Families H are not of the published sheets: they show what is left to gain above them."""
 
 RECORDED = ("circle", "figure_eight", "helix", "linear_ramp", "oval", "star", "trefoil", "lissajous")
 """The families of which there are recordings; practice flights fly these unless told otherwise."""
