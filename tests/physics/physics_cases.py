@@ -21,6 +21,7 @@ ALL = {
     "ground_effect": {"rho": 1.2, "R": 0.0231}, "wind": {"w_m_s": (0.3, -0.2, 0.1)},
     "force_world": {"f_N": (0.001, 0.002, -0.003)}, "frame_tilt": {"roll_rad": 0.05, "pitch_rad": -0.08},
     "saturation": {"u_max": 0.9, "T_max_N": 0.11},
+    "slung_load": {"m_kg": 0.004, "l_m": 0.63, "zeta": 0.03, "r_m": (0.03, 0.03, -0.01)},
 }
 """Every term but thrust_pwm, which excludes thrust_voltage."""
 

@@ -242,7 +242,7 @@ def test_neutral_values_change_nothing(name):
     values = neutral(term, Vehicle())
     base = {**CURVE, **SPEED, "drag_linear": ALL["drag_linear"]}
     if values is None:
-        assert name in ("thrust_pwm", "thrust_voltage", "thrust_rpm")
+        assert name in ("thrust_pwm", "thrust_voltage", "thrust_rpm", "slung_load")
         return
     terms = {**base, name: values}
     inputs = np.array([[*U, BATTERY, *U[::-1], 0.0][: 10 if name == "command_delay" else 5]])

@@ -1,0 +1,34 @@
+"""A load on a string. A model of terms carries what the load does below the frequency of its swing: it hangs under its
+knot and comes along, as a weight there would. The swing itself has two more states than a model; ``pendulum.swing``
+integrates it beside one, and a diagnosis looks for it as a force that comes and goes
+(``identification/mismatch/periodic.py``). No fit can tell the length from flights that are evaluated without the swing:
+there is no neutral length, and the term is not searched for among the causes of a residual.
+"""
+
+from ..term import Parameter, Stage, Term
+from ..vector import cross, scale, subtract
+
+
+def mass(value, p, at, ops):
+    return value + p.m_kg
+
+
+def moment(torque, p, at, ops):
+    share = p.m_kg / (at.vehicle.mass_kg + p.m_kg)
+    return subtract(torque, scale(share, cross(p.r_m, at.force_b)))
+
+
+TERM = Term(
+    name="slung_load",
+    sentence="A load m on a string of length l, knotted at r, weighs there, and swings at some sqrt(g / l) / 2 pi.",
+    equation="M <- M + m; tau <- tau - m / (M + m) r x F_b; beside it s'' = -(g / l) s - 2 zeta sqrt(g / l) s' "
+             "- a_knot, F <- F + m g s / l",
+    parameters=(
+        Parameter("m_kg", "kg", 0.0, 1.0, 0.004, source="CrazyPAD: a few grams on a thread of 0.63 m"),
+        Parameter("l_m", "m", 0.05, 10.0, 0.6, neutral=None, source="CrazyPAD: 0.63 m"),
+        Parameter("zeta", "1", 0.0, 1.0, 0.03, source="a small sphere of 4 g in air: swings for half a minute"),
+        Parameter("r_m", "m", -0.5, 0.5, 0.0, length=3, source="within the reach of the motors")),
+    acts={Stage.MASS: mass, Stage.TORQUE: moment},
+    confused_with={"mass": "a sideways step, higher than the string is long: only a load on a string swings",
+                   "com_offset": "a weighing: a load on a string adds mass"},
+)
