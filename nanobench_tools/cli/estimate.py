@@ -37,6 +37,9 @@ POINTS_WITHIN_S = 1e-3
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
 
+SURE = (*COLUMNS, ("nees", "NEES of 3", 1.0, 2), ("nees_in_band", "in 95 % band", 1.0, 2), ("nis", "NIS of 1", 1.0, 2))
+"""Shown for aided: a filter that is told poses can say how sure it is of each."""
+
 DRIFTS = (("drift_percent", "drift %", 1.0, 1), ("drift_horizontal_percent", "horizontal %", 1.0, 1),
           ("drift_vertical_percent", "vertical %", 1.0, 1), ("velocity_rmse_m_s", "velocity m/s", 1.0, 3))
 
@@ -202,7 +205,7 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     for row in rows:
         row |= {"clock": options.clock, **said}
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
-    _show(options, protocol, rows, DRIFTS if protocol == task3.WHOLE_FLIGHT else COLUMNS)
+    _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
                    "speed": speed_of(case.flight), "clock": options.clock, **said, "metrics": value["metrics"]}
                   for method, case, value in done]

@@ -64,3 +64,22 @@ def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 
     one_low, one_high = chi2.ppf(tails, k)
     inside = float(np.mean((values >= one_low) & (values <= one_high)))
     return Consistency(float(values.mean()), k, n, (float(low), float(high)), inside, probability)
+
+
+def independent_samples(white: np.ndarray) -> float:
+    """How many independent rows the (n, k) rows are worth: n / (1 + 2 sum r_j), at least 1, r the autocorrelation
+    (mean over columns, about zero, up to where it first falls below 0.05).
+
+    Sokal, "Monte Carlo methods in statistical mechanics" (1997), section 3, for the integrated correlation time.
+    """
+    x = np.asarray(white, float)
+    n = len(x)
+    if n < 4 or not np.any(x):
+        return float(n)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(x, size, axis=0)) ** 2
+    power = np.fft.irfft(spectrum.sum(axis=1), size)[: n // 2]
+    r = power / power[0]
+    small = np.flatnonzero(r < 0.05)
+    until = int(small[0]) if len(small) else len(r)
+    return float(max(n / (1.0 + 2.0 * r[1:until].sum()), 1.0))

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
+from scipy.stats import chi2
 
 from .. import so3
 from ..flight import Span
-from ..metrics import alignment, attitude, timing, trajectory
+from ..methods import Estimate
+from ..metrics import alignment, attitude, consistency, timing, trajectory
 
 NAN = float("nan")
+PROBABILITY = 0.95
 
 
 def published_metrics(estimate_m: np.ndarray, truth_m: np.ndarray, estimate_m_s: np.ndarray | None,
@@ -68,3 +71,34 @@ def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.n
     split = timing.along_across(e[delay.rows], delay.truth_m, delay.velocity_m_s)
     values = (delay.delay_s, delay.rmse_after_m, split.along_rmse_m, split.across_rmse_m)
     return found | dict(zip(names, values, strict=True))
+
+
+def consistency_metrics(estimate: Estimate, rows: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
+    """Whether the estimate is as sure as it is right: of positions at ``rows`` (k,) against truth_m (k, 3).
+
+    ``nees``: mean normalised squared error, 3 if consistent. Errors of one run hang together in time, so that k rows
+    count as ``nees_samples``, from the autocorrelation of the whitened error; ``nees_in_band`` is 1 if the mean lies
+    in the 95 % band of chi-square for so many, else 0 (over flights: the share). ``nis``: mean over the measurements'
+    dimensions, 1 if consistent, its band taken as if innovations were white, which they are if the filter is right.
+    Empty if the estimate does not say how sure it is; nan where a covariance is not positive definite.
+    """
+    found: dict[str, float] = {}
+    if estimate.covariance is not None:
+        error, covariance = estimate.position_m[rows] - truth_m, np.asarray(estimate.covariance, float)[rows, :3, :3]
+        try:
+            white = np.linalg.solve(np.linalg.cholesky(covariance), error[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            return dict.fromkeys(("nees", "nees_samples", "nees_in_band"), NAN)
+        mean, samples = float(np.mean(np.sum(white * white, axis=1))), consistency.independent_samples(white)
+        found |= {"nees": mean, "nees_samples": samples, "nees_in_band": _in_band(mean, 3.0, samples)}
+    if estimate.nis is not None and estimate.nis_dof is not None and len(estimate.nis):
+        dof = float(np.sum(estimate.nis_dof))
+        mean = float(np.sum(estimate.nis)) / dof
+        found |= {"nis": mean, "nis_in_band": _in_band(mean, 1.0, dof)}
+    return found
+
+
+def _in_band(mean: float, dimension: float, samples: float) -> float:
+    """1 if the mean of ``samples`` values of ``dimension`` each lies in its band, else 0."""
+    low, high = chi2.ppf([0.5 * (1.0 - PROBABILITY), 0.5 * (1.0 + PROBABILITY)], samples * dimension) / samples
+    return float(low <= mean <= high)

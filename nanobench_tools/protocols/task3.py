@@ -28,7 +28,7 @@ from ..metrics.attitude import published_euler_rmse_deg
 from .labels import family_of, speed_of
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
-from .scoring3 import attitude_metrics, further_metrics, published_metrics
+from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .tables import group_order, groups_of, summaries
 from .usable import MOCAP, POSE, cut_by, usable
@@ -256,6 +256,7 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
     else:
         metrics |= attitude_metrics(q, truth.quaternion)
         metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
+        metrics |= consistency_metrics(estimate, rows, truth.position_m)
     return {"metrics": metrics, "rows": len(rows), "dropped": truth.dropped,
             "trajectory": np.column_stack([t, p, q])}
 
