@@ -12,12 +12,14 @@ import math
 import tomllib
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
-from nanobench_tools.errors import InputError
+from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Stream
 
 SCHEMA = "nanobench-imu-noise/1"
 NOMINAL_HZ = 100.0
+MAY_BE_ZERO = ("stamp_s_sqrtHz", "gyro_walk_rad_s2_sqrtHz", "acc_walk_m_s3_sqrtHz")
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,18 @@ def packet_rate_hz(stream: Stream) -> float:
     return stream.rate_hz
 
 
+def reckon_with(method: Any, noise: ImuNoise) -> None:
+    """Gives an estimator that takes one the noise: attribute ``noise`` (smoothers) or ``settings`` (inertial rows)."""
+    if hasattr(method, "noise"):
+        method.noise = noise
+    elif hasattr(method, "settings"):
+        method.settings = {**method.settings, "gyro_noise": noise.gyro_rad_s_sqrtHz, "acc_noise": noise.acc_m_s2_sqrtHz,
+                           "vertical_noise": noise.acc_m_s2_sqrtHz, "gyro_walk": noise.gyro_walk_rad_s2_sqrtHz,
+                           "acc_walk": noise.acc_walk_m_s3_sqrtHz}
+    else:
+        raise UsageError(f"estimator {getattr(method, 'name', method)!r} takes no noise of an IMU")
+
+
 def read_imu_noise(path: Path) -> ImuNoise:
     """The file; keys that are left out keep their defaults. InputError for what is no such file or cannot be."""
     place = str(path)
@@ -77,6 +91,7 @@ def read_imu_noise(path: Path) -> ImuNoise:
     for name, value in table.items():
         if name not in known:
             raise InputError(f"{place}: [imu] {name}", "unknown key", f"known: {', '.join(sorted(known))}")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e4:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not 0.0 <= value < 1e4 or (value == 0.0 and name not in MAY_BE_ZERO):
             raise InputError(f"{place}: [imu] {name}", f"{value!r}", "a positive number is needed")
     return ImuNoise(**{name: float(value) for name, value in table.items()})

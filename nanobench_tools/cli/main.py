@@ -27,6 +27,8 @@ VERBS: dict[str, tuple[str, str]] = {
                "nanobench thrust --data STAND --out DIR"),
     "motors": ("Motor lag, speed and torque from logs with measured RPM.",
                "nanobench motors --data LOGS --mass 0.037 --out DIR"),
+    "noise": ("Noise of gyro and accelerometer, at rest and in flight.",
+              "nanobench noise --data FLIGHTS --out DIR"),
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
     "diagnose": ("Where is my simulator wrong? What, how big, how sure.",
                  "nanobench diagnose --data FLIGHTS --simulator simulator.toml --out DIR"),

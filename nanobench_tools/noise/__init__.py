@@ -1,0 +1,1 @@
+"""How noisy an inertial sensor is: at rest, and in flight against motion capture."""
