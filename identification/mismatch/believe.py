@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,10 +46,22 @@ def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> 
     wrench = Wrench(recordings.tracks)
     model = Model(vehicle or Vehicle(), START)
     for _ in range(PASSES):
-        space = space_around(model)
-        asked = np.concatenate([space.free(t) for t in space.terms])
-        moments = with_levels(moments_of(wrench, wrench.residual(space.model), slopes(wrench, space.model, asked)[0],
-                                         [space.model.names[i] for i in asked]), space)
-        core = fit(Slopes(moments), space.model, free_of(space, tuple(START)))
-        model = reduced(core.model, space.believed, ())
+        model, moments = _fitted(wrench, model, tuple(START))
     return model, moments
+
+
+def fit_along(recordings: Recordings, model: Model, terms: Sequence[str]) -> Model:
+    """``model`` with the parameters of some ``terms`` fitted along the states of recordings, added where it lacks them;
+    InputError when the recordings are too short."""
+    if recordings.judged_s < LEAST_S:
+        raise InputError("recordings", f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
+    return _fitted(Wrench(recordings.tracks), model, tuple(terms))[0]
+
+
+def _fitted(wrench: Wrench, model: Model, terms: tuple[str, ...]) -> tuple[Model, Moments]:
+    space = space_around(model)
+    asked = np.concatenate([space.free(t) for t in space.terms])
+    moments = with_levels(moments_of(wrench, wrench.residual(space.model), slopes(wrench, space.model, asked)[0],
+                                     [space.model.names[i] for i in asked]), space)
+    core = fit(Slopes(moments), space.model, free_of(space, terms))
+    return reduced(core.model, space.believed, terms), moments

@@ -174,7 +174,8 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
     without = _level_only(known, named, h, home) if h.term in MAPS else _without(known, named, h, named.fit, home)
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
     here = taken > 0.2 * taken.sum()
-    acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])}
+    pushes = taken[:3].sum() > 0.5 * taken.sum()  # a force that no term has says nothing against a name that turns
+    acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])} if pushes else set()
     left = float(after[here].sum())
     if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
         where = ", ".join(np.array(CHANNELS)[here])

@@ -169,15 +169,21 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
     return moments, named
 
 
+def recorded(flights: Sequence[Flight], with_battery: bool = True) -> Recordings:
+    """Flights as they were read: audited, and put on the motion capture's clock."""
+    audits = {flight.name: audit(flight) for flight in flights}
+    moved = on_clock(flights, audits, "retimed")
+    return look_over(flights, audits, moved.flights, moved.audits, with_battery)
+
+
 def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int = 0,
                      progress: Callable[[str], None] | None = None) -> dict[str, Any]:
     """``diagnose`` from recordings as they were read: verdict.json without what belongs to the file around it."""
     start = time.perf_counter()
-    audits = {flight.name: audit(flight) for flight in flights}
-    moved = on_clock(flights, audits, "retimed")
-    recordings = look_over(flights, audits, moved.flights, moved.audits, "thrust_voltage" in simulator)
+    recordings = recorded(flights, "thrust_voltage" in simulator)
     body = diagnose(recordings, simulator, seed=seed, progress=progress).to_json()
     return {**body, "elapsed_s": time.perf_counter() - start}
 
 
-__all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of"]
+__all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of",
+           "recorded"]

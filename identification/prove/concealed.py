@@ -1,9 +1,9 @@
 """Real flights with one piece of knowledge taken from the simulator: does the diagnosis ask for it back?
 
-The simulator is our own: on training flights a thrust map is fitted to the accelerometer, and a grey-box model with
-that map to 50-step predictions. Then it is made ignorant - of the battery's voltage (its map fitted to PWM alone), of
-what the vehicle weighed, of drag, of motor lag - and diagnosed on other flights, together with the fit as it is
-(``control``). No fit is the truth: what is named in the control, or
+The simulator is our own: on training flights a thrust map is fitted to the accelerometer, a grey-box model with that
+map to 50-step predictions, and drag along the states, since half a second hides it. Then it is made ignorant - of the
+battery's voltage (the map at one voltage), of what the vehicle weighed, of drag, of motor lag - and diagnosed on other
+flights, together with the fit as it is (``control``). No fit is the truth: what is named in the control, or
 beside what was taken away, may really be missing, and is counted as false all the same, since nobody can know.
 
 One case more (``dead log``): flights whose radio log died while the vehicle flew on, so that its estimate seems to
@@ -18,16 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from identification.greybox.ladder import FULL, THRUST_PWM, Rung
+from identification.greybox.ladder import FULL, Rung
 from identification.greybox.study import fit_item
+from identification.mismatch.believe import fit_along
+from identification.mismatch.diagnose import recorded
+from identification.mismatch.space import with_other_map
 from identification.thrust.data import flown_rows
 from identification.thrust.export import rising_cubic
-from identification.thrust.flight_fit import SUFFIX, find_delay, fit_flights, models
+from identification.thrust.flight_fit import find_delay, fit_flights, models
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.protocols.task1 import Case, Split
 
 from .run import Diagnose, Run
@@ -39,10 +43,7 @@ FLIGHTS = 6
 """Of one case."""
 DEAD = "dead_stream"
 RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
-BLIND = Rung("concealed_blind", "the same from PWM alone", {**{k: v for k, v in FULL.items() if k != "thrust_voltage"},
-                                                            **THRUST_PWM}, "past")
-KNOWN, UNKNOWN = "thrust_voltage", "thrust_pwm"
-"""The thrust maps of the two."""
+MAP, DRAG = "thrust_voltage", "drag_linear"
 THIN = 20
 """Of the rows of all flights, every so many shape a cubic."""
 
@@ -83,41 +84,44 @@ class RealCase:
 
 
 def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[Model, Model]:
-    """(with the battery's voltage, from PWM alone), fitted to the training flights."""
-    place = split.train[0].flight.provenance.path
-    thrust = make_item(thrust_item, {"cases": list(split.train), "mass_kg": mass_kg}, "fit thrust", file=place)
-    flown = run([thrust], "fit thrust")
-    if not flown.values:
-        raise InputError(place, f"no thrust map can be fitted: {flown.failed[0]['error']}")
-    maps = flown.values[thrust.key]
-    rungs = [replace(rung, terms={**rung.terms, name: {"c": tuple(maps[name])}}, hold=(name,))
-             for rung, name in ((RUNG, KNOWN), (BLIND, UNKNOWN))]
-    items = [make_item(fit_item, {"cases": list(split.train), "rung": rung, "seed": seed, "mass_kg": mass_kg},
-                       f"fit {rung.name}", file=place) for rung in rungs]
-    result = run(items, "fit")
-    if len(result.values) < len(items):
-        raise InputError(str(result.failed[0]["file"]), f"no simulator can be fitted: {result.failed[0]['error']}")
-    fitted, blind = (Model(Vehicle(mass_kg=mass_kg), result.values[i.key]["simulator"]) for i in items)
+    """(fitted to the training flights, the same with thrust from PWM at their median battery voltage)."""
+    place, cases = split.train[0].flight.provenance.path, list(split.train)
+
+    def made(title: str, function: Callable[..., dict[str, Any]], **given: Any) -> dict[str, Any]:
+        item = make_item(function, {"cases": cases, "mass_kg": mass_kg, **given}, title, file=place)
+        found = run([item], title)
+        if not found.values:
+            raise InputError(str(found.failed[0]["file"]), f"no simulator can be fitted: {found.failed[0]['error']}")
+        return found.values[item.key]
+
+    thrust = made("fit thrust", thrust_item)
+    rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": tuple(thrust["c"])}}, hold=(MAP,))
+    terms = made("fit the rest", fit_item, rung=rung, seed=seed)["simulator"]
+    fitted = loads(made("fit drag", drag_item, terms=terms)["simulator"])
+    blind = with_other_map(fitted, thrust["battery_V"])
+    assert blind is not None  # it has MAP
     return fitted, blind
 
 
 def thrust_item(cases: Sequence[Case], mass_kg: float) -> dict[str, Any]:
-    """{term: coefficients} of both maps, from what the accelerometer felt along z, inflow and heating beside them
-    (``identification.thrust``), as cubics that rise. Predictions of half a second see too small a slope, because
-    controllers answer gusts.
-    """
+    """{c of MAP, battery_V: median}, from what the accelerometer felt along z (``identification.thrust``), as a cubic
+    that rises. Predictions of half a second see too small a slope, because controllers answer gusts."""
     flown = [(case.flight, case.spans) for case in cases]
     rows = flown_rows(flown, find_delay(flown, mass_kg)).files
     u, volts = np.concatenate([f.u for f in rows]), np.concatenate([f.battery_V for f in rows])[:, None]
-    found: dict[str, Any] = {}
-    for name, drive in ((KNOWN, u * volts), (UNKNOWN, u)):
-        thrust = fit_flights(models(mass_kg)[name + SUFFIX], rows).fit.predict(u, volts)
-        found[name] = rising_cubic(drive.ravel()[::THIN], thrust.ravel()[::THIN]).tolist()
-    return found
+    thrust = fit_flights(models(mass_kg)[MAP], rows).fit.predict(u, volts)
+    return {"c": rising_cubic((u * volts).ravel()[::THIN], thrust.ravel()[::THIN]).tolist(),
+            "battery_V": float(np.median(volts))}
 
 
-def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int) -> list[RealCase]:
-    """``n`` cases: every ignorance on one group of FLIGHTS test flights, then on the next."""
+def drag_item(cases: Sequence[Case], mass_kg: float, terms: Mapping[str, Any]) -> dict[str, Any]:
+    """{simulator: text of its TOML}: ``terms`` with drag fitted along the states of the training flights."""
+    model = Model(Vehicle(mass_kg=mass_kg), terms)
+    return {"simulator": dumps(fit_along(recorded([case.flight for case in cases]), model, (DRAG,)))}
+
+
+def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int, first: int = 0) -> list[RealCase]:
+    """``n`` cases, numbered from ``first``: every ignorance on one group of FLIGHTS test flights, then on the next."""
     fitted = simulators[0]
     groups = _groups([case.flight for case in split.test], np.random.default_rng([seed, 103]))
     if not groups:
@@ -130,7 +134,7 @@ def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int)
             effects = [] if lack.term is None else [{
                 "term": lack.term, "size": "real", "foreign": False, "twins": list(lack.twins), "flights": names,
                 "parameters": _taken(fitted, lack.term)}]
-            truth = {"case": f"real_{len(found):03d}", "kind": lack.kind, "effects": effects, "faults": [],
+            truth = {"case": f"real_{first + len(found):03d}", "kind": lack.kind, "effects": effects, "faults": [],
                      "engine": None, "note": f"group {number + 1}: {', '.join(names)}"}
             found.append(RealCase(tuple(group), lack.simulator(*simulators), truth))
     return found[:n]

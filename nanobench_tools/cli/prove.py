@@ -33,7 +33,8 @@ DEFAULT_PLACES = "the default places"
                    "and all without it, the first one flies; every case says who it was.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
-                   "one piece of knowledge taken away, diagnosed on others.")
+                   "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "
+                   "every other one makes a simulator; without speed and lag the others are diagnosed.")
 @click.option("--mass", "mass_kg", type=float, default=None, metavar="KG",
               help=f"Mass of the vehicle of --concealed (default {MASS_KG}) or --real (default: what the firmware's "
                    "thrust curve says it carried).")
@@ -99,21 +100,28 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[
 
 def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str, Any]:
     from identification.mismatch.diagnose import diagnose_flights
-    from identification.prove.concealed import dead_logs, diagnose_real, fit_simulators, real_cases
+    from identification.prove.concealed import RealCase, dead_logs, diagnose_real, fit_simulators, real_cases
+    from identification.prove.hidden_speed import SPEED, speed_cases, with_speed
     from identification.prove.summary import power_by_term, summarise
 
     from ..protocols import task1
 
     options.data = () if place == DEFAULT_PLACES else (Path(place),)
     flights = options.load()
-    audits, _ = options.audit(flights)
-    split = task1.split(flights, audits)
-    simulators = fit_simulators(split, options.run, options.seed, mass_kg)
-    chosen = real_cases(split, simulators, n, options.seed)
-    chosen += dead_logs(split, audits, simulators, len(chosen))
+    spinning = with_speed(flights)
+    train, chosen = [f.name for f in spinning[::2]], list[RealCase]()
+    if spinning:
+        chosen = speed_cases(spinning, mass_kg, options.run, options.seed, 0)
+    others = [f for f in flights if f not in spinning]
+    if others and not all(SPEED in f for f in flights):
+        audits, _ = options.audit(others)
+        split = task1.split(others, audits)
+        simulators = fit_simulators(split, options.run, options.seed, mass_kg)
+        chosen += real_cases(split, simulators, n, options.seed, len(chosen))
+        chosen += dead_logs(split, audits, simulators, len(chosen))
+        train += [case.flight.name for case in split.train]
     scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
-    body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored),
-            "train": [case.flight.name for case in split.train]}
+    body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored), "train": train}
     show_real(options, body)
     return body
 

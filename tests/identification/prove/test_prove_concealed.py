@@ -3,6 +3,7 @@
 from functools import partial
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from identification.greybox.ladder import FULL
@@ -14,8 +15,10 @@ from nanobench_tools.cli.prove import show_real
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, Flight, Provenance
 from nanobench_tools.harness import run_items
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.simulator import dumps
 
-VOLTS, PWM = dict(FULL), {**{k: v for k, v in FULL.items() if k != "thrust_voltage"}, "thrust_pwm": {"c": (0.0, 0.4)}}
+VOLTS = dict(FULL)
 FAMILIES = ("circle", "star", "trefoil")
 
 
@@ -29,17 +32,18 @@ def split(n):
                            test=[SimpleNamespace(flight=f) for f in flights(n)])
 
 
-MAPS = {"thrust_voltage": [0.01, 0.0, 0.01], "thrust_pwm": [0.0, 0.1, 0.1]}
+def thrust(cases, mass_kg):
+    return {"c": [0.01, 0.0, 0.01], "battery_V": 3.8}
 
 
 def fitted(cases, rung, seed, mass_kg):
-    known, = rung.hold
-    assert list(rung.terms[known]["c"]) == MAPS[known]
-    return {"simulator": VOLTS if known == "thrust_voltage" else PWM}
+    assert rung.hold == ("thrust_voltage",)
+    assert rung.terms["thrust_voltage"]["c"] == (0.01, 0.0, 0.01)
+    return {"simulator": {**VOLTS, **{k: rung.terms[k] for k in rung.hold}}}
 
 
-def thrust(cases, mass_kg):
-    return MAPS
+def drag(cases, mass_kg, terms):
+    return {"simulator": dumps(Model(Vehicle(mass_kg=mass_kg), terms))}
 
 
 def run(items, title):
@@ -50,6 +54,7 @@ def run(items, title):
 def simulators(monkeypatch):
     monkeypatch.setattr(concealed, "fit_item", fitted)
     monkeypatch.setattr(concealed, "thrust_item", thrust)
+    monkeypatch.setattr(concealed, "drag_item", drag)
     return fit_simulators(split(1), run, 0, 0.041)
 
 
@@ -157,5 +162,9 @@ def verdict_of(verdict, flights, simulator, *, seed):
     return verdict
 
 
-def test_the_simulator_without_voltage_has_the_same_terms_otherwise():
-    assert set(concealed.BLIND.terms) ^ set(concealed.RUNG.terms) == {"thrust_voltage", "thrust_pwm"}
+def test_the_simulator_without_voltage_is_right_at_one(simulators):
+    whole, blind = simulators
+    u = np.linspace(0.3, 1.0, 5)
+    c, there = (np.array(m.values_of(t)["c"]) for m, t in ((whole, "thrust_voltage"), (blind, "thrust_pwm")))
+    np.testing.assert_allclose(np.polyval(there[::-1], u), np.polyval(c[::-1], 3.8 * u), rtol=1e-12)
+    assert {t.name for t in whole.terms} ^ {t.name for t in blind.terms} == {"thrust_voltage", "thrust_pwm"}
