@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -32,7 +33,7 @@ class Senses(Protocol):
 @dataclass(frozen=True)
 class Flown:
     """Truth at the ticks (m,) time_s: position_m, velocity_m_s, rate_rad_s (m, n, 3), quaternion (m, n, 4), battery_V
-    (m, n); motor (m, n, 4) PWM ratio from the tick on."""
+    (m, n); motor (m, n, 4) PWM ratio from the tick on. call_s (k,): wall clock of every command over n."""
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -41,6 +42,7 @@ class Flown:
     rate_rad_s: np.ndarray
     battery_V: np.ndarray
     motor: np.ndarray
+    call_s: np.ndarray
 
 
 def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callable[[int], Reference], ticks: int, *,
@@ -60,7 +62,7 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
         controller.reset(n)
     kept = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "battery_V": 1, "motor": 4}
     out = {name: np.zeros((ticks, n, width)) for name, width in kept.items()}
-    command = plant.motor.T
+    command, calls = plant.motor.T, []
     for tick in range(ticks):
         position, velocity, quaternion = senses.read(tick)
         asked = reference(tick)
@@ -72,13 +74,15 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
         for sub in range(SUBSTEPS):
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, senses.gyro(), plant.battery_V)
+                before = time.perf_counter()
                 command = _command(controller, TICK_S * tick + STEP_S * sub, state, asked, n)
+                calls.append((time.perf_counter() - before) / n)
             plant.advance(command)
             senses.step()
             if sub == 0:
                 out["motor"][tick], out["battery_V"][tick, :, 0] = plant.motor.T, plant.battery_V
     battery = out.pop("battery_V")[..., 0]
-    return Flown(TICK_S * np.arange(ticks), battery_V=battery, **out)
+    return Flown(TICK_S * np.arange(ticks), battery_V=battery, call_s=np.array(calls), **out)
 
 
 def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference, n: int) -> np.ndarray:

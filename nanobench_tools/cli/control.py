@@ -1,21 +1,23 @@
-"""``nanobench control``: scores of controllers (Task 2); here those that flew, on their logged flights."""
+"""``nanobench control``: scores of controllers (Task 2): those that flew, the plant's gate, and simulated flights."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import InputError, UsageError
-from .options import Options, one_line, shared_options
+from .options import PATH, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
 
-PLANTS = ("real",)
+PLANTS = ("real", "gate", "simulated")
+DEFAULT_PLANTS = ("real", "gate")
 COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_rmse_m_s", "velocity m/s", 1.0, 4),
            ("heading_deg", "heading deg", 1.0, 3), ("divergence_percent", "> 0.5 m %", 1.0, 3),
            ("rmse_lag_removed_m", "lag removed m", 1.0, 4))
@@ -23,28 +25,73 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 
 @click.command()
 @shared_options()
-@click.option("--plant", default="real", show_default=True, metavar="NAME", help="real: the logged flights.")
+@click.option("--plant", "plants", multiple=True, metavar="NAME",
+              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
+                   "simulated: an ensemble of plants. May repeat. Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
-              help="as-published or clean; may repeat. Default: both.")
+              help="Of real flights: as-published or clean; may repeat. Default: both.")
 @click.option("--controller", "controllers", multiple=True, metavar="NAME",
-              help="pid, mellinger or the name of one of your own that flew; may repeat. Default: all.")
-def control(options: Options, plant: str, protocols: tuple[str, ...], controllers: tuple[str, ...]) -> int:
-    """Task 2: how well was it flown? Scores of the controllers that flew the recordings.
+              help="Real: pid, mellinger or the name of one of your own that flew. Simulated: a registered name or "
+                   "module:Class. May repeat. Default: all.")
+@click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the plant. Default: the recorded "
+              "vehicle as identified from the training flights of Task 1, which the gate then leaves out.")
+@click.option("--train", multiple=True, type=PATH, metavar="PATH",
+              help="Identify the plant from these recordings; may repeat.")
+@click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",
+              help="Simulated: a family of paths such as figure8; may repeat. Default: the eight recorded ones.")
+@click.option("--speed", "speeds", multiple=True, type=click.FloatRange(min=0.05, max=5.0), metavar="M_S",
+              help="Simulated: speed along the path [m/s]; may repeat. Default: 0.5 and 1.0.")
+@click.option("--seconds", type=click.FloatRange(min=5.0, max=600.0), default=12.0, show_default=True,
+              help="Simulated: length of every path, of which the first 3 s are not scored.")
+@click.option("--plants", "members", type=click.IntRange(min=1), default=12, show_default=True, metavar="N",
+              help="Simulated: how many plants; the first is the median one.")
+def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...], controllers: tuple[str, ...],
+            simulator: Path | None, train: tuple[Path, ...], trajectories: tuple[str, ...], speeds: tuple[float, ...],
+            seconds: float, members: int) -> int:
+    """Task 2: how well was it flown, and how would another controller fly it?
 
-    as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
-    family, speed and controller.
+    real: as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
+    family, speed and controller. gate: does the plant do what held-out recordings did? simulated: controllers on many
+    plants that the vehicle may be, with the gate's gap beside every number.
     """
     from ..protocols import task2
+    from .control_plants import Chosen, check_simulated, gate_body, simulated_body
 
-    if plant not in PLANTS:
-        raise UsageError(f"unknown plant {plant!r}; known: {', '.join(PLANTS)}")
+    wanted = tuple(dict.fromkeys(plants or DEFAULT_PLANTS))
+    for name in wanted:
+        if name not in PLANTS:
+            raise UsageError(f"unknown plant {name!r}; known: {', '.join(PLANTS)}")
     for name in protocols:
         task2.check_protocol(name)
-    flights = options.load()
-    audits, _ = options.audit(flights)
+    if simulator is not None and train:
+        raise UsageError("--simulator and --train both choose the plant; give one")
+    specs = check_simulated(controllers if "simulated" in wanted else (), trajectories, speeds, seconds)
+    chosen = Chosen.of(options, simulator, train)
+    body: dict[str, Any] = {"gate": [], "rows": [], "left_out": []}
+    if {"real", "gate"} & set(wanted):
+        flights = options.load()
+        audits, _ = options.audit(flights)
+        if "real" in wanted:
+            body |= _real(options, flights, audits, protocols, controllers if wanted != ("simulated",) else (),
+                          "simulated" in wanted)
+        if "gate" in wanted:
+            seen, judged = options.on_clock(flights, audits)
+            body |= gate_body(options, seen, judged, chosen, asked="gate" in plants)
+    if "simulated" in wanted:
+        simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"))
+        body["rows"] = [*body["rows"], *simulated.pop("rows")]
+        body |= simulated
+    return options.finish("control", body)
+
+
+def _real(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], protocols: tuple[str, ...],
+          controllers: tuple[str, ...], shared: bool) -> dict[str, Any]:
+    """Rows of the logged flights; ``shared``: names of controllers may also be meant for the simulated ones."""
+    from ..protocols import task2
+
     flew = sorted({audit.controller for audit in audits.values()} - set(task2.UNNAMED))
     for name in controllers:
-        if name not in flew:
+        if name not in flew and not shared:
             raise UsageError(f"unknown controller {name!r}; known in these recordings: {', '.join(flew) or 'none'}")
     if options.clock != "as-recorded":
         if set(protocols) - {"clean"}:
@@ -52,7 +99,10 @@ def control(options: Options, plant: str, protocols: tuple[str, ...], controller
                              "as recorded")
         protocols = ("clean",)
     flights, audits = options.on_clock(flights, audits)
-    return options.finish("control", control_body(options, flights, audits, protocols, controllers))
+    known = tuple(name for name in controllers if name in flew)
+    if controllers and not known:
+        return {"rows": []}
+    return control_body(options, flights, audits, protocols, known)
 
 
 def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
@@ -87,7 +137,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     for row in rows:
         row["clock"] = options.clock
     _show(options, rows)
-    return {"gate": [], "gate_note": task2.GATE_NOTE, "rows": rows,
+    return {"gate": [], "rows": rows,
             "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED, reasons)}
 
 

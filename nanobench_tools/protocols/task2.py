@@ -41,7 +41,6 @@ NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS}
 SETPOINT_M = 0.05
 DROPPED_ABOVE_M = 1.0
 MINIMUM_S = 5.0
-GATE_NOTE = "no gate yet: it needs a plant that flies the logged setpoints"
 
 
 @dataclass(frozen=True)

@@ -98,15 +98,17 @@ def test_broken_trajectories_fail_alone_and_are_named(call, folder, tmp_path):
 def test_control(call, folder):
     code, result, out, err = call("control", "--data", folder)
     assert code == 0, err
-    assert result["gate"] == []
-    assert "plant" in result["gate_note"]
+    assert {row["controller"] for row in result["gate"]} == {"pid"}
+    assert len(result["gate"]) == 3
+    assert "plant: the recorded vehicle as shipped" in result["gate_note"]
     assert "SYNTHETIC" in out
     assert {row["plant"] for row in result["rows"]} == {"real"}
     assert {row["reference"] for row in result["rows"]} == {"circle", "trefoil", "helix"}
     for row in result["rows"]:
         assert 0.0 < row["metrics"]["rmse_m"] < 2.0
         assert row["statistics"]["rmse_m"]["n"] == row["n"]
-    code, result, _, _ = call("control", "--data", folder, "--controller", "pid", "--protocol", "clean")
+    code, result, _, _ = call("control", "--data", folder, "--controller", "pid", "--protocol", "clean", "--plant",
+                              "real")
     assert {row["controller"] for row in result["rows"]} == {"pid"}
 
 
@@ -114,11 +116,11 @@ def test_control_says_why_a_recording_is_left_out(call, crowd, folder, tmp_path,
     flight = crowd.flight("mellinger oval")
     write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")
     places = ("--data", folder, "--data", tmp_path / "mellinger")
-    _, result, _, _ = call("control", *places, "--controller", "mellinger")
+    _, result, _, _ = call("control", *places, "--controller", "mellinger", "--plant", "real")
     assert {row["controller"] for row in result["rows"]} == {"mellinger"}
     assert [x["reason"] for x in result["left_out"]] == ["flown by pid, not asked for"] * 3
     monkeypatch.setattr(task2, "score", fails)
-    code, result, _, err = call("control", *places, "--controller", "mellinger")
+    code, result, _, err = call("control", *places, "--controller", "mellinger", "--plant", "real")
     assert (code, result["rows"]) == (1, [])
     assert sorted(x["reason"] for x in result["left_out"]) == [
         "every method failed on it", *["flown by pid, not asked for"] * 3]
@@ -161,7 +163,7 @@ def test_sysid(call, folder, tmp_path):
     (["estimate", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
     (["estimate", "--method", "json:loads"], "is none of the estimators"),
     (["estimate", "--trajectory-dir", "nowhere"], "--trajectory-dir nowhere: is no folder"),
-    (["control", "--plant", "moon"], "unknown plant 'moon'; known: real"),
+    (["control", "--plant", "moon"], "unknown plant 'moon'; known: real, gate, simulated"),
     (["control", "--controller", "lqr", "--quiet"], "unknown controller 'lqr'; known in these recordings: "),
     (["control", "--protocol", "x"], "unknown protocol 'x'; known: as-published, clean"),
     (["sysid", "--method", "nonsense"], "unknown name 'nonsense' among predictors"),

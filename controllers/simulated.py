@@ -1,0 +1,153 @@
+"""Simulated flights of Task 2: a controller, references and an ensemble of plants; ``protocols.simulated`` scores
+them.
+
+Every vehicle hovers where its path begins, the path starts HOVER_S later, and SETTLED_S after that scoring begins. The
+same plants, air and noise for every controller. Controllers that can be told of a vehicle (``model``, or ``vehicle``
+and ``thrust_scale``) are told of the identified one, never of the single plants.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools import registry
+from nanobench_tools.errors import UsageError
+from nanobench_tools.methods import Controller, Reference
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.simulator import loads
+from nanobench_tools.practice.references import PathSpec
+from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, recovery, score
+
+from .ensemble import Ensemble, draw
+from .plant_filter import Onboard
+from .plant_flight import Flown, fly
+from .plant_senses import TICK_S
+
+SHORTEST_AFTER_S = 4.0
+GUST_N, GUST_S, GUST_AT_S = 0.2, 0.25, 4.0
+"""Sideways, for so long, so long after the start of the path: an impulse of 0.05 N s, 1.2 m/s."""
+OUTAGE_S, OUTAGE_AT_S = 0.5, 4.0
+FULL_S = 3.0
+"""What a controller that looks ahead may ask for beyond the end of the flight."""
+
+
+def made(name: str, model: Model) -> Controller:
+    """A controller by name or ``module:Class``, told of the identified vehicle if it can be."""
+    kind = registry.load("controllers", name)
+    if not isinstance(kind, type):
+        return kind
+    known = _settings(kind)
+    given: dict[str, Any] = {}
+    if "model" in known:
+        given["model"] = model
+    if "vehicle" in known:
+        inertia = model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2)
+        given["vehicle"] = model.on(inertia_kg_m2=inertia).vehicle
+    if "thrust_scale" in known and "thrust_scale" in model:
+        given["thrust_scale"] = model.values_of("thrust_scale")["s"]
+    try:
+        return kind(**given)
+    except Exception as error:  # anybody's code
+        raise UsageError(f"controller {name}: making it raised {type(error).__name__}: {error}") from error
+
+
+def _settings(kind: type) -> set[str]:
+    """Names that a class takes when it is made, those it passes on to its bases included."""
+    names: set[str] = set()
+    for base in kind.__mro__:
+        made_by = base.__dict__.get("__init__")
+        if made_by is None or base is object:
+            continue
+        found = inspect.signature(made_by).parameters
+        names |= set(found)
+        if not any(p.kind is inspect.Parameter.VAR_KEYWORD for p in found.values()):
+            break
+    return names
+
+
+class Told:
+    """What a controller is told at a tick, by its class of information; one lane per plant, paths one after
+    another."""
+
+    def __init__(self, paths: Paths, plants: int, controller: Controller) -> None:
+        self._paths, self._plants = paths, plants
+        self._information = controller.information
+        self._lead = round(float(getattr(controller, "lead_s", 0.0)) / TICK_S) if self._information == "lead" else 0
+
+    def at(self, tick: int) -> Reference:
+        full = self._rows(np.array([tick + self._lead], float))
+        p, v, a, j, yaw, turn = (np.repeat(x[0], self._plants, axis=0) for x in full)
+        if self._information != "preview":
+            return Reference(p, yaw, np.zeros_like(v), np.zeros_like(a))
+
+        def ahead(seconds: np.ndarray) -> Reference:
+            rows = self._rows(tick + np.asarray(seconds, float) / TICK_S)
+            far = [np.repeat(x, self._plants, axis=1) for x in rows]
+            return Reference(far[0], far[4], far[1], far[2], far[3], far[5])
+
+        return Reference(p, yaw, v, a, j, turn, ahead)
+
+    def _rows(self, at: np.ndarray) -> list[np.ndarray]:
+        """All that the paths know at ticks (k,), between ticks linearly: arrays (k, paths, ...)."""
+        last = len(self._paths.time_s) - 1
+        low = np.clip(np.floor(at).astype(int), 0, last)
+        share = np.clip(at - low, 0.0, 1.0)
+        high = np.minimum(low + 1, last)
+        found = []
+        for values in self._paths.all:
+            weight = share.reshape(-1, *[1] * (values.ndim - 1))
+            found.append(values[low] + weight * (values[high] - values[low]))
+        return found
+
+
+def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: bool = False, outage: bool = False,
+          reset: bool = True) -> Flown:
+    """Paths x plants side by side, paths outermost."""
+    crowd = ensemble.repeated(len(paths.specs))
+    ticks = paths.ticks
+    plant = crowd.plant(np.repeat(paths.all[0][0], len(ensemble), axis=0))
+    begin = HOVER_S + OUTAGE_AT_S
+    sensing = crowd.sensing(((begin, begin + OUTAGE_S),) if outage else ())
+    senses = Onboard(plant, sensing, crowd.rngs(2), ticks)
+    air = crowd.air_N(ticks)
+    if gust:
+        first = round((HOVER_S + GUST_AT_S) / TICK_S)
+        air[first:first + round(GUST_S / TICK_S), 1] += GUST_N
+    told = Told(paths, len(ensemble), controller)
+    return fly(plant, senses, controller, told.at, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
+
+
+def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants: int, seed: int = 0,
+                   draws: tuple[tuple[str, ...], list[list[float]]] | None = None,
+                   disturbed: bool = True) -> dict[str, Any]:
+    """{controller, information, runs: [of every path: [scores of every plant]], recovery: of the first path}."""
+    known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
+    ensemble = draw(simulator, plants, seed, known)
+    controller = made(name, loads(simulator))
+    paths = Paths(tuple(specs))
+    found = flown(controller, paths, ensemble)
+    runs = score(found, paths, len(ensemble), controller.period_s)
+    result: dict[str, Any] = {"controller": controller.name, "information": controller.information, "runs": runs}
+    counts = getattr(controller, "counts", None) or getattr(getattr(controller, "guard", None), "counts", {})
+    result["replaced"] = {key: int(value) for key, value in dict(counts).items()}
+    if disturbed and specs:
+        first = Paths(tuple(specs[:1]))
+        calm = found.position_m[:, :len(ensemble)]
+        for what in ("gust", "outage"):
+            bent = flown(controller, first, ensemble, gust=what == "gust", outage=what == "outage")
+            begin = HOVER_S + (GUST_AT_S if what == "gust" else OUTAGE_AT_S)
+            result[what] = recovery(bent.position_m, calm[:len(bent.position_m)], bent.time_s, begin)
+    return result
+
+
+def settled_s(specs: Sequence[PathSpec]) -> float:
+    """Shortest stretch that is scored; UsageError when a path is too short."""
+    left = min(spec.duration_s for spec in specs) - SETTLED_S
+    if left < SHORTEST_AFTER_S:
+        raise UsageError(f"a path of {left + SETTLED_S:g} s is too short: {SETTLED_S:g} s settle and at least "
+                         f"{SHORTEST_AFTER_S:g} s are scored")
+    return left

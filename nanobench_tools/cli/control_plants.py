@@ -1,0 +1,243 @@
+"""The plant's side of ``nanobench control``: which plant, the gate, simulated rows, and their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InputError, UsageError
+from .options import Options, one_line
+from .show import data_word
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+    from ..practice.references import PathSpec
+
+CHUNK = 8
+"""Recordings that fly side by side in one item: as many as fill a vector."""
+SHIPPED_GATE = "recorded_vehicle_gate.toml"
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A plant: text of its simulator.toml, draws of its parameters (names, rows) or None, (start, end) in Unix time of
+    the recordings it was identified from, and where it comes from in words."""
+
+    simulator: str
+    draws: tuple[tuple[str, ...], list[list[float]]] | None
+    trained: tuple[tuple[float, float], ...]
+    origin: str
+    shipped: bool = False
+
+    @classmethod
+    def of(cls, options: Options, simulator: Path | None, train: Sequence[Path]) -> Chosen:
+        """From a file, identified from recordings, or the one that is shipped."""
+        from controllers.ensemble import shipped_draws, shipped_simulator
+
+        if simulator is not None:
+            from controllers.plant import closed_loop_model
+
+            from ..physics.simulator import loads, read_simulator
+
+            read_simulator(simulator)  # says which line is wrong
+            text = simulator.read_text(encoding="utf-8")
+            closed_loop_model(loads(text, str(simulator)))
+            return cls(text, None, (), str(simulator))
+        if train:
+            return cls._identified(options, train)
+        names, rows = shipped_draws()
+        return cls(shipped_simulator(), (names, rows.tolist()), shipped_gate()["trained"],
+                   "the recorded vehicle as shipped", True)
+
+    @classmethod
+    def _identified(cls, options: Options, train: Sequence[Path]) -> Chosen:
+        from identification.balance import balance
+
+        from ..physics.simulator import dumps
+        from ..protocols.selection import distinct
+        from ..protocols.task1 import training_cases
+
+        flights = options.load(train)
+        audits, _ = options.audit(flights)
+        flights, audits = options.on_clock(flights, audits)
+        cases = training_cases(distinct(flights)[0], audits)
+        if not cases:
+            raise InputError(str(train[0]), "no recording to identify a plant from",
+                             "give some with motion capture, IMU, motors, battery and attitude")
+        found = balance(cases, seed=options.seed)
+        spans = tuple((case.flight.epoch_s + float(case.flight["mocap"].time_s[0]),
+                       case.flight.epoch_s + float(case.flight["mocap"].time_s[-1])) for case in cases)
+        options.say(f"plant identified from {found.flights} recordings; moments explained to "
+                    f"{100.0 * min(found.explained):.0f} %")
+        return cls(dumps(found.model), (found.model.names, found.draws.tolist()), spans,
+                   f"identified from {found.flights} recordings in {', '.join(map(str, train))}")
+
+
+def shipped_gate() -> dict[str, Any]:
+    """What is known of the shipped plant: ``trained`` spans, and the ``summary`` of its gate by clock."""
+    import tomllib
+    from importlib import resources
+
+    found = tomllib.loads(resources.files("controllers").joinpath(SHIPPED_GATE).read_text(encoding="utf-8"))
+    found["trained"] = tuple((float(a), float(b)) for a, b in found["trained"])
+    return found
+
+
+def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], speeds: Sequence[float],
+                    seconds: float) -> list[PathSpec]:
+    """The paths; UsageError for an unknown controller, trajectory or too short a path, before anything is read."""
+    from controllers.simulated import settled_s
+
+    from ..protocols.simulated import specs_of
+    from ..registry import load
+
+    specs = specs_of(trajectories, speeds, seconds)
+    settled_s(specs)
+    for name in controllers:
+        load("controllers", name)
+    return specs
+
+
+def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
+              asked: bool = False) -> dict[str, Any]:
+    """{gate, gate_summary, gate_left_out, gate_plant, gate_note}, with the table shown and paths written to ``--out``.
+
+    Raises InputError when it was ``asked`` for and no recording can be judged.
+    """
+    from controllers.gate import fly_cases
+
+    from ..harness import make_item
+    from ..protocols import gate
+
+    cases, reasons = gate.select(flights, audits, chosen.trained)
+    if not cases:
+        note = "no recording to judge the plant by: " + "; ".join(sorted(set(reasons.values())))
+        if asked:
+            raise InputError(flights[0].provenance.path if flights else "data", note)
+        return {"gate": [], "gate_note": note}
+    chunks = [same[i:i + CHUNK] for name in gate.FLOWN
+              for same in [sorted((c for c in cases if c.controller == name), key=lambda c: c.ticks)]
+              for i in range(0, len(same), CHUNK)]
+    items = [make_item(fly_cases, {"cases": chunk, "simulator": chosen.simulator, "seed": options.seed},
+                       f"gate {chunk[0].controller} {', '.join(c.flight.name for c in chunk)}",
+                       file=chunk[0].flight.provenance.path) for chunk in chunks]
+    values = options.run(items, "gate").values
+    rows, by_name = [], {case.flight.name: case.flight for case in cases}
+    for item in items:
+        for row in values.get(item.key, {}).get("rows", ()):
+            rows.append({**row, "clock": options.clock})
+        if options.out is not None:
+            _write_paths(options.out, by_name, values.get(item.key, {}).get("paths", {}))
+    rows.sort(key=lambda row: row["flight"])
+    found = gate.summary(rows)
+    _show_gate(options, rows, found)
+    return {"gate": rows, "gate_summary": found, "gate_plant": chosen.origin,
+            "gate_left_out": [{"flight": name, "reason": why} for name, why in sorted(reasons.items())],
+            "gate_note": _gate_note(found, chosen)}
+
+
+def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, Any]) -> None:
+    from ..protocols.trajectories import write_tum
+
+    for name, rows in paths.items():
+        write_tum(out / "trajectories" / "gate" / f"{name}.tum", flights[name], np.array(rows, float))
+
+
+def _gate_note(found: Mapping[str, Mapping[str, Any]], chosen: Chosen) -> str:
+    parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s['ratio_share']:.0f} % of {s['n']} flights (aim 85), median "
+             f"lag difference {1e3 * s['lag_diff_median_s']:+.0f} ms (aim 30), median path gap "
+             f"{100.0 * s['path_gap_median_m']:.1f} cm (aim 5)" for name, s in found.items() if name != "all"]
+    return f"plant: {chosen.origin}; " + "; ".join(parts)
+
+
+def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mapping[str, Mapping[str, Any]]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    title = f"Gate: {data_word(options)} held-out flights flown again on the plant, clock {options.clock}"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("flight", "controller"):
+        table.add_column(head, no_wrap=True)
+    for head in ("RMSE real m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"):
+        table.add_column(head, justify="right")
+    for row in rows:
+        table.add_row(one_line(row["flight"]), row["controller"], f"{row['rmse_real_m']:.3f}",
+                      f"{row['rmse_sim_m']:.3f}", f"{row['ratio']:.3f}", f"{1e3 * row['lag_diff_s']:+.0f}",
+                      f"{100.0 * row['path_gap_m']:.1f}", "yes" if row["pass"] else "no")
+    options.show(table)
+    for row in rows:
+        if row["reason"]:
+            options.show(one_line(f"{row['flight']}: {row['reason']}"))
+    for name, s in found.items():
+        options.show(f"{name}: {s['n']} flights, {100.0 * s['pass_share']:.0f} % pass in everything; ratio "
+                     f"{100.0 * s['ratio_share']:.0f} %, lag {100.0 * s['lag_share']:.0f} %, gap "
+                     f"{100.0 * s['gap_share']:.0f} %; medians: ratio {s['ratio_median']:.3f}, lag "
+                     f"{1e3 * s['lag_diff_median_s']:+.0f} ms, gap {100.0 * s['path_gap_median_m']:.1f} cm")
+
+
+def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
+                   summary: Mapping[str, Any] | None) -> dict[str, Any]:
+    """{rows, error_bar, simulated_plant}: every controller (all registered ones without ``names``) on the ensemble."""
+    from controllers.simulated import fly_controller
+
+    from ..harness import make_item
+    from ..protocols.simulated import tabulate
+    from ..registry import names as registered
+
+    bar = error_bar(options, chosen, summary)
+    wanted = list(dict.fromkeys(names or registered("controllers")))
+    items = [make_item(fly_controller, {"name": name, "specs": list(specs), "simulator": chosen.simulator,
+                                        "plants": members, "seed": options.seed, "draws": chosen.draws},
+                       f"simulated {name}", file=name) for name in wanted]
+    values = options.run(items, "simulated").values
+    results = [values[item.key] for item in items if item.key in values]
+    if not results and not options.failed:
+        raise UsageError("no controller to fly")
+    rows = tabulate(results, specs, bar)
+    _show_simulated(options, rows, bar)
+    return {"rows": rows, "error_bar": bar, "simulated_plant": chosen.origin}
+
+
+def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """{rmse_share, rmse_share_p90, path_gap_m, n, of}: what the gate of this plant says of a simulated RMSE: of the
+    gate in this run, else of the shipped plant's; None for another plant that no flight has judged."""
+    found = summary.get("all") if summary else None
+    where = "gate of this run"
+    if found is None and chosen.shipped:
+        found, where = shipped_gate()["summary"]["as-recorded"], "held-out recordings, as shipped"
+    if not found:
+        return None
+    return {"rmse_share": found["ratio_off_median"], "rmse_share_p90": found["ratio_off_p90"],
+            "path_gap_m": found["path_gap_median_m"], "n": found["n"], "of": where}
+
+
+def _show_simulated(options: Options, rows: Sequence[Mapping[str, Any]], bar: Mapping[str, Any] | None) -> None:
+    from rich import box
+    from rich.table import Table
+
+    off = "no gate" if bar is None else f"± {100.0 * bar['rmse_share']:.0f} % by the gate of {bar['n']} flights"
+    table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off})", title_justify="left",
+                  box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("reference", "m/s", "told", "controller", "n"):
+        table.add_column(head, no_wrap=True)
+    for head in ("RMSE m", "worst decile m", "lag removed m", "contour m", "> 0.5 m %", "at cap %", "p99 ms"):
+        table.add_column(head, justify="right")
+    for row in sorted(rows, key=lambda r: (r["reference"], r["speed_m_s"] or 0.0, r["metrics"]["rmse_m"])):
+        m = row["metrics"]
+        around = f"{m['rmse_m']:.3f}" + ("" if bar is None else f" ± {m['rmse_m'] * bar['rmse_share']:.3f}")
+        table.add_row(row["reference"], "-" if row["speed_m_s"] is None else f"{row['speed_m_s']:g}",
+                      row["information"], one_line(row["controller"]), str(row["n"]), around,
+                      f"{m['worst_decile_m']:.3f}", f"{m['rmse_lag_removed_m']:.3f}", f"{m['contour_rmse_m']:.3f}",
+                      f"{m['divergence_percent']:.1f}", f"{m['saturated_percent']:.1f}", f"{m['solve_p99_ms']:.3f}")
+    options.show(table)
+    for row in rows:
+        for what in ("gust", "outage"):
+            if what in row:
+                most, back = row[what]["most_m"], row[what]["back_s"]
+                options.show(f"{one_line(row['controller'])}, {row['reference']}, {what}: {most['median']:.2f} m away "
+                             f"(worst decile {most['p90']:.2f}), back within 5 cm after {back['median']:.1f} s")

@@ -1,0 +1,185 @@
+"""Simulated rows of Task 2: references, scores of every plant, median and worst decile over the ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .. import so3
+from ..errors import UsageError
+from ..metrics import tracking
+from ..metrics.timing import constant_delay
+from ..metrics.trajectory import rms
+from ..practice.references import FAMILIES, ID_NAME, RECORDED, PathSpec, path_spec
+
+TICK_S = 0.01
+HOVER_S, SETTLED_S = 4.0, 3.0
+"""Hover before a path begins, in which integrals find the thrust; what is flown after that before scoring begins, as
+the path begins at full speed."""
+SECONDS = 12.0
+SPEEDS_M_S = (0.5, 1.0)
+AHEAD_S = 3.0
+"""Known of a path beyond its end."""
+LIMIT_M, BACK_M = 50.0, 0.05
+MOST_LAG_S = 1.0
+LOST_M = 2.0
+"""A vehicle further from its path is lost: it has diverged for good."""
+
+
+def specs_of(names: Sequence[str], speeds: Sequence[float], seconds: float = SECONDS) -> list[PathSpec]:
+    """Paths by family (the sheets' short names too) and speed; a family of one speed once. Raises UsageError."""
+    short = {value: key for key, value in ID_NAME.items()}
+    found = []
+    for given in names or RECORDED:
+        name = short.get(given, given)
+        if name not in FAMILIES:
+            raise UsageError(f"unknown trajectory {given!r}; known: {', '.join([*FAMILIES, *short])}")
+        many = "speed_mps" in {**FAMILIES[name].defaults, **FAMILIES[name].speeds["slow"]}
+        found += [path_spec(name, "slow", duration_s=seconds, **({"speed_m_s": float(v)} if many else {}))
+                  for v in (speeds or SPEEDS_M_S)[:None if many else 1]]
+    return found
+
+
+@dataclass(frozen=True)
+class Paths:
+    """References on one clock, every 10 ms: hover where a path begins, then the path, then rest where it ends.
+
+    ``all``: position, velocity, acceleration, jerk (m, k, 3), yaw and its rate (m, k). ``ticks`` are flown, more are
+    known.
+    """
+
+    specs: tuple[PathSpec, ...]
+    time_s: np.ndarray = field(init=False)
+    all: tuple[np.ndarray, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        longest = max(spec.duration_s for spec in self.specs)
+        t = TICK_S * np.arange(round((HOVER_S + longest + AHEAD_S) / TICK_S))
+        parts = [_path(spec, t) for spec in self.specs]
+        object.__setattr__(self, "time_s", t)
+        object.__setattr__(self, "all", tuple(np.stack([p[i] for p in parts], axis=1) for i in range(6)))
+
+    @property
+    def ticks(self) -> int:
+        return round((HOVER_S + max(spec.duration_s for spec in self.specs)) / TICK_S)
+
+    def scored(self, path: int) -> slice:
+        """Ticks that count."""
+        return slice(round((HOVER_S + SETTLED_S) / TICK_S), round((HOVER_S + self.specs[path].duration_s) / TICK_S))
+
+
+def _path(spec: PathSpec, t: np.ndarray) -> list[np.ndarray]:
+    since = np.clip(t - HOVER_S, 0.0, spec.duration_s)
+    full = spec.reference(since)
+    moves = (t >= HOVER_S) & (t <= HOVER_S + spec.duration_s)
+    jerk, turn = full.jerk_m_s3, full.yaw_rate_rad_s
+    moving = [np.where(moves[:, None], x, 0.0) for x in (full.velocity_m_s, full.acceleration_m_s2,
+                                                         np.zeros((len(t), 3)) if jerk is None else jerk)]
+    rate = np.where(moves, np.zeros(len(t)) if turn is None else turn, 0.0)
+    return [full.position_m, *moving, full.yaw_rad, rate]
+
+
+def score(flown: Any, paths: Paths, plants: int, period_s: float) -> list[list[dict[str, float]]]:
+    """Of every path the scores of every plant; lanes of ``flown`` (``controllers.plant_flight.Flown``) are paths x
+    plants, paths outermost."""
+    found = []
+    calls = np.asarray(flown.call_s)
+    timing = {"solve_p99_ms": 1e3 * float(np.quantile(calls, 0.99)) if len(calls) else float("nan"),
+              "deadline_missed_percent": 100.0 * float(np.mean(calls > period_s)) if len(calls) else float("nan")}
+    for k in range(len(paths.specs)):
+        rows = paths.scored(k)
+        t = paths.time_s[rows]
+        goal, speed, yaw = paths.all[0][rows, k], paths.all[1][rows, k], paths.all[4][rows, k]
+        for_all = []
+        for i in range(k * plants, (k + 1) * plants):
+            one = _metrics(t, flown.position_m[rows, i], flown.velocity_m_s[rows, i], flown.quaternion[rows, i],
+                           flown.motor[rows, i], goal, speed, yaw)
+            whole = slice(paths.ticks)
+            one["contour_rmse_m"] = rms(_contour(flown.position_m[whole, i], paths.all[0][whole, k])[rows])
+            for_all.append({**one, **timing})
+        found.append(for_all)
+    return found
+
+
+def _metrics(t: np.ndarray, position: np.ndarray, velocity: np.ndarray, quaternion: np.ndarray, motor: np.ndarray,
+             goal: np.ndarray, speed: np.ndarray, yaw: np.ndarray) -> dict[str, float]:
+    position, velocity = _bounded(position), _bounded(velocity)
+    errors = tracking.position_errors(position, goal)
+    lost = bool(errors.max() > LOST_M)
+    moves = np.ptp(goal, axis=0).max() > BACK_M
+    delay = constant_delay(t, position, t, goal, MOST_LAG_S) if moves and not lost else None
+    heading = np.nan_to_num(so3.euler_zyx(quaternion)[:, 2])
+    return {"rmse_m": rms(errors), "ade_m": float(errors.mean()),
+            "velocity_rmse_m_s": tracking.velocity_rmse(velocity, speed),
+            "heading_deg": tracking.heading_error_deg(heading, yaw),
+            "divergence_percent": tracking.divergence_percent(errors),
+            "rmse_lag_removed_m": rms(errors) if delay is None else delay.rmse_after_m,
+            "lag_s": float("nan") if delay is None else delay.delay_s,
+            "worst_decile_in_flight_m": tracking.worst_decile(errors), "lost_percent": 100.0 * lost,
+            "effort_1_s": float(np.mean(np.abs(np.diff(motor, axis=0))) / TICK_S),
+            "saturated_percent": tracking.saturated_percent(motor)}
+
+
+def _bounded(values: np.ndarray) -> np.ndarray:
+    """A vehicle that is lost is LIMIT_M away."""
+    return np.clip(np.nan_to_num(values, nan=LIMIT_M), -LIMIT_M, LIMIT_M)
+
+
+def _contour(position: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """(m,) m: distance to the whole path, whatever the time."""
+    return tracking.contour_errors(_bounded(position), goal)
+
+
+def recovery(bent_m: np.ndarray, calm_m: np.ndarray, time_s: np.ndarray, begin_s: float) -> list[dict[str, float]]:
+    """Of every plant: how far a disturbance begun at begin_s took it from its undisturbed flight [m], and how long
+    until it was back within BACK_M for good [s] (nan: not in this flight). Both (m, n, 3) at time_s (m,)."""
+    rows = time_s >= begin_s
+    away = np.linalg.norm(bent_m[rows] - calm_m[rows], axis=2)
+    t = time_s[rows] - begin_s
+    found = []
+    for one in away.T:
+        out = np.flatnonzero(~(one < BACK_M))
+        back = 0.0 if not len(out) else float(t[out[-1]]) if out[-1] + 1 < len(t) else float("nan")
+        found.append({"most_m": float(np.nan_to_num(one, nan=LIMIT_M).max()), "back_s": back})
+    return found
+
+
+def tabulate(results: Sequence[Mapping[str, Any]], specs: Sequence[PathSpec],
+             error_bar: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+    """Rows {plant, controller, reference, speed_m_s, information, n, metrics, statistics, error_bar, gust, outage}.
+
+    ``metrics`` are medians over the ensemble and ``worst_decile_m`` the RMSE that one plant in ten exceeds;
+    ``statistics`` has median and p90 of each; error_bar is the gate's.
+    """
+    rows = []
+    for result in results:
+        for k, spec in enumerate(specs):
+            plants = result["runs"][k]
+            names = list(plants[0])
+            values = {name: np.array([np.nan if p[name] is None else p[name] for p in plants], float) for name in names}
+            statistics = {name: {"median": _quantile(v, 0.5), "p90": _quantile(v, 0.9)} for name, v in values.items()}
+            row = {"plant": "simulated", "controller": result["controller"], "reference": spec.family,
+                   "speed_m_s": spec.params.get("speed_mps"), "information": result["information"], "n": len(plants),
+                   "metrics": {**{name: s["median"] for name, s in statistics.items()},
+                               "worst_decile_m": statistics["rmse_m"]["p90"], "median_plant_m": plants[0]["rmse_m"],
+                               "lost_percent": float(np.mean(values["lost_percent"]))},
+                   "statistics": statistics, "error_bar": dict(error_bar) if error_bar else None,
+                   "replaced": result.get("replaced", {})}
+            for what in ("gust", "outage"):
+                if k == 0 and what in result:
+                    table = {name: np.array([np.nan if p[name] is None else p[name] for p in result[what]], float)
+                             for name in ("most_m", "back_s")}
+                    row[what] = {name: {"median": _quantile(v, 0.5), "p90": _quantile(v, 0.9)}
+                                 for name, v in table.items()}
+            rows.append(row)
+    return rows
+
+
+def _quantile(values: np.ndarray, share: float) -> float:
+    """What is not a number counts as the worst; nan when the quantile falls among those."""
+    ordered = np.sort(np.where(np.isnan(values), np.inf, values))
+    found = float(ordered[min(int(share * len(ordered)), len(ordered) - 1)]) if len(ordered) else float("inf")
+    return found if np.isfinite(found) else float("nan")
