@@ -1,36 +1,40 @@
 """A horizontal force that comes and goes: the finder of a load that swings below a vehicle.
 
-A swing pulls the vehicle sideways without being asked by its tilt. What remains of the horizontal acceleration after
-the tilt, with lags, has explained what it can, is looked at between LOWEST and HIGHEST: a load on a string of 0.1 to
-2.8 m. Its spectrum is compared with that of the normal flights at the same frequency, since what every flight shows is
-the controller. The largest ratio counts, tested against the F distribution with as many tries as there are frequencies.
+A swing pulls the vehicle sideways without being asked by its tilt. What remains of the horizontal acceleration without
+the tilt's share and drag is looked at between LOWEST and HIGHEST: a load on a string of 0.1 to 2.8 m. Its spectrum is
+compared with that of the normal flights at the same frequency, since what every flight shows is the controller. The
+largest ratio counts, tested against the F distribution with as many tries as there are frequencies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 from scipy.stats import f as fisher
 
 from nanobench_tools.flight import Span
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .reconstruct import States
+from .reconstruct import ORDER, SMOOTH_ROWS, States
 
 LOWEST_HZ, HIGHEST_HZ = 0.3, 1.6
 BROAD_HZ = 4.0
 """Up to here the level of the residual beside the mode is taken."""
-LAGS_ROWS = (0, 4, 8, 16, 32)
+DRAG_1_S = 0.35
+"""Drag over mass of a vehicle of this size: 0.3 to 0.45 on four of them."""
 FREQUENCIES = 27
 NEIGHBOURS, BINS = 11, 4
 """The level of the normal flights at a frequency is a mean over so many beside it, 0.5 Hz wide: so many independent
 bins of a run of eight seconds."""
 RESOLUTION_HZ = 0.06
 """Half a bin of a run of eight seconds: how well a frequency is known."""
+BESIDE, HALF = 4, 0.5
+"""Frequencies beside a mode, 0.2 Hz or two bins of a run of eight seconds away, where it has lost half of its power."""
 RISK = 0.001
 """Of a swing in flights without one, over all frequencies and both axes."""
 LEAST_S = 4.0
@@ -38,19 +42,22 @@ LEAST_S = 4.0
 
 @dataclass(frozen=True)
 class Swing:
-    """Of one flight: power (FREQUENCIES, 2) of the residual forward and left over its level beside the mode, and runs:
-    how many runs it is a mean of. nan where there is no tilt."""
+    """Of one flight: power (FREQUENCIES, 2) of the residual forward and left over its level beside the mode; runs: how
+    many runs it is a mean of; moments (FREQUENCIES, 3) of the residual itself, forward^2, left^2 and their product,
+    (m/s^2)^2 s. nan where there is no tilt."""
 
     power: np.ndarray
     runs: int
+    moments: np.ndarray
 
     def to_json(self) -> dict[str, Any]:
-        return {"power": self.power.tolist(), "runs": self.runs}
+        return {"power": self.power.tolist(), "runs": self.runs, "moments": self.moments.tolist()}
 
     @classmethod
     def from_json(cls, body: dict[str, Any]) -> Swing:
-        power = np.array([[np.nan if v is None else v for v in row] for row in body["power"]], float)
-        return cls(power, body["runs"])
+        power, moments = (np.array([[np.nan if v is None else v for v in row] for row in body[name]], float)
+                          for name in ("power", "moments"))
+        return cls(power, body["runs"], moments)
 
 
 def frequencies() -> np.ndarray:
@@ -59,57 +66,89 @@ def frequencies() -> np.ndarray:
 
 def swing_in(states: States, runs: Sequence[Span]) -> Swing:
     """The spectrum of what the tilt does not explain of one flight's horizontal acceleration."""
-    total, count = np.zeros((FREQUENCIES, 2)), 0
+    unknown = np.full((FREQUENCIES, 2), np.nan), np.full((FREQUENCIES, 3), np.nan)
+    total, moments, count = np.zeros((FREQUENCIES, 2)), np.zeros((FREQUENCIES, 3)), 0
     tilts = (states.pitch_rad, None if states.roll_rad is None else -states.roll_rad)
     if states.acceleration_m_s2 is None or states.yaw_rad is None or all(t is None for t in tilts):
-        return Swing(np.full((FREQUENCIES, 2), np.nan), 0)
+        return Swing(unknown[0], 0, unknown[1])
     push = states.heading(states.acceleration_m_s2)
+    speed = np.zeros_like(push) if states.velocity_m_s is None else states.heading(states.velocity_m_s)
     for run in runs:
         rows = np.flatnonzero(run.mask(states.time_s))
-        if run.duration_s < LEAST_S or len(rows) < 3 * max(LAGS_ROWS):
+        if run.duration_s < LEAST_S or len(rows) < 4 * SMOOTH_ROWS:
             continue
-        total += np.stack([np.full(FREQUENCIES, np.nan) if tilt is None else _peaks(push[:, k], tilt, rows, states)
-                           for k, tilt in enumerate(tilts)], axis=1)
+        found = [(np.full(FREQUENCIES, np.nan + 0j), np.nan) if tilt is None else
+                 _peaks(push[:, k], tilt, speed[:, k], rows, states) for k, tilt in enumerate(tilts)]
+        total += np.stack([np.abs(wave) ** 2 / level for wave, level in found], axis=1)
+        (ahead, _), (aside, _) = found
+        moments += np.stack([np.abs(ahead) ** 2, np.abs(aside) ** 2, (ahead * aside.conj()).real], axis=1)
         count += 1
-    return Swing(total / count if count else np.full((FREQUENCIES, 2), np.nan), count)
+    return Swing(total / count, count, moments / count) if count else Swing(unknown[0], 0, unknown[1])
 
 
-def _peaks(push: np.ndarray, tilt: np.ndarray, rows: np.ndarray, states: States) -> np.ndarray:
-    """(FREQUENCIES,) power of the residual of one axis and run, over its mean level up to BROAD_HZ."""
-    rows = rows[rows >= max(LAGS_ROWS)]
-    design = np.column_stack([GRAVITY_M_S2 * tilt[rows - lag] for lag in LAGS_ROWS] +
-                             [states.time_s[rows] ** k for k in (0, 1)])
-    left = push[rows] - design @ np.linalg.lstsq(design, push[rows], rcond=None)[0]
-    t = states.time_s[rows]
+def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarray,
+           states: States) -> tuple[np.ndarray, float]:
+    """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, and the mean level of their squares up to
+    BROAD_HZ. The tilt's share is not fitted: the controller answers a swing with the tilt, and a fit would take the
+    swing for an answer of the vehicle to the controller."""
+    t = states.time_s
+    step = max(float(np.median(np.diff(t))), 1e-4)
+    asked = np.cumsum(GRAVITY_M_S2 * np.where(np.isfinite(tilt), tilt, 0.0) - DRAG_1_S * speed) * step
+    left = (push - savgol_filter(asked, SMOOTH_ROWS, ORDER, deriv=1, delta=step))[rows]
+    t = t[rows]
+    trend = np.column_stack([np.ones(len(t)), t])
+    left = left - trend @ np.linalg.lstsq(trend, left, rcond=None)[0]
     window = np.hanning(len(rows))
     window /= np.sqrt((window**2).sum())
 
-    def power(at_hz: np.ndarray) -> np.ndarray:
-        return np.abs(np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left)) ** 2
+    def wave(at_hz: np.ndarray) -> np.ndarray:
+        return np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left)
 
-    broad = power(np.arange(LOWEST_HZ, BROAD_HZ, 1.0 / (t[-1] - t[0])))
-    return power(frequencies()) / max(float(np.median(broad) / np.log(2.0)), 1e-30)
+    broad = np.abs(wave(np.arange(LOWEST_HZ, BROAD_HZ, 1.0 / (t[-1] - t[0])))) ** 2
+    return wave(frequencies()), max(float(np.median(broad) / np.log(2.0)), 1e-30)
 
 
 def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] | None:
-    """{frequency_hz, direction_deg, ratio, p} of a swing that the flights ``here`` share and the normal ones lack."""
+    """{frequency_hz, direction_deg, axes, ratio, p} of a swing that the flights ``here`` share and the normal ones
+    lack. direction_deg: of the line it swings along, from ahead to the left, within 90 degrees either way; None where
+    only one of the two axes can be seen, ``axes``."""
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     if not mine or not usual:
         return None
     tops, bases = (np.array([s.power for s in part]) for part in (mine, usual))
     usual_power = uniform_filter1d(bases.mean(axis=0), NEIGHBOURS, axis=0, mode="nearest")
     ratio = tops.mean(axis=0) / usual_power
+    ratio = np.where(_peaked(ratio), ratio, np.nan)
     if np.isnan(ratio).all():
         return None
     k, axis = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
     freedom = 2 * sum(s.runs for s in mine), 2 * BINS * sum(s.runs for s in usual)
-    tries = int(np.isfinite(ratio[0]).sum()) * FREQUENCIES
+    tries = int(np.isfinite(usual_power[0]).sum()) * FREQUENCIES
     p = min(1.0, tries * float(fisher.sf(ratio[k, axis], *freedom)))
     if p > RISK or not (tops[:, k, axis] > usual_power[k, axis]).all():
         return None
-    forward, left = np.nan_to_num(tops.mean(axis=0)[k])
-    return {"frequency_hz": float(frequencies()[k]), "ratio": float(ratio[k, axis]), "p": p,
-            "direction_deg": float(np.degrees(np.arctan2(np.sqrt(left), np.sqrt(forward))))}
+    ahead, aside, both = np.mean([m.moments for m in mine], axis=0)[k]
+    axes = [name for name, seen in (("forward", ahead), ("left", aside)) if np.isfinite(seen)]
+    return {"frequency_hz": float(frequencies()[k]), "ratio": float(ratio[k, axis]), "p": p, "axes": axes,
+            "direction_deg": float(np.degrees(0.5 * np.arctan2(2.0 * both, ahead - aside))) if len(axes) == 2 else None}
+
+
+def _peaked(ratio: np.ndarray) -> np.ndarray:
+    """(FREQUENCIES, 2) bool: a mode stands out of what is beside it, on both sides and within the band; what rises
+    towards its edge is a drift, or the controller."""
+    found = np.zeros(ratio.shape, bool)
+    with np.errstate(invalid="ignore"):
+        found[BESIDE:-BESIDE] = ((ratio[:-2 * BESIDE] < HALF * ratio[BESIDE:-BESIDE])
+                                 & (ratio[2 * BESIDE:] < HALF * ratio[BESIDE:-BESIDE]))
+    return found
+
+
+def where_to(swing: Mapping[str, Any]) -> str:
+    """The direction of a swing in words."""
+    if swing["direction_deg"] is not None:
+        return f"along {swing['direction_deg']:.0f} degrees from ahead to the left"
+    seen, unseen = ("to the left and right", "pitch") if swing["axes"] == ["left"] else ("ahead and back", "roll")
+    return f"{seen} (the other axis cannot be seen without a {unseen})"
 
 
 def spectra(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any]:
@@ -121,8 +160,3 @@ def spectra(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any]:
         return np.nanmax(np.mean(seen, axis=0)[:, ~np.isnan(np.mean(seen, axis=0)).all(axis=0)], axis=1).tolist()
 
     return {"frequency_hz": frequencies().tolist(), "here": mean(here), "normal": mean(normal)}
-
-
-def string_length(frequency_hz: float, mass_share: float = 0.0) -> float:
-    """[m] of a pendulum with this mode, ``mass_share`` of the vehicle's mass below."""
-    return GRAVITY_M_S2 * (1.0 + mass_share) / (2.0 * np.pi * frequency_hz) ** 2

@@ -17,9 +17,10 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from nanobench_tools.errors import InputError
+from nanobench_tools.physics.pendulum import lengths_m
 
 from .causes import CAUSES, Body, Hypothesis
-from .periodic import RESOLUTION_HZ, Swing, spectra, string_length, swing_of
+from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
 from .ruled_out import against
 from .steady_proof import POSSIBLE, SURE, TWINS, held_out, smallest
 from .steady_words import paragraph, unknown_of
@@ -168,6 +169,8 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     if best == "slung" and body.swing is not None:
         sizes |= _pendulum(body.swing, sizes["mass"][0] / 1e3 / body.mass_kg)
     sentence = cause.say({k: v[:3] for k, v in sizes.items()}, motors)
+    if best == "slung" and body.swing is not None:
+        sentence += f", {where_to(body.swing)}"
     twins = sorted(causes - {best})
     return [{"term": cause.term, "equivalent": sorted({t for c in twins if (t := CAUSES[c].term)} - {cause.term}),
              "cause": best if not twins else None, "causes": [best, *twins],
@@ -191,11 +194,12 @@ def _askew(found: Weighed, normal: Normal) -> bool:
 
 
 def _pendulum(swing: Mapping[str, Any], mass_share: float) -> dict[str, tuple[float, float, float, str]]:
-    """Frequency [Hz] and length of the string [m] of a swing, each with its interval."""
-    f, sd = swing["frequency_hz"], RESOLUTION_HZ
-    low, high = f - sd, f + sd
-    length, longest, shortest = (string_length(v, mass_share) for v in (f, low, high))
-    return {"frequency": (f, low, high, "Hz"), "length": (length, shortest, longest, "m")}
+    """Frequency [Hz] and length of the string [m] of a swing, each with its interval: between a knot that the
+    controller holds and a vehicle that is free to follow."""
+    f, low, high = (swing["frequency_hz"] + sign * RESOLUTION_HZ for sign in (0.0, -1.0, 1.0))
+    ends = lengths_m(f, mass_share)
+    return {"frequency": (f, low, high, "Hz"),
+            "length": (sum(ends) / 2.0, lengths_m(high, mass_share)[0], lengths_m(low, mass_share)[1], "m")}
 
 
 def _best(found: Weighed, cause: str) -> tuple[tuple[int, ...], Hypothesis | None, np.ndarray]:

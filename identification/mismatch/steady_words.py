@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools.physics.pendulum import lengths_m
+
 from .causes import CAUSES
-from .periodic import string_length
+from .periodic import where_to
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
@@ -24,9 +26,8 @@ def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any
     hint = " or ".join(f"{ALL if name == 'vehicle' else CAUSES[name].short} ({min(p, MOST):.0%})"
                        for p, name in chances[:3] if p >= 0.02)
     if swing is not None:
-        hint = (f"a horizontal force that comes and goes at {swing['frequency_hz']:.2f} Hz along "
-                f"{swing['direction_deg']:.0f} degrees from ahead, as a load on a string of "
-                f"{string_length(swing['frequency_hz']):.2f} m would; " + hint)
+        hint = (f"periodic, at {swing['frequency_hz']:.2f} Hz, horizontal, {where_to(swing)}, as a load on a string of "
+                f"{lengths_m(swing['frequency_hz'], 0.0)[0]:.2f} m would; " + hint)
     size = float(np.abs(found.delta["gains"]).max())
     return {"where": {"axes": ["force z", "torque x", "torque y", "torque z"],
                       "kind": "steady" if swing is None else "periodic", "flights": []},

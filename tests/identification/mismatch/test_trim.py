@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hover_flights import HOVER_N, hover
 
-from identification.mismatch.periodic import string_length, swing_in, swing_of
+from identification.mismatch.periodic import swing_in, swing_of
 from identification.mismatch.reconstruct import pitch_from_acceleration, rates_from_attitude, states_of
 from identification.mismatch.trim import Trim, runs_of, trim_of
 from nanobench_tools import so3
@@ -108,5 +108,5 @@ def test_a_swing_is_found_with_its_frequency_and_only_there():
     found = swing_of(hung, normal)
     assert found is not None
     assert found["frequency_hz"] == pytest.approx(0.65, abs=0.06)
-    assert found["direction_deg"] == pytest.approx(90.0)
-    assert string_length(0.628) == pytest.approx(0.63, rel=0.01)
+    assert found["direction_deg"] is None  # no pitch: what goes ahead and back cannot be seen
+    assert found["axes"] == ["left"]

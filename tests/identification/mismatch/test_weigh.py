@@ -234,8 +234,9 @@ def swings(n: int, seed: int, peak: float = 1.0) -> list[Swing]:
     """Flights of two runs each: exponential power, sideways only; a peak at 0.65 Hz."""
     rng = np.random.default_rng(seed)
     shape = 1.0 + (peak - 1.0) * np.exp(-0.5 * ((frequencies() - 0.65) / 0.05) ** 2)
-    return [Swing(np.stack([np.full(len(shape), np.nan), shape * rng.gamma(2.0, 0.5, len(shape))], axis=1), 2)
-            for _ in range(n)]
+    aside = [shape * rng.gamma(2.0, 0.5, len(shape)) for _ in range(n)]
+    unseen = np.full(len(shape), np.nan)
+    return [Swing(np.stack([unseen, p], axis=1), 2, np.stack([unseen, p, unseen], axis=1)) for p in aside]
 
 
 def test_a_load_that_swings_is_no_taped_weight():
