@@ -9,8 +9,14 @@ from nanobench_tools.methods import Reference
 
 WIDTH = 14
 """position, velocity, acceleration, jerk (3 each), yaw, yaw rate."""
-JUMP_M = 0.6
-"""A reference further away than this is answered as if it were so far, all of its horizon moved along."""
+LEAP_M = 0.15
+"""Between two points of a horizon, beside what its velocity explains: a leap that no vehicle flies, and is answered
+when it has come."""
+LEAST_TILT_RAD, MOST_TILT_RAD = 0.2, 0.6
+CLIMB_M = 0.6
+"""A reference that is higher or lower by more is answered as if it were so by this."""
+MARGIN = 0.85
+"""Share of the thrust which the motors can give at the voltage now that is left when all of them give it."""
 
 
 class Horizon:
@@ -25,17 +31,15 @@ class Horizon:
         ``reference`` is finite and whole (``Guard.admit``), its ``ahead`` need not be; vehicles that are ``landing``
         (n,) do not look at it.
         """
-        found = self._guessed(reference)
         if reference.ahead is None:
-            return found, 0
-        told = self._told(reference, len(found))
-        good = np.isfinite(told).all(axis=(1, 2)) & (np.abs(told[:, :, :3]) < LARGEST).all(axis=(1, 2))
-        bad = int(np.count_nonzero(~good))
-        good &= ~landing
-        if good.all():
+            return self._guessed(reference), 0
+        told = self._told(reference, len(landing))
+        good = (np.abs(told) < LARGEST).all(axis=(1, 2))  # what is no number is not less either
+        if good.all() and not landing.any():
             return told, 0
-        found[good] = told[good]
-        return found, bad
+        found = self._guessed(reference)
+        found[good & ~landing] = told[good & ~landing]
+        return found, int(np.count_nonzero(~good))
 
     def _told(self, reference: Reference, n: int) -> np.ndarray:
         out = np.full((n, len(self.seconds), WIDTH), np.nan)
@@ -45,7 +49,7 @@ class Horizon:
                      ahead.yaw_rate_rad_s)
             for i, part in enumerate(parts):
                 if i < 4:
-                    out[:, :, 3 * i:3 * i + 3] = 0.0 if part is None else np.moveaxis(np.asarray(part), 0, 1)
+                    out[:, :, 3 * i:3 * i + 3] = 0.0 if part is None else np.asarray(part).swapaxes(0, 1)
                 else:
                     out[:, :, 8 + i] = 0.0 if part is None else np.asarray(part).T
         except Exception:  # the future is anybody's code; the present has been checked
@@ -68,11 +72,39 @@ class Horizon:
         return out
 
 
-def within_reach(rows: np.ndarray, position_m: np.ndarray) -> np.ndarray:
-    """rows (n, k, WIDTH), moved so that their first is at most JUMP_M from position (n, 3)."""
-    away = rows[:, 0, :3] - position_m
-    far = np.linalg.norm(away, axis=1, keepdims=True)
-    if (far > JUMP_M).any():
+def without_leaps(rows: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a leap moved back to where the path would have gone on."""
+    explained = 0.5 * np.diff(seconds)[:, None] * (rows[:, 1:, 3:6] + rows[:, :-1, 3:6])
+    gaps = np.diff(rows[:, :, :3], axis=1) - explained
+    leaps = np.sum(gaps * gaps, axis=2) > LEAP_M**2
+    if leaps.any():
         rows = rows.copy()
-        rows[:, :, :3] -= (away * np.maximum(1.0 - JUMP_M / np.maximum(far, 1e-9), 0.0))[:, None]
+        rows[:, 1:, :3] -= np.cumsum(gaps * leaps[:, :, None], axis=1)
+    return rows
+
+
+def most_tilt(thrust_ratio: np.ndarray) -> np.ndarray:
+    """Tilt [rad] (n,) at which a vehicle still carries its weight, thrust_ratio (n,) being most thrust over weight."""
+    return np.clip(np.arccos(np.minimum(1.0 / np.maximum(MARGIN * thrust_ratio, 1.0), 1.0)), LEAST_TILT_RAD,
+                   MOST_TILT_RAD)
+
+
+def within_reach(rows: np.ndarray, x: np.ndarray, gains: tuple[float, float], most_m_s2: np.ndarray) -> np.ndarray:
+    """rows (n, k, WIDTH), all of a vehicle's moved so that it does not ask of it more level acceleration than most_m_s2
+    (n,). x (n, 17) is where it is, gains [1/s^2, 1/s] what a controller answers a lag of position and velocity by.
+
+    A vehicle that lifts little more than its weight loses height when it tips after a reference that has jumped.
+    """
+    away, faster = rows[:, 0, :2] - x[:, :2], rows[:, 0, 3:5] - x[:, 3:5]
+    asked = rows[:, 0, 6:8] + gains[0] * away + gains[1] * faster
+    size = np.sqrt(np.sum(asked * asked, axis=1))
+    over = size > most_m_s2
+    if over.any():
+        rows = rows.copy()
+        share = np.where(over, 1.0 - most_m_s2 / np.maximum(size, 1e-9), 0.0)
+        rows[:, :, :2] -= (share[:, None] / gains[0] * asked)[:, None]
+    high = rows[:, 0, 2] - x[:, 2]
+    if (np.abs(high) > CLIMB_M).any():
+        rows = rows.copy()
+        rows[:, :, 2] -= (high - np.clip(high, -CLIMB_M, CLIMB_M))[:, None]
     return rows
