@@ -37,6 +37,7 @@ WAIT_S = 0.2
 FLYING_PWM = 0.3
 """Mean PWM ratio above which drag is taken to hold: not on the ground."""
 
+EYE = np.eye(3)
 USED = 8
 """Of the slow quantities of the aided smoother: all but the thrust scale."""
 
@@ -74,6 +75,9 @@ class _Run:
         self.arrival_s = rows.pose_s + float(flight.metadata.get("pose_delay_s", 0.0))
         told = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
         self.pose_sd = np.array([np.hypot(told, CLOCK_SD_M)] * 3 + [ATTITUDE_SD_RAD] * 3)
+        self.turns = [self.gtsam.Rot3(r) for r in so3.matrix(rows.quaternion)]
+        middle, self.step_s = 0.5 * (self.values[1:] + self.values[:-1]), np.diff(rows.time_s).tolist()
+        self.force, self.rate = list(middle[:, :3]), list(middle[:, 3:])
         self.flying = _flying(flight, rows)
         self.update_s: list[float] = []
         self.count, self.state_s = 0, float(rows.pose_s[0])
@@ -88,12 +92,11 @@ class _Run:
         first, taken = row, 0
         found: list[Any] = []
         slow: list[np.ndarray] = []
-        tail, tail_s = self._increment(self.state_s, float(rows.time_s[row])), float(rows.time_s[row])
+        tail = self._increment(self.state_s, float(rows.time_s[row]))
         for row in range(first, len(rows.time_s)):
             now_s, stamp = float(rows.time_s[row]), rows.report_s[row]
             if row > first:
-                self._integrate(tail, tail_s, now_s)
-                tail_s = now_s
+                tail.integrateMeasurement(self.force[row - 1], self.rate[row - 1], self.step_s[row - 1])
             try:
                 made, taken = self._possible(now_s, float(stamp), taken)
             except RuntimeError as error:  # of gtsam; nothing later can be known then
@@ -181,9 +184,10 @@ class _Run:
             linear = gtsam.JacobianFactor(*parts, block.residual[0] / sigma, unit)
             graph.add(gtsam.LinearContainerFactor(linear, values))
         self.smoother.update(graph, values, dict.fromkeys((x, v, b, c), at_s))
-        now = self.smoother.calculateEstimate()
-        pose3, self.bias, self.slow = now.atPose3(x), now.atConstantBias(b), now.atVector(c)
-        self.there = gtsam.NavState(pose3.rotation(), pose3.translation(), now.atVector(v))
+        now = self.smoother
+        pose3, self.bias = now.calculateEstimatePose3(x), now.calculateEstimateConstantBias(b)
+        self.slow = now.calculateEstimateVector(c)
+        self.there = gtsam.NavState(pose3.rotation(), pose3.translation(), now.calculateEstimateVector(v))
         self.x, self.v, self.b, self.c, self.state_s = x, v, b, c, at_s
         self.update_s.append(time.thread_time() - before)
 
@@ -191,13 +195,13 @@ class _Run:
         rotation, slow = state.rotation[0], state.slow[0]
         rate = self.rows.gyro[row] - state.gyro_bias[0]
         late = slow[3]
-        angle = so3.log(so3.multiply(so3.conjugate(quaternion_of(rotation)), self.rows.quaternion[pose]))
+        angle = self.gtsam.Rot3.Logmap(self.gtsam.Rot3(rotation).between(self.turns[pose]))
         off = np.concatenate([self.rows.position[pose] - state.position[0] - state.velocity[0] * late,
                               angle - slow[:3] - rate * (late + slow[4])])
         by_x, by_v, by_c = np.zeros((1, 6, 6)), np.zeros((1, 6, 3)), np.zeros((1, 6, USED))
-        by_x[0, :3, 3:], by_x[0, 3:, :3] = rotation, np.eye(3)
-        by_v[0, :3] = late * np.eye(3)
-        by_c[0, :3, 3], by_c[0, 3:, 3], by_c[0, 3:, 4], by_c[0, 3:, :3] = state.velocity[0], rate, rate, np.eye(3)
+        by_x[0, :3, 3:], by_x[0, 3:, :3] = rotation, EYE
+        by_v[0, :3] = late * EYE
+        by_c[0, :3, 3], by_c[0, 3:, 3], by_c[0, 3:, 4], by_c[0, 3:, :3] = state.velocity[0], rate, rate, EYE
         one = np.zeros(1, int)
         return Linear([("x", one, by_x), ("v", one, by_v), ("c", one, by_c)], off[None], self.pose_sd)
 
@@ -205,21 +209,18 @@ class _Run:
         """Preintegrated rows from one time to a later one, with the noise of how much they change."""
         rows = self.rows.time_s
         a, b = np.searchsorted(rows, [start_s, end_s])
-        acc, gyro = np.mean(self.slope[a : max(b, a + 1)], axis=0)
-        eye = np.eye(3)
+        acc, gyro = self.slope[a : max(b, a + 1)].mean(axis=0)
+        eye = EYE
         wander = self.noise.stamp_s_sqrtHz**2
         self.params.setAccelerometerCovariance(eye * (self.noise.acc_m_s2_sqrtHz**2 + wander * acc))
         self.params.setGyroscopeCovariance(eye * (self.noise.gyro_rad_s_sqrtHz**2 + wander * gyro))
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
-        self._integrate(one, start_s, end_s)
-        return one
-
-    def _integrate(self, one: Any, start_s: float, end_s: float) -> None:
-        times, values = between(self.rows.time_s, self.values, start_s, end_s)
+        times, values = between(rows, self.values, start_s, end_s)
         middle = 0.5 * (values[1:] + values[:-1])
-        for i, step in enumerate(np.diff(times).tolist()):
+        for acc, gyro, step in zip(middle[:, :3], middle[:, 3:], np.diff(times).tolist(), strict=True):
             if step > 1e-9:
-                one.integrateMeasurement(middle[i, :3], middle[i, 3:], step)
+                one.integrateMeasurement(acc, gyro, step)
+        return one
 
 
 def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
