@@ -90,9 +90,10 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
 
 
 def control_on(given: Recordings) -> dict[str, Any]:
-    """control.json."""
+    """control.json; the gate of the shipped plant on the one clock, by default as recorded."""
     from ..protocols.task2 import PROTOCOLS
     from .control import control_body
+    from .control_plants import Chosen, gate_body
 
     def recorded(*protocols: str) -> dict[str, Any]:
         return control_body(given.options, given.flights, given.audits, protocols)
@@ -101,7 +102,13 @@ def control_on(given: Recordings) -> dict[str, Any]:
         options = replace(given.options, clock=clock)
         return control_body(options, *options.on_clock(given.flights, given.audits), ("clean",))
 
-    return _parts(given, PROTOCOLS, recorded, moved)
+    def gate() -> dict[str, Any]:
+        options = replace(given.options, clock=given.clock or AS_RECORDED)
+        flights, audits = options.on_clock(given.flights, given.audits)
+        return gate_body(options, flights, audits, Chosen.of(options, None, ()))
+
+    body = _parts(given, PROTOCOLS, recorded, moved)
+    return {**body, **gate()}
 
 
 def sysid_on(given: Recordings) -> dict[str, Any]:

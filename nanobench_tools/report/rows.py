@@ -192,7 +192,8 @@ def thrust_maps(thrust: Mapping[str, Any], synthetic: bool) -> Table:
 
 def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """Rows of ``control``: real flights in one table, simulated ones (if any) in another."""
-    rows = [{**row, "metrics": row.get("statistics") or row.get("metrics")} for row in control.get("rows", [])]
+    rows = [row if row.get("plant") == "simulated" else {**row, "metrics": row.get("statistics") or row.get("metrics")}
+            for row in control.get("rows", [])]
     scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
     columns = (Column("protocol", "Protocol"), CLOCK, Column("controller", "Controller"),
                Column("reference", "Reference"), Column("speed", "Speed"),
@@ -215,10 +216,21 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
                           *_scores(row.get("metrics"), row, scores), information, data_label(synthetic)))
         dropped = dict.fromkeys(name for row in mine for name in row.get("dropped") or [])
         note = "Mean ± SD over flights and 95 % interval of the mean."
+        if plant == "simulated":
+            note = _simulated_note(mine)
         if dropped:
             note += f" Left out of the published rows, as was published: {', '.join(map(str, dropped))}."
         tables.append(Table(name, title, columns, tuple(lines), note).without_empty_columns())
     return [_clock_in_place(_drop_blank(_drop_blank(table, "protocol"), "speed")) for table in tables if table.rows]
+
+
+def _simulated_note(rows: Sequence[Mapping[str, Any]]) -> str:
+    bar = next((row["error_bar"] for row in rows if row.get("error_bar")), None)
+    note = "Medians over an ensemble of plants; the worst decile is the RMSE that one plant in ten exceeds."
+    if bar is None:
+        return f"{note} No flight has judged this plant: these numbers have no error bar."
+    return (f"{note} Error bar of every RMSE by the gate ({bar['n']} flights): {100.0 * bar['rmse_share']:.0f} % "
+            f"(median), {100.0 * bar['rmse_share_p90']:.0f} % (one flight in ten is further off).")
 
 
 def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
