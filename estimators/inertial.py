@@ -215,6 +215,6 @@ def _check(place: str, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, po
             continue
         product = float(np.mean(turned[:, k] * by_gyro[:, k]))
         slope, alike = product / square, abs(product) / np.sqrt(square * np.mean(by_gyro[:, k] ** 2) + 1e-30)
-        if alike > LEAST_ALIKE and not 0.3 < slope < 3.0:
+        if alike > LEAST_ALIKE and not -0.3 < slope < 3.0:
             why = "in degrees" if slope > 20.0 else "the other way round" if slope < 0.0 else "in another unit"
             raise InputError(place, f"gyro_{axis} turns {slope:.2f} times as far as the poses do: it may be {why}")
