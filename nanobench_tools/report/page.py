@@ -68,6 +68,7 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
     library = plotly_source()
     overview = {"task1": pictures.task1(results.get("sysid")),
                 "task3": pictures.task3(results.get("estimate"), words.way(bool(label))),
+                "blackout": pictures.blackout(results.get("estimate")),
                 "clocks": pictures.clocks(results.get("audit")),
                 "wander": shown_wander(results.get("estimate"), entries, [r["name"] for r in recordings])}
     return environment.get_template("report.html").render(

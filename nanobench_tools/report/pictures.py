@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from .audits import CLOCK_STREAMS, fault_counts, share_clean, share_valid, streams_of, total
 from .quantities import number, shown
 from .rows import AS_RECORDED, CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock, one_truth
@@ -72,6 +74,30 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
                           "nothing to draw side by side."}
     groups = {p["group"] for s in sets for kind in ("points", "means") for p in s[kind]}
     return {"method": method, "groups": [g for g in (*SPEEDS, "other") if g in groups], "sets": sets}
+
+
+def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
+    """End error over the time since the poses stopped, as recorded: a panel each for 3-D, horizontal and vertical, a line
+    per method with median and quartiles over the windows of all flights."""
+    windows = [w for w in (estimate or {}).get("windows") or [] if clock_of(w) == AS_RECORDED]
+    panels = []
+    kinds = {"3-D error": "error_m", "horizontal error": "horizontal_m", "vertical error": "vertical_m"}
+    for title, key in kinds.items():
+        lines = []
+        for method in dict.fromkeys(str(w.get("method")) for w in windows):
+            found: dict[float, list[float]] = {}
+            for window in windows:
+                if str(window.get("method")) == method and (value := number(window.get(key))):
+                    found.setdefault(float(window["h_s"]), []).append(value)
+            if found:
+                at = sorted(found)
+                low, middle, high = (np.array([np.percentile(found[h], q) for h in at]).tolist() for q in (25, 50, 75))
+                lines.append({"name": method, "published": False, "x": at, "y": middle, "low": low, "high": high})
+        if lines:
+            panels.append({"title": title, "unit": "m", "lines": lines})
+    if not panels:
+        return {"absent": "No dead reckoning after the poses stopped among the results."}
+    return {"panels": panels}
 
 
 def _mm(value: float | None) -> float | None:

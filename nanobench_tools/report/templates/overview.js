@@ -23,7 +23,7 @@ nanobench.overview = (() => {
         const x0 = columns === 2 ? 0.07 + column * 0.5 : 0.16;
         const top = 1 - row * (tall + gap.y);
         const ticks = nanobench.few([...new Set(panel.lines.flatMap(line => line.x))].sort((a, b) => a - b));
-        out["xaxis" + n] = axis(c, "horizon [s]", { type: "log", domain: [x0, columns === 2 ? x0 + 0.42 : 1], anchor: "y" + n,
+        out["xaxis" + n] = axis(c, data.horizon || "horizon [s]", { type: "log", domain: [x0, columns === 2 ? x0 + 0.42 : 1], anchor: "y" + n,
           tickvals: ticks, ticktext: ticks.map(String), automargin: false });
         out["yaxis" + n] = axis(c, `${panel.title} [${panel.unit}]`, { type: "log", domain: [top - tall, top], anchor: "x" + n,
           exponentformat: "power", dtick: 1, minor: { ticks: "outside", ticklen: 2 }, automargin: false });
@@ -101,7 +101,7 @@ nanobench.overview = (() => {
     return nanobench.clock(nanobench.read(`data-flight-${data.index}`), `Of the flights with a confirmed moving error the longer half, and of these the one with the median wander. `);
   }
 
-  const builders = { task1, wander, task3, clocks };
+  const builders = { task1, wander, task3, blackout: data => task1({ ...data, horizon: "time since the last pose [s]" }), clocks };
   return data => Object.entries(builders).filter(([id]) => data[id] && !data[id].absent)
     .map(([id, builder]) => () => nanobench.draw(id, builder(data[id])));
 })();

@@ -1,0 +1,26 @@
+"""Error since the poses stopped, as it is drawn."""
+
+import pytest
+
+from nanobench_tools.report import pictures
+
+
+def window(method, h, error, clock="as-recorded"):
+    return {"flight": "a", "method": method, "clock": clock, "t0_s": 5.0, "h_s": h, "error_m": error,
+            "horizontal_m": 0.6 * error, "vertical_m": 0.8 * error}
+
+
+def test_median_and_quartiles_per_method():
+    made = [window("one", h, h * k) for h in (1.0, 5.0) for k in (0.1, 0.2, 0.3, 0.4, 0.5)]
+    found = pictures.blackout({"windows": [*made, window("two", 1.0, 2.0), window("one", 1.0, 99.0, "retimed")]})
+    assert [p["title"] for p in found["panels"]] == ["3-D error", "horizontal error", "vertical error"]
+    line = found["panels"][0]["lines"][0]
+    assert (line["name"], line["x"]) == ("one", [1.0, 5.0])
+    assert line["y"] == pytest.approx([0.3, 1.5])
+    assert (line["low"], line["high"]) == (pytest.approx([0.2, 1.0]), pytest.approx([0.4, 2.0]))
+    assert found["panels"][2]["lines"][0]["y"] == pytest.approx([0.24, 1.2])
+
+
+def test_without_windows_it_says_so():
+    assert "absent" in pictures.blackout(None)
+    assert "absent" in pictures.blackout({"windows": []})
