@@ -77,8 +77,8 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
 
 
 def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
-    """End error over the time since the poses stopped, as recorded: a panel each for 3-D, horizontal and vertical, a line
-    per method with median and quartiles over the windows of all flights."""
+    """End error over the time since the poses stopped, as recorded: a panel each for 3-D, horizontal and vertical, with
+    median and quartiles over the windows of all flights for every method."""
     windows = [w for w in (estimate or {}).get("windows") or [] if clock_of(w) == AS_RECORDED]
     panels = []
     kinds = {"3-D error": "error_m", "horizontal error": "horizontal_m", "vertical error": "vertical_m"}
