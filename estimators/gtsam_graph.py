@@ -30,7 +30,7 @@ INTEGRATION_SD_M = 1e-3
 LEAST_PACKETS = 0.1
 """Packets an interval without any counts as: what happened there is known to about 10 times the usual noise."""
 
-ITERATIONS, HALVINGS, SMALL_GAIN = 20, 6, 1e-4
+ITERATIONS, HALVINGS, SMALL_GAIN = 20, 6, 1e-3
 """Converged: the linearised problem promises to lower the cost by less than this share of it."""
 
 
@@ -159,7 +159,7 @@ class Problem:
             if not new[3] <= cost:  # no step makes it smaller: at the bottom, or lost
                 converged = small
                 break
-            converged = small and halving == 0
+            converged = small
             values, (state, path, linear, cost) = trial, new
         return Solution(state, path, iteration, converged, float(cost))
 

@@ -55,6 +55,8 @@ ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10,
               help="Estimator to score instead of the default ones; may repeat.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
               help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
+@click.option("--imu-noise", "noise_file", type=PATH, metavar="FILE",
+              help="imu_noise.toml of nanobench noise, for the rows of --method that take one (smoothers and filters).")
 @click.option("--pose-rate", "rates", multiple=True, type=click.FloatRange(min=0.1, max=1000.0), metavar="HZ",
               help="aided: poses per second; may repeat, as may the next three, for every combination. Default: 10.")
 @click.option("--pose-delay", "delays", multiple=True, type=click.FloatRange(min=0.0, max=10.0), metavar="S",
@@ -65,7 +67,7 @@ ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10,
               metavar="SHARE", help="aided: share of the poses that never arrive. Default: 0.")
 def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...],
              rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
-             losses: tuple[float, ...]) -> int:
+             losses: tuple[float, ...], noise_file: Path | None) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
     as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
@@ -81,6 +83,13 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     if (rates or delays or noises or losses) and AIDED not in protocols:
         raise UsageError("--pose-rate, --pose-delay, --pose-noise and --pose-loss go with --protocol aided")
     scored = load_methods("estimators", methods) if methods else None
+    if noise_file is not None:
+        from estimators.imu_noise import read_imu_noise, reckon_with
+
+        if not scored:
+            raise UsageError("--imu-noise goes with --method")
+        for method in scored:
+            reckon_with(method, read_imu_noise(noise_file))
     files = trajectory_files(folders)
     flights = options.load()
     audits, _ = options.audit(flights)

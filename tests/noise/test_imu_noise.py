@@ -125,6 +125,15 @@ def test_estimators_take_it():
         reckon_with(object(), ImuNoise())
 
 
+def test_estimate_refuses_a_noise_that_nobody_takes(tmp_path, capsys):
+    path = tmp_path / "imu_noise.toml"
+    path.write_text(ImuNoise().to_toml(), "utf-8")
+    assert main(["estimate", "--protocol", "aided", "--imu-noise", str(path)]) == 2
+    assert "--imu-noise goes with --method" in capsys.readouterr().err
+    assert main(["estimate", "--method", "hold_position", "--imu-noise", str(path)]) == 2
+    assert "hold_position" in capsys.readouterr().err
+
+
 @pytest.mark.real
 def test_real_recording(real_data, tmp_path, capsys):
     where = sorted((real_data / "nanobench").rglob("B9_trefoil_slow_rep3*.xz"))[:1]
