@@ -129,9 +129,9 @@ class Observer:
         self._head = (self._head + 1) % len(self._past)
         self._past[self._head] = self.state
 
-    def predicted(self, commands: Iterable[tuple[float, np.ndarray]]) -> np.ndarray:
-        """(n, 17) after (seconds, thrusts asked (n, 4)) from now; no number stays no number."""
-        found = self.state.copy()
+    def predicted(self, commands: Iterable[tuple[float, np.ndarray]], start: np.ndarray | None = None) -> np.ndarray:
+        """(n, 17) after (seconds, thrusts asked (n, 4)) from now, or from ``start`` (n, 17); no number stays none."""
+        found = (self.state if start is None else start).copy()
         x, u, d, dt = (array[0] if array.ndim > 1 else array for array in self._step.given)
         for seconds, command in commands:
             dt[0] = seconds

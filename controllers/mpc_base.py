@@ -145,6 +145,7 @@ class Mpc:
         self._way = UnderWay(n, self.period_s, self.delay_s, np.full(4, self.hover_N))
         self.plan = Plan(n, self.horizon, self.dt_s, self.hover_N)
         self._time_s = np.nan
+        self._start = self.observer.state
         self._command = np.zeros((n, 4))
         self._pose = np.full((n, 7), np.nan)
         self._same_s, self._way_m = np.zeros((2, n))
@@ -163,6 +164,7 @@ class Mpc:
             start = self.observer.predicted(self._way.before())
             rows, bad = self._horizon.rows(reference, landing)
             self.counts["future"] += bad
+            self._start = start
             self._make_plans(start, rows, limits)
             asked = self._asked(limits)
             ratios = self.thrust_map.ratios(asked, state.battery_V)
@@ -171,6 +173,14 @@ class Mpc:
             self._way.give(np.clip(asked, *limits))
             self.observer.advance(self._way.acting())
             return self._command
+
+    def foreseen(self, seconds: float) -> np.ndarray:
+        """States (n, 17) that the plans lead to, ``seconds`` after the last command begins to act."""
+        whole = min(int(seconds / self.dt_s), self.horizon)
+        parts = [(self.dt_s, self.plan.thrust_N[:, k]) for k in range(whole)]
+        if whole < self.horizon and seconds - whole * self.dt_s > 1e-9:
+            parts.append((seconds - whole * self.dt_s, self.plan.thrust_N[:, whole]))
+        return self.observer.predicted(parts, self._start)
 
     def _steps(self, time_s: float) -> int:
         """Periods since the last call; 0 if the clock stands or runs backwards: the last command is held then."""
