@@ -22,8 +22,8 @@ from .wrench import CHANNELS
 PLAIN = 1.6
 """Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
 unit variance, since no autoregression describes every disturbance."""
-UNEXPLAINED = 0.5
-"""A name stands only where it explains more than what is left is large, in this proportion."""
+UNEXPLAINED = 1.0
+"""A name stands only where it explains more than it leaves, in this proportion."""
 FOREIGN = 0.25
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
 LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
@@ -35,6 +35,8 @@ WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock
 """Faults that are in every row: what looks like physics beside them is them."""
 WIDER, SYSTEMATIC = 1.6, 0.015
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any value."""
+TOGETHER = (*MAPS, "ground_effect")
+NORMAL95 = 1.96
 LEVEL = ("mass", "thrust_scale")
 """What a thrust curve contains."""
 MOST_SURE, UNSURE = 0.86, 0.5
@@ -94,31 +96,40 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     rough = _roughness(moments, lenient.left, after)
     if rough is not None and not found:
         found = [rough]
-    kept, withdrawn, alike = [], [], []
-    for h, others in zip(named.accepted, named.alike, strict=True):
+    kept: list[Hypothesis] = []
+    withdrawn: list[tuple[str, str]] = []
+    alike = dict(zip((h.term for h in named.accepted), named.alike, strict=True))
+    for h in named.accepted:
         why = _hollow(moments, known, named, h, after, space, found)
         if why:
             withdrawn.append((h.term, why))
         else:
             kept.append(h)
-            alike.append(others)
     unsure = bool(withdrawn) or any(h.own for h in kept)
     here = named.space
     if not kept and any(t in MAPS for t, _ in withdrawn):
         instead = _level_instead(moments, known, space, found)
         if instead is not None:
-            named, kept, alike = instead, list(instead.accepted), list(instead.alike)
+            named, kept, alike = instead, list(instead.accepted), {instead.accepted[0].term: instead.alike[0]}
             final = named.fit
     if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
         here = space if any(t in MAPS for t in gone) else here
-        stays = carried(_rested(named, gone, space), here.model)
-        own = free_of(here, [h.term for h in kept if h.own])
-        final = fit(known, stays if kept else space.model, free_of(here, [h.term for h in kept]), own=own)
-        here = here if kept else space
-    findings = tuple(_finding(moments, known, named, h, others, final, nothing.loss, space)
-                     for h, others in zip(kept, alike, strict=True))
-    findings = tuple(replace(f, confidence=UNSURE) if unsure or _strange_beside(f, found) else f for f in findings)
+        start = carried(_rested(named, gone, space), here.model)
+        kept, final, more = _still(known, here, space, kept, _refit(known, here, kept, start))
+        here = space if any(t in MAPS for t, _ in more) else here
+        withdrawn += more
+    findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
+    idle = [f.hypothesis.term for f in findings if not _moved(f, final.model, space)]
+    if idle:
+        withdrawn += [(term, "what is believed lies within its interval") for term in idle]
+        kept = [h for h in kept if h.term not in idle]
+        here, start = (space if any(t in MAPS for t in idle) else here), rested(final.model, idle, here, space)
+        final = _refit(known, here, kept, start)
+        findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
+    if not kept:
+        here, final = space, nothing
+    findings = [replace(f, confidence=UNSURE) if unsure or idle or _strange_beside(f, found) else f for f in findings]
     if withdrawn and not found:
         biggest = int(np.argmax(after))
         found = [Structure("motion", _force_rms(moments, lenient.left, biggest), float(after[biggest]),
@@ -128,7 +139,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     spoilt = [f for _, f in faults if f.kind in WHOLE]
     outcome = ("named" if findings else "data_fault" if spoilt else "unknown" if found else
                "data_fault" if faults else "none")
-    return Decision(outcome, findings, tuple(withdrawn), tuple(found), final, here,
+    return Decision(outcome, tuple(findings), tuple(withdrawn), tuple(found), final, here,
                     tuple(h.term for h in kept if h.own), faults, before, after, named.rejected, named.scores)
 
 
@@ -166,6 +177,40 @@ def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
 
 def _rested(named: Named, terms: Sequence[str], home: Space) -> Model:
     return rested(named.fit.model, terms, named.space, home)
+
+
+def _refit(known: Slopes, here: Space, kept: Sequence[Hypothesis], start: Model) -> Fit:
+    own = free_of(here, [h.term for h in kept if h.own])
+    return fit(known, start, free_of(here, [h.term for h in kept]), own=own)
+
+
+def _still(known: Slopes, here: Space, home: Space, kept: list[Hypothesis],
+           final: Fit) -> tuple[list[Hypothesis], Fit, list[tuple[str, str]]]:
+    """What still explains something when others were withdrawn, the fit of it, and what went."""
+    gone: list[tuple[str, str]] = []
+    while kept:
+        tried = []
+        for k, h in enumerate(kept):
+            there = here if h.term in home.terms else home
+            less = _refit(known, there, [g for g in kept if g is not h], rested(final.model, [h.term], here, home))
+            tried.append((less.loss - final.loss - PER_PARAMETER * len(here.free(h.term)), k, less))
+        least, k, less = min(tried, key=lambda entry: entry[0])
+        if least >= LEAST_GAIN:
+            break
+        gone.append((kept[k].term, "it explains too little without what was withdrawn"))
+        here = here if kept[k].term in home.terms else home
+        kept, final = [h for i, h in enumerate(kept) if i != k], less
+    return kept, final, gone
+
+
+def _moved(finding: Finding, model: Model, home: Space) -> bool:
+    """Whether some parameter lies outside of the interval around what is believed; of curves and products only all
+    parameters together tell."""
+    term = finding.hypothesis.term
+    if term in TOGETHER or finding.hypothesis.own:
+        return True
+    before = home.model.parameters
+    return any(abs(model.parameters[name] - before[name]) > NORMAL95 * sd for name, sd in finding.sd.items())
 
 
 def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, home: Space,

@@ -12,11 +12,11 @@ from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import rollout
 
-from .decide import Decision
+from .decide import LEVEL, Decision
 from .fitting import Slopes, fit
 from .moments import Moments
 from .naming import free_of
-from .space import reduced, space_around
+from .space import MAPS, Space, reduced, space_around
 from .track import ROW_S, Track
 
 HORIZONS = (1, 10, 50)
@@ -28,16 +28,18 @@ CLIP = 10.0
 """Errors count up to here, in their unit: a prediction that left the room says no more than that."""
 THIRD, MEDIAN_OF_CHI2 = 20.0, 0.455
 """Variance of a third difference of unit white noise; median of the square of a unit normal."""
+SCALE = "thrust_scale.s"
 QUANTITIES = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
 
 
 @dataclass(frozen=True)
 class Proof:
     """Errors (flights, H, 4) at HORIZONS of QUANTITIES before and after, each flight predicted by a fit that had not
-    seen it; flights: their names; improved: share of the squared error taken away {h: (mean, lo, hi)} of the quantity
-    named; share_of_achievable against a regression that knows no physics (None where nothing was named); along (F,)
-    share of each left-out flight's residual along the measured states, above what is plain, that is taken away; floor
-    (H, 4): errors that noise of the start alone makes."""
+    seen it, with its own value of what scatters between flights before and after alike; flights: their names; interval
+    {h: (lo, hi)} of the share of the error of the quantity that improves most which is taken away;
+    share_of_achievable against a regression that knows no physics (None where nothing was named); along (F,) share of
+    each left-out flight's residual along the measured states, above what is plain, that is taken away; floor (H, 4):
+    errors that noise of the start alone makes."""
 
     before: np.ndarray
     after: np.ndarray
@@ -73,39 +75,70 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     names = {t.flight: t.name for t in tracks}
     terms = [f.hypothesis.term for f in decision.findings]
     corrected = reduced(decision.fit.model, decision.space.believed, tuple(terms))
-    before = _errors(simulator, tracks, numbers)
+    first = space_around(simulator)
+    known = Slopes(moments)
+    whole = bool(set(terms) & set(MAPS)) and not set(terms) & set(LEVEL)
+    before = _each(_own_level(known, first, first.model, (), whole), tracks, numbers)
     floor = _floor(simulator, tracks, seed)
     if not terms:
         return Proof(before, before, tuple(names[n] for n in numbers), len(numbers) > 1, {}, None,
                      (simulator, simulator), floor=floor)
     after = np.empty_like(before)
-    gained, possible, first = 0.0, 0.0, space_around(simulator).model
+    gained, possible = 0.0, 0.0
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
     if decision.own:  # a flight that differs can only be predicted with a value of its own
-        for k, number in enumerate(numbers):
-            own = {name: decision.fit.model.parameters[name] + float(row[k]) for name, row in decision.fit.own.items()}
-            after[k] = _errors(corrected.with_parameters(own), [t for t in tracks if t.flight == number], [number])[0]
+        models = _own_level(known, decision.space, decision.fit.model, terms, whole)
+        after = _each([model.with_parameters({name: decision.fit.model.parameters[name] + float(row[k])
+                                              for name, row in decision.fit.own.items()})
+                       for k, model in enumerate(models)], tracks, numbers)
         return Proof(before, after, tuple(names[n] for n in numbers), False, _intervals(before, after, seed), None,
                      (simulator, corrected), floor=floor)
     along = np.zeros(len(numbers))
     for left_out in folds:
         others = [n for n in numbers if n not in left_out] or numbers
         fitted = fit(Slopes(moments, others), _rest(decision), free, own=free_of(decision.space, decision.own)).model
-        mine = [t for t in tracks if t.flight in left_out]
-        places = [numbers.index(n) for n in left_out]
-        after[places] = _errors(corrected.with_parameters(
-            {n: v for n, v in fitted.parameters.items() if n in corrected.names}), mine, left_out)
+        places = [numbers.index(number) for number in left_out]
+        after[places] = _each(_own_level(known, decision.space, fitted, terms, whole), tracks, numbers, places)
         for place, number in zip(places, left_out, strict=True):
             judge = Slopes(moments, [number])
-            start, end = judge.left(first), judge.left(fitted)
-            plain = len(start) / len(numbers)
-            gained += float(start @ start - end @ end)
-            possible += float(start @ start) - plain
-            along[place] = float(start @ start - end @ end) / max(float(start @ start) - plain, plain)
+            start, end = (fit(judge, model, []) for model in (first.model, fitted))
+            plain = len(start.left) / len(numbers)
+            gained += start.loss - end.loss
+            possible += start.loss - plain
+            along[place] = (start.loss - end.loss) / max(start.loss - plain, plain)
     return Proof(before, after, tuple(names[n] for n in numbers), len(numbers) > 1,
                  _intervals(before, after, seed), float(np.clip(gained / possible, 0.0, 1.0)) if possible > 0.0 else
                  None, (simulator, corrected), along, floor)
+
+
+def _each(models: Sequence[Model], tracks: Sequence[Track], numbers: Sequence[int],
+          places: Sequence[int] | None = None) -> np.ndarray:
+    """(places, H, 4) errors of some flights, all by default, each with its own of ``models``."""
+    return np.concatenate([_errors(models[k], [t for t in tracks if t.flight == numbers[k]], [numbers[k]])
+                           for k in (range(len(numbers)) if places is None else places)])
+
+
+def _own_level(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool) -> list[Model]:
+    """``model``, of ``space``, less what was not named, once for every flight with what scatters between flights as
+    this one has it beside the mean of all: the same knowledge before and after, so that it is no part of what a name
+    explains, and what all flights share is no part of it. ``whole``: with the mean of thrust, where a curve is named
+    that has to explain more than a level."""
+    scattered = fit(known, model, []).levels
+    flights = len(np.unique(known.moments.wrench.flight))
+    keep = (*terms, *dict.fromkeys(name.partition(".")[0] for name in scattered))
+    found = []
+    for k in range(flights):
+        own = {name: model.parameters[name] + float(each[k] - (0.0 if whole and name == SCALE else each.mean()))
+               for name, each in scattered.items()}
+        inside = {name: float(np.clip(value, *_bounds(model, name))) for name, value in own.items()}
+        found.append(reduced(model.with_parameters(inside), space.believed, keep))
+    return found
+
+
+def _bounds(model: Model, name: str) -> tuple[float, float]:
+    i = model.index(name)
+    return float(model.lower[i]), float(model.upper[i])
 
 
 def _rest(decision: Decision) -> Model:

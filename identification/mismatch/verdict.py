@@ -219,7 +219,9 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         parts.append(f"The data are at fault, not the physics. {_faults_text(recordings)}")
     if body["findings"]:
         before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
-        parts.append(f"On flights left out of the fit the error after half a second falls from "
+        own = ", each with its own value of what differs between flights," if body["levels"] else ""
+        goes = "falls" if after["position_m"] <= before["position_m"] else "goes"
+        parts.append(f"On flights left out of the fit{own} the error after half a second {goes} from "
                      f"{before['position_m']:.4f} to {after['position_m']:.4f} m and from {before['attitude_rad']:.4f} "
                      f"to {after['attitude_rad']:.4f} rad." if proof.held_out else
                      "One flight only: the fit was not tested on another." if len(proof.flights) == 1 else
