@@ -20,7 +20,7 @@ from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, P
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.vehicle import draw_vehicles
 
-NAMES = ("geometric", "lqr", "mellinger_full", "onboard_mellinger", "onboard_pid")
+NAMES = ("geometric", "lead_pid", "lqr", "mellinger_full", "onboard_mellinger", "onboard_pid")
 PREVIEW = ("geometric", "lqr", "mellinger_full")
 PREDICTIVE = ("mpc_daqp", "mpc_osqp", "nmpc")
 """These have tests of their own beside this file."""
@@ -59,7 +59,8 @@ def test_every_registered_controller_is_tested_and_keeps_the_protocol():
     for name in NAMES:
         assert isinstance(make(name), Controller)
         assert make(name).name == name
-        assert make(name).information == ("preview" if name in PREVIEW else "as flown")
+        told = "preview" if name in PREVIEW else "lead" if name == "lead_pid" else "as flown"
+        assert make(name).information == told
 
 
 ANYTHING = st.one_of(st.floats(-3.0, 3.0), st.floats(), st.sampled_from([0.0, np.nan, np.inf, -np.inf, 1e300, -1e-300]))
