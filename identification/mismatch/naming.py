@@ -32,6 +32,8 @@ CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt
 """What may have been changed between two flights."""
 CHANGED = 0.3
 """That flights differ has to explain more than one value for all by this share."""
+PUSHES = ("wind", "force_world")
+"""Forces of the air: a steady moment alone is a trim, and indoors no wind."""
 TRIED = 6
 """Hypotheses that are fitted to the end; the others are far behind already when linear."""
 
@@ -186,6 +188,8 @@ class _Search:
         for h in tried:
             if h.gain < LEAST_GAIN:
                 continue
+            if h.term in PUSHES and self._turning(h) > 0.5:
+                continue
             why = feigned(h.term, h.fit, self.current.model, self.moments)
             if not why and feign and self._beside(h.term, feign) < h.gain * REDUNDANT:
                 why = f"{h.term} explains what {' and '.join(feign)} explains better, which the logging can feign"
@@ -198,6 +202,12 @@ class _Search:
             return None
         close = [h for h in allowed if allowed[0].gain - h.gain < self._margin(allowed[0])]
         return min(close, key=lambda h: (len(h.fit.free), -h.gain))
+
+    def _turning(self, h: Hypothesis) -> float:
+        """Share of what a hypothesis takes away that lies in the torques."""
+        gone = self.current.left**2 - h.fit.left**2
+        turned = float(gone[self.moments.owner >= 3].sum())
+        return turned / max(float(gone.sum()), 1e-9)
 
     def _margin(self, best: Hypothesis) -> float:
         return max(ALIKE_SD2, ALIKE_LEFT * (best.fit.loss - len(best.fit.left)))
