@@ -1,0 +1,37 @@
+"""JAX and what stands on it, loaded once and only when something is trained or predicted."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from types import SimpleNamespace
+
+from nanobench_tools.errors import MissingExtraError
+
+ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+
+
+@functools.cache
+def libraries() -> SimpleNamespace:
+    """{jax, jnp, lax, eqx, optax, safetensors}. MissingExtraError, one line that says what to install, without them.
+
+    JAX takes an accelerator when it sees one. On a CPU it is held to one thread (the networks are too small to gain
+    from more, and items run side by side), unless XLA_FLAGS says otherwise or JAX was loaded before.
+    """
+    if "jax" not in sys.modules:
+        os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
+        os.environ.setdefault("JAX_PLATFORMS", "")
+    try:
+        import equinox
+        import jax
+        import optax
+        import safetensors.numpy
+    except ImportError as error:
+        raise MissingExtraError((error.name or "jax").partition(".")[0], "learned") from error
+    return SimpleNamespace(jax=jax, jnp=jax.numpy, lax=jax.lax, eqx=equinox, optax=optax, safetensors=safetensors.numpy)
+
+
+def platform() -> str:
+    """What JAX computes on, such as "cpu"."""
+    return str(libraries().jax.devices()[0].platform)
