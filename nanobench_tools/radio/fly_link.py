@@ -1,0 +1,284 @@
+"""The link to a vehicle as flying and recording need it, through cflib (GPL-3.0; imported here and nowhere else).
+
+``Link`` is what ``fly`` and ``record`` are written against; ``CflibLink`` is the one there is.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import urlparse
+
+import numpy as np
+
+from ..errors import InputError, MissingExtraError
+from .blocks import Block, check_numbers, resolve
+
+ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
+"""How long an answer is waited for: any at all, all tables and parameters, one written parameter, log blocks."""
+PROTOCOLS = (9, 12)
+"""Oldest and newest CRTP version whose set-points are known here (9: signs of yaw rates as today's)."""
+SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt")
+GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
+HL_TAKEOFF, HL_LAND = 7, 8
+
+LogSink = Callable[[int, float, bytes], None]
+"""(number of the block, host time, tick and values as they came)."""
+
+
+class Link(Protocol):
+    """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
+    ``round_trips_s``: the last echoes; ``values``: last value of each logged variable."""
+
+    uri: str
+    lost: str
+    heard_s: float
+    round_trips_s: deque[float]
+    values: Mapping[str, float]
+
+    def send_setpoint(self, packet: bytes) -> None: ...
+
+    def release(self) -> None: ...
+
+    def send_pose(self, position_m: np.ndarray, quaternion: np.ndarray) -> None: ...
+
+    def arm(self, on: bool) -> None: ...
+
+    def take_off(self, height_m: float, duration_s: float) -> None: ...
+
+    def land(self, height_m: float, duration_s: float) -> None: ...
+
+    def set_parameter(self, name: str, value: float) -> None: ...
+
+
+class CflibLink:
+    """An open link. Use ``open_link``."""
+
+    def __init__(self, uri: str, cache: Path | None) -> None:
+        from cflib.crazyflie import Crazyflie
+
+        self.uri, self.lost, self.heard_s = uri, "", 0.0
+        self.round_trips_s: deque[float] = deque(maxlen=50)
+        self.values: dict[str, float] = {}
+        self.blocks: list[Block] = []
+        self.on_log: LogSink | None = None
+        self.on_echo: Callable[[float, float], None] | None = None
+        self.on_sent: Callable[[float, int, bytes], None] | None = None
+        self._numbers: dict[int, int] = {}
+        self._layouts: list[struct.Struct] = []
+        self._connected, self._complete = threading.Event(), threading.Event()
+        self._failed = ""
+        self._cf = Crazyflie(rw_cache=str(cache) if cache else None)
+        for caller, note in ((self._cf.connection_failed, self._on_failed), (self._cf.connection_lost, self._on_lost)):
+            caller.add_callback(note)
+        self._cf.connected.add_callback(lambda _: self._connected.set())
+        self._cf.fully_connected.add_callback(lambda _: self._complete.set())
+        self._cf.add_header_callback(self._on_log, LOG, 2)
+        self._cf.add_header_callback(self._on_echo, ECHO, 0)
+
+    # -- opening
+
+    def open(self) -> None:
+        """Raises InputError for no answer, a wrong protocol version or tables that do not come."""
+        self._cf.packet_received.add_callback(self._on_any)
+        self._cf.open_link(self.uri)
+        started = time.monotonic()
+        while not self._complete.wait(0.02):
+            waited = time.monotonic() - started
+            if self._failed:
+                raise InputError(self.uri, f"no link ({self._failed})", "is it switched on, in reach, free?")
+            if not self.heard_s and waited > ANSWER_S:
+                raise InputError(self.uri, f"no answer in {ANSWER_S:.0f} s", "is it switched on, in reach, and not "
+                                 "connected to another program?")
+            if self.heard_s:
+                self._check_version()
+            if waited > ANSWER_S + PARAMETERS_S:
+                raise InputError(self.uri, f"answers, but its tables did not come within {PARAMETERS_S:.0f} s",
+                                 "bring it closer, or is another program connected to it?")
+        self._check_version(final=True)
+
+    def _check_version(self, final: bool = False) -> None:
+        found = self._cf.platform.get_protocol_version()
+        if (found >= 0 or final) and not PROTOCOLS[0] <= found <= PROTOCOLS[1]:
+            raise InputError(self.uri, f"CRTP protocol version {found}", f"versions {PROTOCOLS[0]} to {PROTOCOLS[1]} "
+                             "are known here; flash firmware 2025.12")
+
+    def close(self) -> None:
+        """Closes the link; cflib sends a set-point of nothing, which stops motors."""
+        self.on_log = self.on_echo = self.on_sent = None
+        self._cf.close_link()
+
+    @property
+    def version(self) -> int:
+        return self._cf.platform.get_protocol_version()
+
+    @property
+    def log_types(self) -> dict[str, str]:
+        """Log variable -> type on board."""
+        return {f"{group}.{name}": found.ctype for group, members in self._cf.log.toc.toc.items()
+                for name, found in members.items()}
+
+    @property
+    def parameters(self) -> set[str]:
+        return {f"{group}.{name}" for group, members in self._cf.param.toc.toc.items() for name in members}
+
+    # -- logging
+
+    def start_blocks(self, blocks: Sequence[Block]) -> list[Block]:
+        """Starts log blocks beside those that run; returns all that run now, with their types.
+
+        Raises InputError for a variable the vehicle does not have, too large a block, or one that does not start.
+        """
+        from cflib.crazyflie.log import LogConfig
+
+        wanted = resolve(blocks, self.log_types, self.uri)
+        check_numbers([*self.blocks, *wanted], self.uri)
+        started = []
+        for block in wanted:
+            config = LogConfig(block.name, block.period_ms)
+            for name, kind in zip(block.variables, block.types, strict=True):
+                config.add_variable(name, kind)
+            self._cf.log.add_config(config)
+            self._numbers[config.id] = len(self.blocks)
+            self.blocks.append(block)
+            self._layouts.append(block.layout)
+            config.start()
+            started.append(config)
+        until = time.monotonic() + BLOCKS_S
+        while late := [config for config in started if not config.started]:
+            if time.monotonic() > until:
+                raise InputError(self.uri, f"log block {late[0].name!r} did not start (error {late[0].err_no})",
+                                 "take fewer blocks or variables")
+            time.sleep(0.005)
+        return list(self.blocks)
+
+    def _on_log(self, packet: Any) -> None:
+        now = time.time()
+        data = bytes(packet.data)
+        number = self._numbers.get(data[0])
+        if number is None:
+            return
+        if self.on_log is not None:
+            self.on_log(number, now, data[1:])
+        layout, block = self._layouts[number], self.blocks[number]
+        if len(data) == 4 + layout.size:
+            self.values.update(zip(block.variables, layout.unpack_from(data, 4), strict=True))
+
+    # -- what is seen of the link
+
+    def _on_any(self, _: Any) -> None:
+        self.heard_s = time.time()
+
+    def _on_echo(self, packet: Any) -> None:
+        if len(packet.data) == 9:
+            now = time.time()
+            asked = struct.unpack("<Bd", bytes(packet.data))[1]
+            self.round_trips_s.append(now - asked)
+            if self.on_echo is not None:
+                self.on_echo(now, asked)
+
+    def _on_failed(self, _: str, why: str) -> None:
+        self._failed = why.strip().splitlines()[0] if why.strip() else "failed"
+
+    def _on_lost(self, _: str, why: str) -> None:
+        self.lost = why.strip().splitlines()[0] if why.strip() else "lost"
+
+    # -- sending
+
+    def _send(self, port: int, channel: int, data: bytes) -> None:
+        from cflib.crtp.crtpstack import CRTPPacket
+
+        packet = CRTPPacket()
+        packet.set_header(port, channel)
+        packet.data = data
+        self._cf.send_packet(packet)
+        if self.on_sent is not None and port != LOCALIZATION:
+            self.on_sent(time.time(), port << 4 | channel, data)
+
+    def send_setpoint(self, packet: bytes) -> None:
+        """A packet of ``fly_setpoints``."""
+        self._send(GENERIC, 0, packet)
+
+    def release(self) -> None:
+        """Set-points end here: the high-level commander may take over at once."""
+        self._send(GENERIC, 1, struct.pack("<BI", 0, 0))
+
+    def send_pose(self, position_m: np.ndarray, quaternion: np.ndarray) -> None:
+        self._send(LOCALIZATION, 1, struct.pack("<B7f", 8, *position_m, *quaternion))
+
+    def arm(self, on: bool) -> None:
+        import warnings
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cflib warns that older protocols arm another way, and does it
+            self._cf.supervisor.send_arming_request(on)
+
+    def take_off(self, height_m: float, duration_s: float) -> None:
+        """To an absolute height by the vehicle's own planner, keeping its heading."""
+        self._send(HIGH_LEVEL, 0, struct.pack("<BBff?f", HL_TAKEOFF, 0, height_m, 0.0, True, duration_s))
+
+    def land(self, height_m: float, duration_s: float) -> None:
+        """The same downwards; its planner switches the motors off at the end."""
+        self._send(HIGH_LEVEL, 0, struct.pack("<BBff?f", HL_LAND, 0, height_m, 0.0, True, duration_s))
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Writes and waits for the echo. Raises InputError for an unknown parameter or no echo."""
+        if name not in self.parameters:
+            raise InputError(self.uri, f"the vehicle has no parameter {name}", "another firmware?")
+        seen = threading.Event()
+        group, _, short = name.partition(".")
+
+        def note(_: str, found: str) -> None:
+            if float(found) == float(value):
+                seen.set()
+
+        self._cf.param.add_update_callback(group=group, name=short, cb=note)
+        try:
+            for _ in range(3):
+                self._cf.param.set_value(name, str(value))
+                if seen.wait(SET_S):
+                    return
+        finally:
+            self._cf.param.remove_update_callback(group, short, note)
+        raise InputError(self.uri, f"parameter {name} was not taken over", "bring the vehicle closer")
+
+
+def check_uri(uri: str) -> None:
+    """Raises InputError for a URI of no known kind."""
+    found = urlparse(uri)
+    try:
+        port = found.port if found.scheme in ("udp", "tcp") else 1
+    except ValueError:
+        port = None
+    if found.scheme not in SCHEMES or not found.netloc or not port:
+        raise InputError(f"--uri {uri}", "no URI of a Crazyflie",
+                         "write radio://0/80/2M/E7E7E7E7E7 or udp://127.0.0.1:19850")
+
+
+@contextmanager
+def open_link(uri: str, cache: Path | None = None) -> Iterator[CflibLink]:
+    """A link that is open and whose tables are known; closed at the end. ``cache``: folder for tables of contents.
+
+    Raises InputError for an unknown URI, no answer or a wrong protocol version, MissingExtraError without cflib.
+    """
+    check_uri(uri)
+    try:
+        import cflib.crtp
+    except ImportError:
+        raise MissingExtraError("cflib", "radio") from None
+    logging.getLogger("cflib").setLevel(logging.CRITICAL)
+    if not cflib.crtp.CLASSES:
+        cflib.crtp.init_drivers()
+    link = CflibLink(uri, cache)
+    try:
+        link.open()
+        yield link
+    finally:
+        link.close()

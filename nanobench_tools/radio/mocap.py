@@ -1,0 +1,76 @@
+"""Where poses come from while flying: the simulated motion capture, the package ``motioncapture``, anybody's callable.
+
+A source calls ``sink(pose)`` from a thread of its own for every pose it sees, as soon as it sees it. Poses are metres
+in a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up) into it; the checklist refuses
+what is in another frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+from urllib.parse import urlparse
+
+import numpy as np
+
+from ..errors import InputError, UsageError
+from .pose_datagram import Pose
+
+Sink = Callable[[Pose], None]
+FORMS = "simulated, simulated://HOST:PORT, TYPE://HOST/BODY of the package motioncapture, or module:callable"
+FIRST_POSE_S = 3.0
+
+
+class PoseSource(Protocol):
+    """``synthetic``: the poses are made up, and so is what is recorded. ``setpoint``: told of everything that is sent
+    to the vehicle (time [Unix s], what it says in words of ``fly_setpoints``), for who wants to pass it on."""
+
+    name: str
+    synthetic: bool
+
+    def start(self, sink: Sink) -> None: ...
+
+    def setpoint(self, time_s: float, said: dict[str, object]) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def pose_source(spec: str, uri: str) -> PoseSource:
+    """The source that ``--mocap`` names, not yet started. Raises UsageError or MissingExtraError."""
+    if spec == "simulated" or spec.startswith("simulated://"):
+        from .mocap_simulated import SimulatedMocap, address_of
+
+        return SimulatedMocap(address_of(spec, uri))
+    if "://" in spec:
+        from .mocap_package import PackageMocap
+
+        found = urlparse(spec)
+        body = found.path.strip("/")
+        if not found.hostname or not body:
+            raise UsageError(f"--mocap {spec}: write TYPE://HOST/BODY, such as vicon://192.168.1.5/cf1")
+        return PackageMocap(found.scheme, found.netloc, body)
+    if ":" in spec:
+        from .mocap_callable import CallableMocap
+
+        return CallableMocap(spec)
+    raise UsageError(f"--mocap: unknown source {spec!r}; known: {FORMS}")
+
+
+def checked(name: str, time_s: float, position_m: object, quaternion: object) -> Pose:
+    """A Pose from whatever a source gave. Raises InputError for wrong shapes; what is no number is kept: not seen."""
+    try:
+        time = float(time_s)
+        position, turn = np.asarray(position_m, float), np.asarray(quaternion, float)
+    except (TypeError, ValueError):
+        raise InputError(f"--mocap {name}", "a pose that is no numbers", "give time_s, (x, y, z), (qx, qy, qz, qw)") \
+            from None
+    if position.shape != (3,) or turn.shape != (4,):
+        raise InputError(f"--mocap {name}", f"a pose of shapes {position.shape} and {turn.shape}",
+                         "give (x, y, z) and (qx, qy, qz, qw)")
+    return Pose(time, position, turn)
+
+
+def seen(pose: Pose) -> bool:
+    """Whether the body was seen: all numbers finite and the quaternion one."""
+    turn = pose.quaternion
+    return bool(np.isfinite(pose.position_m).all() and np.isfinite(turn).all() and 0.5 < turn @ turn < 2.0)

@@ -1,0 +1,50 @@
+"""Poses from anybody's code: ``module:callable``, for example a node of ROS 2.
+
+The callable is called once with ``emit`` and returns at once; for every pose it later calls
+``emit(time_s, (x, y, z), (qx, qy, qz, qw))`` from any thread, with time_s the Unix time of the exposure. What it
+returns may be None, or have ``setpoint(time_s, said)``, which is called with what is sent to the vehicle, and
+``close()``, called at the end.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import InputError, UsageError
+from ..registry import load
+from .mocap import Sink, checked
+
+
+class CallableMocap:
+    """Whatever ``module:callable`` gives."""
+
+    synthetic = False
+
+    def __init__(self, spec: str) -> None:
+        self.name = spec
+        self._make = load("sources", spec)  # only module:name can come here; the registry knows how to import it
+        if not callable(self._make):
+            raise UsageError(f"--mocap {spec}: not callable")
+        self.synthetic = bool(getattr(self._make, "synthetic", False))
+        self._held: Any = None
+
+    def start(self, sink: Sink) -> None:
+        """Raises InputError for a callable that raises."""
+
+        def emit(time_s: float, position_m: object, quaternion: object) -> None:
+            sink(checked(self.name, time_s, position_m, quaternion))
+
+        try:
+            self._held = self._make(emit)
+        except Exception as error:
+            raise InputError(f"--mocap {self.name}", f"raised {type(error).__name__}: {error}") from error
+
+    def setpoint(self, time_s: float, said: dict[str, object]) -> None:
+        told = getattr(self._held, "setpoint", None)
+        if told is not None:
+            told(time_s, said)
+
+    def close(self) -> None:
+        end = getattr(self._held, "close", None)
+        if end is not None:
+            end()

@@ -1,0 +1,158 @@
+"""The raw recording: every packet as it came, appended to one file with its time on the host.
+
+A file is a line of magic, the length of a JSON header and the header, then records. A record is ``<BBHdI``: kind,
+number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload; then the payload. Records are written
+by a thread of their own every FLUSH_S, so that the sender never waits for a disk and a killed program loses at most
+what came since. A file that ends inside a record is read up to there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import threading
+import zlib
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import InputError
+
+MAGIC = b"nanobench packets 1\n"
+FLUSH_S = 0.05
+SYNC_S = 1.0
+"""The system is asked to put it on the disk this often: what a power cut may take."""
+LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
+"""Kinds. LOG: number of the block; tick [ms] in 24 bits, values. POSE: ``<d7f`` as pose datagrams. ECHO: ``<d`` host
+time at which the echo was asked for. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw
+[rad] that were asked of a controller on the host. NOTE: UTF-8 text, JSON of the sheet for number 1."""
+TEXT, SHEET = 0, 1
+_HEAD = struct.Struct("<BBHd")
+_SUM = struct.Struct("<I")
+_LENGTH = struct.Struct("<I")
+
+
+class Record(NamedTuple):
+    kind: int
+    number: int
+    time_s: float
+    payload: bytes
+
+
+class PacketWriter:
+    """Appends records to a new file; ``write`` may be called from any thread. Use as a context."""
+
+    def __init__(self, path: Path, header: Mapping[str, Any]) -> None:
+        text = json.dumps(header).encode()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        except OSError as error:
+            raise InputError(str(path), f"cannot be written ({error.strerror})", "check folder and permissions") \
+                from None
+        self.path = path
+        self._waiting: deque[bytes] = deque()
+        self._stop = threading.Event()
+        self._failed: str | None = None
+        self._put(MAGIC + _LENGTH.pack(len(text)) + text)
+        self._thread = threading.Thread(target=self._run, name="packet writer", daemon=True)
+        self._thread.start()
+
+    def write(self, kind: int, number: int, time_s: float, payload: bytes) -> None:
+        """One record; on the file at most FLUSH_S later."""
+        head = _HEAD.pack(kind, number, len(payload), time_s)
+        self._waiting.append(head + _SUM.pack(zlib.crc32(payload, zlib.crc32(head))) + payload)
+
+    def note(self, time_s: float, text: str) -> None:
+        self.write(NOTE, TEXT, time_s, text.encode()[:60_000])
+
+    def sheet(self, time_s: float, content: Mapping[str, Any]) -> None:
+        """What is known of the flight; the last one counts."""
+        self.write(NOTE, SHEET, time_s, json.dumps(content).encode())
+
+    def close(self) -> None:
+        """Writes what waits. Raises InputError if anything could not be written (a full disk)."""
+        self._stop.set()
+        self._thread.join()
+        os.close(self._file)
+        if self._failed:
+            raise InputError(str(self.path), f"was not written to its end ({self._failed})", "is the disk full?")
+
+    def __enter__(self) -> PacketWriter:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        flushes = 0
+        while not self._stop.wait(FLUSH_S):
+            self._flush()
+            flushes += 1
+            if flushes % round(SYNC_S / FLUSH_S) == 0:
+                os.fsync(self._file)
+        self._flush()
+
+    def _flush(self) -> None:
+        parts = []
+        while self._waiting:
+            parts.append(self._waiting.popleft())
+        if parts and not self._failed:
+            try:
+                self._put(b"".join(parts))
+            except OSError as error:
+                self._failed = error.strerror or str(error)
+
+    def _put(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._file, data):]
+
+
+@dataclass(frozen=True)
+class Packets:
+    """A raw recording. ``cut`` says in words what is missing at its end; empty if nothing is."""
+
+    header: dict[str, Any]
+    records: list[Record]
+    cut: str
+
+    def of(self, kind: int, number: int | None = None) -> list[Record]:
+        """Records of a kind (and number) in the order of writing."""
+        return [r for r in self.records if r.kind == kind and (number is None or r.number == number)]
+
+    @property
+    def sheet(self) -> dict[str, Any]:
+        """The last sheet, {} if none."""
+        found = self.of(NOTE, SHEET)
+        return json.loads(found[-1].payload) if found else {}
+
+
+def read_packets(path: Path) -> Packets:
+    """Reads a raw recording, up to the first record that is not whole. Raises InputError if it is none."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from None
+    start = len(MAGIC) + _LENGTH.size
+    if not data.startswith(MAGIC) or len(data) < start:
+        raise InputError(str(path), "not a raw recording", "give a file that nanobench record or fly wrote")
+    end = start + _LENGTH.unpack_from(data, len(MAGIC))[0]
+    try:
+        header = json.loads(data[start:end])
+    except ValueError:
+        raise InputError(str(path), "its header is cut", "nothing had been recorded yet") from None
+    records: list[Record] = []
+    at, step = end, _HEAD.size + _SUM.size
+    while at + step <= len(data):
+        kind, number, size, time_s = _HEAD.unpack_from(data, at)
+        payload = data[at + step:at + step + size]
+        known = zlib.crc32(payload, zlib.crc32(data[at:at + _HEAD.size]))
+        if len(payload) < size or known != _SUM.unpack_from(data, at + _HEAD.size)[0]:
+            break
+        records.append(Record(kind, number, time_s, payload))
+        at += step + size
+    left = len(data) - at
+    return Packets(header, records, f"the last {left} bytes are no whole record" if left else "")

@@ -1,0 +1,228 @@
+"""The rules a flight is under: each looks at the situation of one tick and says why the flight has to end, or nothing.
+
+Whatever says so first ends it: the vehicle holds its place with its own loops and lands (``safety_handover``). A new
+rule is one class here and one line in ``rules``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import UsageError
+
+TUMBLED, LOCKED, CRASHED = 1 << 5, 1 << 6, 1 << 7
+"""Bits of ``supervisor.info`` (supervisor.c of firmware 2025.12.1)."""
+
+
+@dataclass
+class Situation:
+    """One tick. time_s of the flight; position_m, velocity_m_s (3,) world and tilt_rad as believed now; pose_age_s of
+    the newest pose; battery_V as last logged; silent_s since the last packet of the vehicle; lost: why the link is
+    gone; late_ticks that missed their deadline one after the other, call_s of the slowest call of the controller since
+    the last tick; controller_error in words; interrupted: name of the signal; supervisor: its bits; streamed: the host
+    flies, not the vehicle's own planner."""
+
+    time_s: float = 0.0
+    position_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    velocity_m_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    tilt_rad: float = 0.0
+    pose_age_s: float = 0.0
+    battery_V: float = 4.0
+    silent_s: float = 0.0
+    lost: str = ""
+    late_ticks: int = 0
+    call_s: float = 0.0
+    controller_error: str = ""
+    interrupted: str = ""
+    supervisor: int = 0
+    streamed: bool = True
+
+
+class Rule(Protocol):
+    """``name`` stands in the exit line and in the log; ``check`` gives why the flight ends, or ""."""
+
+    name: str
+
+    def check(self, now: Situation) -> str: ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """fence_m: least and most x, y, z; stale_s, silent_s: without poses, without a packet; battery_V under load;
+    tilt_deg, speed_m_s; overrun_s: one call of the controller; late_ticks in a row."""
+
+    fence_m: tuple[float, float, float, float, float, float] = (-2.0, 2.0, -2.0, 2.0, -0.1, 2.0)
+    stale_s: float = 0.2
+    silent_s: float = 0.5
+    battery_V: float = 2.9
+    tilt_deg: float = 50.0
+    speed_m_s: float = 3.0
+    overrun_s: float = 0.1
+    late_ticks: int = 10
+
+    def __post_init__(self) -> None:
+        low, high = self.fence
+        if not (np.isfinite([*low, *high]).all() and (low < high).all()):
+            raise UsageError("--fence: give X_MIN X_MAX Y_MIN Y_MAX Z_MIN Z_MAX [m], each least below its most")
+
+    @property
+    def fence(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and most (3,)."""
+        return np.array(self.fence_m[::2], float), np.array(self.fence_m[1::2], float)
+
+
+class Interrupted:
+    """Somebody asks for the end: Ctrl-C, or the end of the session."""
+
+    name = "interrupted"
+
+    def check(self, now: Situation) -> str:
+        return now.interrupted
+
+
+class LostLink:
+    """No packet for ``silent_s``, or the driver says so."""
+
+    name = "lost link"
+
+    def __init__(self, silent_s: float) -> None:
+        self.silent_s = silent_s
+
+    def check(self, now: Situation) -> str:
+        if now.lost:
+            return now.lost
+        return f"no packet for {now.silent_s:.2f} s" if now.silent_s > self.silent_s else ""
+
+
+class StalePose:
+    """No pose for ``stale_s``: neither the vehicle nor the controller knows where it is."""
+
+    name = "stale pose"
+
+    def __init__(self, stale_s: float) -> None:
+        self.stale_s = stale_s
+
+    def check(self, now: Situation) -> str:
+        return f"no pose for {now.pose_age_s:.2f} s" if not now.pose_age_s <= self.stale_s else ""
+
+
+class Geofence:
+    """The believed place leaves the box; below its floor is the ground, which is no reason."""
+
+    name = "geofence"
+
+    def __init__(self, least_m: np.ndarray, most_m: np.ndarray) -> None:
+        self.least_m, self.most_m = least_m, most_m
+
+    def check(self, now: Situation) -> str:
+        beyond = np.maximum(self.least_m - now.position_m, now.position_m - self.most_m)
+        axis = int(np.argmax(beyond))
+        if not beyond[axis] > 0.0:
+            return ""
+        limit = self.most_m[axis] if now.position_m[axis] > self.most_m[axis] else self.least_m[axis]
+        return f"{'xyz'[axis]} = {now.position_m[axis]:.2f} m, the fence is at {limit:.2f} m"
+
+
+class Tilt:
+    name = "tilt"
+
+    def __init__(self, most_deg: float) -> None:
+        self.most_deg = most_deg
+
+    def check(self, now: Situation) -> str:
+        tilt = float(np.degrees(now.tilt_rad))
+        return f"{tilt:.0f} deg, the limit is {self.most_deg:.0f}" if not tilt <= self.most_deg else ""
+
+
+class Speed:
+    name = "speed"
+
+    def __init__(self, most_m_s: float) -> None:
+        self.most_m_s = most_m_s
+
+    def check(self, now: Situation) -> str:
+        speed = float(np.linalg.norm(now.velocity_m_s))
+        return f"{speed:.1f} m/s, the limit is {self.most_m_s:.1f}" if not speed <= self.most_m_s else ""
+
+
+class LowBattery:
+    """The mean of the last second is low: single dips under load are none."""
+
+    name = "low battery"
+    MEAN_S = 1.0
+
+    def __init__(self, least_V: float) -> None:
+        self.least_V = least_V
+        self._mean_V: float | None = None
+        self._time_s = 0.0
+
+    def check(self, now: Situation) -> str:
+        step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
+        share = 1.0 if self._mean_V is None else min(step / self.MEAN_S, 1.0)
+        old = now.battery_V if self._mean_V is None else self._mean_V
+        self._mean_V = old + share * (now.battery_V - old)
+        return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}" if not self._mean_V >= self.least_V else ""
+
+
+class ControllerFailed:
+    """It raised, or what it said is no number."""
+
+    name = "controller"
+
+    def check(self, now: Situation) -> str:
+        return now.controller_error
+
+
+class Overrun:
+    """One call took far too long, or deadlines are missed one after the other."""
+
+    name = "overrun"
+
+    def __init__(self, most_s: float, most_ticks: int) -> None:
+        self.most_s, self.most_ticks = most_s, most_ticks
+
+    def check(self, now: Situation) -> str:
+        if now.call_s > self.most_s:
+            return f"the controller took {1000.0 * now.call_s:.0f} ms"
+        return f"{now.late_ticks} deadlines missed in a row" if now.late_ticks >= self.most_ticks else ""
+
+
+class VehicleStopped:
+    """Its own supervisor has ended the flight."""
+
+    name = "supervisor"
+
+    def check(self, now: Situation) -> str:
+        found = [word for bit, word in ((TUMBLED, "tumbled"), (LOCKED, "locked"), (CRASHED, "crashed"))
+                 if now.supervisor & bit]
+        return f"the vehicle says it is {' and '.join(found)}" if found else ""
+
+
+def rules(limits: Limits) -> tuple[Rule, ...]:
+    """All of them; the first that has a reason ends the flight."""
+    return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), StalePose(limits.stale_s),
+            ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks), Geofence(*limits.fence),
+            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V))
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why a flight ended early: ``rule`` by name, ``reason`` in words, at time_s of the flight in ``phase``."""
+
+    rule: str
+    reason: str
+    time_s: float
+    phase: str
+
+    def __str__(self) -> str:
+        return f"{self.rule}: {self.reason} ({self.time_s:.2f} s, {self.phase})"
+
+
+def first_stop(checks: Sequence[Rule], now: Situation, phase: str) -> Stop | None:
+    """What the first rule that has a reason says. Every rule is asked, as some remember."""
+    said = [(rule.name, rule.check(now)) for rule in checks]
+    return next((Stop(name, reason, now.time_s, phase) for name, reason in said if reason), None)
