@@ -87,6 +87,11 @@ class Compiled:
             self._run([*arrays, *outputs], wide, h, stride)
         return tuple(self._shaped(i, output, n, by_row, keep) for i, output in enumerate(outputs))
 
+    @property
+    def machine_code(self):
+        """The kernel as a ctypes function, for compiled code that calls it by its address; see ``lanes``."""
+        return self._call
+
     def on_threads(self, threads: int) -> Compiled:
         """The same code on several cores."""
         other = copy.copy(self)
