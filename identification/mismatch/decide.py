@@ -16,7 +16,7 @@ from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
 from .space import MAPS, Space
-from .tolerance import feigned
+from .tolerance import feigned, impossible
 from .wrench import CHANNELS
 
 PLAIN = 1.6
@@ -27,6 +27,12 @@ UNEXPLAINED = 0.35
 wind that is none at 0.6."""
 FOREIGN = 0.25
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
+IN_BURSTS = 0.5
+"""Of the turning that a name explains, above what any rows as many have: a stand-in for short losses."""
+AGAINST = 0.2
+"""Two names whose sum turns the vehicle by this share of either are made for each other."""
+ACTS = 0.05
+"""A name that turns the vehicle by this share of what is left turns it at all."""
 LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
 """Squared standard deviations: what is left beside a name, and what is left that nothing names."""
 LEAST_FORCE_M_S2 = 0.045
@@ -35,7 +41,7 @@ LEAST_TURNING = 0.3
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
 WIDER, SYSTEMATIC = 1.6, 0.015
-"""Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any value."""
+"""Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
 TOGETHER = (*MAPS, "ground_effect")
 NORMAL95 = 1.96
 LEVEL = ("mass", "thrust_scale")
@@ -89,7 +95,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     faults = recordings.touching
     final = named.fit
     # what the logging can feign is no finding, and no unknown either
-    feigned = [t for t in named.rejected if t in named.space.terms and t not in {h.term for h in named.accepted}]
+    feigned = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
     free = free_of(named.space, [*(h.term for h in named.accepted), *feigned])
     lenient = fit(known, final.model, free, own=named.own()) if feigned else final
     after = excess(moments, lenient.left)
@@ -97,11 +103,12 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     rough = _roughness(moments, lenient.left, after)
     if rough is not None and not found:
         found = [rough]
+    bursts = next((s for s in found if s.rows is not None), None)
     kept: list[Hypothesis] = []
     withdrawn: list[tuple[str, str]] = []
     alike = dict(zip((h.term for h in named.accepted), named.alike, strict=True))
     for h in named.accepted:
-        why = _hollow(moments, known, named, h, after, space, found)
+        why = _hollow(moments, known, named, h, after, space, found) or _passing(moments, named, h, space, bursts)
         if why:
             withdrawn.append((h.term, why))
         else:
@@ -240,6 +247,30 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
 
 
+def _passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: Structure | None) -> str:
+    """Why a name that turns the vehicle is only a stand-in; empty when it is none: another name turns it back, or what
+    it explains of the turning (its inner product with what is there without it) lies in short losses."""
+    wrench = moments.wrench
+
+    def turned(other: Hypothesis) -> np.ndarray:
+        return wrench.model(named.fit.model)[1] - wrench.model(_rested(named, [other.term], home))[1]
+
+    mine = turned(h)
+    size = np.linalg.norm(mine)
+    for other in named.accepted:
+        against = turned(other)
+        if other is not h and np.linalg.norm(mine + against) < AGAINST * min(size, np.linalg.norm(against)):
+            return f"{h.term} turns the vehicle one way and {other.term} the other, as far"
+    if bursts is None or bursts.rows is None:
+        return ""
+    inside = bursts.rows[wrench.torque_at]
+    each = np.sum(mine * (wrench.measured[1] - wrench.model(_rested(named, [h.term], home))[1]), axis=1)
+    if not (each.sum() > 0.0 and size > ACTS * np.linalg.norm(wrench.residual(named.fit.model)[1])):
+        return ""
+    share = (each[inside].sum() / each.sum() - inside.mean()) / max(1.0 - inside.mean(), 1e-9)
+    return f"most of what {h.term} turns is in {bursts.hint}" if share > IN_BURSTS else ""
+
+
 def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
     """Whether something that is no term acts along the same axes."""
     mine = {axis.removeprefix("force ") for axis in finding.axes}
@@ -253,7 +284,7 @@ def _level_instead(moments: Moments, known: Slopes, space: Space, found: Sequenc
     for term in (t for t in LEVEL if t in space.terms):
         done = fit(known, space.model, space.free(term))
         gain = nothing.loss - done.loss - PER_PARAMETER
-        if gain > LEAST_GAIN and not feigned(term, done, space.model, moments):
+        if gain > LEAST_GAIN and not (impossible(term, done, space.model) or feigned(term, done, space.model, moments)):
             tried.append(Hypothesis(term, done, gain))
     if not tried:
         return None
@@ -321,8 +352,9 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
             if group not in ("hypothesis", "turning", "flight")]
     wide = np.sqrt(WIDER * max(final.loss / max(len(final.left), 1), 1.0))
     drawn = bootstrap(known, final, named.own())
+    believed = home.model.parameters
     sd = {model.names[i]: float(np.hypot(max(wide * np.sqrt(final.covariance[k, k]), drawn[k]),
-                                         SYSTEMATIC * abs(model.values[i]) if model.values[i] else 0.0))
+                                         SYSTEMATIC * abs(model.values[i] - believed.get(model.names[i], 0.0))))
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
     return Finding(h, alike, sd, float(taken.sum() / max(before - final.loss, taken.sum(), 1e-9)), axes,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import null_space
 
 from nanobench_tools.physics import Model
 
@@ -27,7 +28,6 @@ OWN_SD = 1.0
 """Scales: how far flights may differ."""
 FIXED_SUM = ("motor_imbalance.g",)
 """Lists whose mean is given by definition."""
-STIFF = 1e4
 DRAWS, LEAST_FLIGHTS = 200, 3
 """Of flights, for the intervals; fewer flights say nothing about how flights scatter."""
 
@@ -85,6 +85,11 @@ class Slopes:
         if not len(which):
             return np.zeros((len(self.moments.owner), 0))
         return np.stack([self._known[(*model.key, int(i))] for i in which], axis=1)
+
+    def directions(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
+        """(K, D) ``columns`` along which parameters may move: a list keeps its sum."""
+        which = np.asarray(which, int)
+        return self.columns(model, which) @ _ways(model, which)
 
     def of_flights(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
         """(K, F * flights): what each parameter does in each flight alone, parameter by parameter, at the anchor."""
@@ -157,7 +162,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     scattered, columns = known.levels([model.names[i] for i in own])
     extra = np.concatenate([extra, columns], axis=1)
     gram = np.linalg.inv(np.eye(extra.shape[1]) + extra.T @ extra)
-    sums = _sums(model, free) / sizes.mean() if len(free) else np.zeros((0, 0))
+    ways = _ways(model, free)
     start = values = model.values[free]
 
     def at(chosen: np.ndarray) -> Model:
@@ -171,7 +176,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     def cost_of(chosen: np.ndarray) -> tuple[float, np.ndarray]:
         left = known.left(at(chosen))
         better, moved = without_nuisances(left), (chosen - start) / sizes if len(free) else start
-        penalty = float(np.sum((weight * moved) ** 2) + STIFF * np.sum((sums @ (chosen - start)) ** 2))
+        penalty = float(np.sum((weight * moved) ** 2))
         # the part along the nuisances that is left counts with their prior
         return float(left @ better) + penalty, better
 
@@ -180,11 +185,9 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     for _ in range(steps if len(free) else 0):
         matrix = known.columns(at(values), free)
         clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1)
-        stiff = STIFF * (sums * sizes).T @ (sums * sizes)
-        normal = matrix.T @ clean + np.diag(weight**2) + stiff
-        moved = (values - start) / sizes
-        gradient = clean.T @ known.left(at(values)) - weight**2 * moved - stiff @ moved
-        step = np.linalg.solve(normal, gradient)
+        normal = matrix.T @ clean + np.diag(weight**2)
+        gradient = clean.T @ known.left(at(values)) - weight**2 * (values - start) / sizes
+        step = ways @ np.linalg.solve(ways.T @ normal @ ways, ways.T @ gradient)
         share, better, promised = 1.0, False, float(step @ gradient)
         for _ in range(5):
             trial = np.clip(values + share * step * sizes, model.lower[free], model.upper[free])
@@ -199,10 +202,8 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
         if gain < 0.05 or (share == 1.0 and abs(gain - promised) < SETTLED * promised):
             break
     clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1) if len(free) else matrix
-    normal = matrix.T @ clean + np.diag(weight**2)
-    if len(free):
-        normal = normal + STIFF * (sums * sizes).T @ (sums * sizes)
-    covariance = np.linalg.inv(normal) * np.outer(sizes, sizes) if len(free) else np.zeros((0, 0))
+    normal = ways.T @ (matrix.T @ clean + np.diag(weight**2)) @ ways
+    covariance = (ways @ np.linalg.inv(normal) @ ways.T) * np.outer(sizes, sizes)
     found = at(values)
     on = tuple(model.names[i] for i, v in zip(free, values, strict=True)
                if v <= model.lower[i] + 1e-12 or v >= model.upper[i] - 1e-12)
@@ -241,7 +242,7 @@ def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), dra
     if len(own):
         beside = np.concatenate([OWN_SD * known.of_flights(model, own), beside], axis=1)
     prior = np.diag(np.full(len(fit.free), PRIOR_SD**-2.0))
-    sums = STIFF * (_sums(model, fit.free) * sizes).T @ (_sums(model, fit.free) * sizes) / sizes.mean() ** 2
+    ways = _ways(model, fit.free)
     rng, found = np.random.default_rng(seed), np.empty((draws, len(fit.free)))
     for k in range(draws):
         weight = rng.multinomial(many, np.full(many, 1.0 / many)).astype(float)
@@ -252,7 +253,7 @@ def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), dra
             clean = here - nuisance @ (gram @ here)
         else:
             clean = here
-        found[k] = np.linalg.solve(here.T @ clean + prior + sums, clean.T @ what)
+        found[k] = ways @ np.linalg.solve(ways.T @ (here.T @ clean + prior) @ ways, ways.T @ (clean.T @ what))
     return found.std(axis=0) * sizes * np.sqrt(many / (many - 1.0))
 
 
@@ -270,8 +271,9 @@ def force_left(known: Slopes, fit: Fit) -> np.ndarray:
     return left
 
 
-def _sums(model: Model, free: np.ndarray) -> np.ndarray:
-    """(S, F) rows of ones over lists whose sum is fixed."""
-    names = [model.names[i].partition("[")[0] for i in free]
-    rows = [[float(n == base) for n in names] for base in FIXED_SUM if base in names]
-    return np.array(rows).reshape(-1, len(free))
+def _ways(model: Model, free: np.ndarray) -> np.ndarray:
+    """(F, D) orthonormal directions, per scale, in which parameters may move: lists of FIXED_SUM keep their sum."""
+    bases = [model.names[i].partition("[")[0] for i in free]
+    rows = [[size * (b == base) for b, size in zip(bases, scales(model)[free], strict=True)]
+            for base in FIXED_SUM if base in bases]
+    return null_space(np.array(rows)) if rows else np.eye(len(free))

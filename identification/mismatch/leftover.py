@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.cluster.vq import kmeans2
+from scipy.ndimage import maximum_filter1d
 from scipy.stats import gamma
 
 from nanobench_tools import so3
 
 from .moments import Moments
-from .wrench import FORCE_ROWS, ROW_S
+from .wrench import FORCE_ROWS, ROW_S, Wrench
 
 PLACES = 16
 """Blobs that cover where the flights went."""
@@ -24,6 +25,8 @@ PERIODS_HZ = (0.25, 6.0)
 PEAK_P = 1e-8
 BURST_SD = 6.0
 BURSTS = 6
+BURST_ROWS = 12
+"""What a short event turns, and the controller turns back, lies within so many rows of it."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Structure:
     hint: str
     flights: tuple[int, ...] = ()
     share: float = 1.0
+    rows: np.ndarray | None = None
+    """(rows,) bool: of all tracks end to end, where bursts last."""
 
     @property
     def rms_m_s2(self) -> float:
@@ -189,4 +194,11 @@ def _bursts(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     size = float(np.sqrt(np.mean(force[far, 2] ** 2)))
     named = tuple(np.unique(flight[far]).tolist())
     return Structure("bursts", size, share * len(white), ("z",), f"{events} short losses or gusts along body z", named,
-                     float(np.mean(far)))
+                     float(np.mean(far)), _around(moments.wrench, far))
+
+
+def _around(wrench: Wrench, far: np.ndarray) -> np.ndarray:
+    """Rows within BURST_ROWS of the samples of force that are far off."""
+    hit = np.zeros(len(wrench.track))
+    hit[wrench.force_at[far]] = 1.0
+    return maximum_filter1d(hit, 2 * BURST_ROWS + 1) > 0.0

@@ -7,7 +7,7 @@ where nothing is wrong. A hypothesis is judged by how much of this projection it
 Closed loop: controllers answer a disturbance within a few rows, so that commands and rates correlate with the residual
 without causing it. Torques are therefore compared over short stretches, and only with covariates that were fixed before
 the stretch began (predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8; the
-disturbance itself is whitened first).
+disturbance itself is whitened first), and with what the set-points asked for, which no disturbance moves.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from nanobench_tools.physics import Model
 from .memory import Memory, fit_memory, runs_of
 from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
 
+ASKED_LAGS = range(0, 48, 4)
+"""Rows before the one judged at which what set-points asked for is an instrument: to 0.44 s, as late as vehicles
+follow."""
 RATE_LAGS = range(3, 10)
 """Stretches before the one judged whose changes of rate are instruments: 20 to 160 ms."""
 MEMORY = ("rate", "turning")
@@ -90,6 +93,13 @@ def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
         found.append(Covariate(f"rates {axis} crossed", "rate", w[:, i] * w[:, (i + 1) % 3]))
         found += [Covariate(f"turning {axis} {20 * lag} ms before", "turning",
                             rate[before(2 * lag)][:, i] - rate[before(2 * lag + 2)][:, i]) for lag in RATE_LAGS]
+    asked = wrench.of("asked_rad_s2", np.arange(len(wrench.track)))
+    heading = so3.matrix(wrench.quaternion[at])[:, :2, 0]
+    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+    for lag in ASKED_LAGS:
+        ahead = asked[before(lag)]
+        about = {"y": np.sum(heading * ahead, axis=1), "x": heading[:, 1] * ahead[:, 0] - heading[:, 0] * ahead[:, 1]}
+        found += [Covariate(f"asked {axis} {10 * lag} ms before", "asked", value) for axis, value in about.items()]
     return [found] * 3
 
 

@@ -13,7 +13,7 @@ from nanobench_tools.physics.numeric import equations
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
 from .space import MAPS, Space, space_of_other_map
-from .tolerance import feigned
+from .tolerance import feigned, impossible
 from .track import ROW_S
 
 LEAST_GAIN = 45.0
@@ -51,7 +51,8 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Named:
-    """hypotheses accepted, each with those it cannot be told from; fit of all together; loss before, and after."""
+    """hypotheses accepted, each with those it cannot be told from; fit of all together; loss before, and after;
+    rejected: why not, of others; feigned: those of them that the logging alone can make."""
 
     accepted: tuple[Hypothesis, ...]
     alike: tuple[tuple[str, ...], ...]
@@ -60,6 +61,7 @@ class Named:
     before: float
     scores: dict[str, float] = field(default_factory=dict)
     rejected: dict[str, str] = field(default_factory=dict)
+    feigned: tuple[str, ...] = ()
 
     def own(self, *without: str) -> np.ndarray:
         """Parameters that differ between flights, but for some terms."""
@@ -108,7 +110,7 @@ def name_effects(moments: Moments, space: Space, simulator: Model,
             progress(f"{best.term} takes {best.gain:.0f} of {nothing.loss:.0f}")
     search.backward()
     return Named(tuple(search.accepted), tuple(search.alike[h.term] for h in search.accepted), search.space,
-                 search.current, nothing.loss, scores, search.rejected)
+                 search.current, nothing.loss, scores, search.rejected, tuple(search.feigned))
 
 
 class _Search:
@@ -122,6 +124,7 @@ class _Search:
         self.accepted: list[Hypothesis] = []
         self.alike: dict[str, tuple[str, ...]] = {}
         self.rejected: dict[str, str] = {}
+        self.feigned: list[str] = []
 
     @property
     def names(self) -> list[str]:
@@ -168,8 +171,8 @@ class _Search:
     def _promise(self, term: str, space: Space, start: Model) -> float:
         held, free = free_of(space, self.names), space.free(term)
         left, near = self.known.left(start), self._near(start)
-        beside = np.concatenate([self._differing(start), self.known.columns(near, held),
-                                 self.known.columns(near, free)], axis=1)
+        beside = np.concatenate([self._differing(start), self.known.directions(near, held),
+                                 self.known.directions(near, free)], axis=1)
         return -float(left @ left) + self._explained(beside, left) - PER_PARAMETER * len(free)
 
     def _near(self, start: Model) -> Model:
@@ -190,14 +193,16 @@ class _Search:
                 continue
             if h.term in PUSHES and self._turning(h) > 0.5:
                 continue
-            why = feigned(h.term, h.fit, self.current.model, self.moments)
-            if not why and feign and self._beside(h.term, feign) < h.gain * REDUNDANT:
+            why = impossible(h.term, h.fit, self.current.model)
+            if not why and (why := feigned(h.term, h.fit, self.current.model, self.moments)):
+                feign.append(h.term)
+            elif not why and feign and self._beside(h.term, feign) < h.gain * REDUNDANT:
                 why = f"{h.term} explains what {' and '.join(feign)} explains better, which the logging can feign"
             if why:
                 self.rejected.setdefault(h.term, why)
-                feign.append(h.term)
             else:
                 allowed.append(h)
+        self.feigned += [term for term in feign if term not in self.feigned]
         if not allowed:
             return None
         close = [h for h in allowed if allowed[0].gain - h.gain < self._margin(allowed[0])]
@@ -230,9 +235,9 @@ class _Search:
         start = _start(self.moments, self.current.model, term)
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
         left, near = self.known.left(start), self._near(start)
-        beside = np.concatenate([self._differing(start), self.known.columns(near, held)], axis=1)
+        beside = np.concatenate([self._differing(start), self.known.directions(near, held)], axis=1)
         if term in self.space.terms:
-            free = self.known.columns(near, self.space.free(term))
+            free = self.known.directions(near, self.space.free(term))
         elif self.other is not None and term in self.other.terms and not any(n in MAPS for n in self.names):
             there = carried(start, self.other.model)
             swap = left - self.known.left(there)  # the other map acts as it stands, before anything of it is changed

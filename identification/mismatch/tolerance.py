@@ -40,22 +40,29 @@ LEAST_TURNING_SHARE = 0.12
 """An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
 
 
+def impossible(term: str, fit: Fit, before: Model) -> str:
+    """Why a fitted term is no vehicle: a sentence, empty when it is one."""
+    old, new = before.parameters, fit.model.parameters
+    for name in fit.on_bound:
+        if name.startswith(f"{term}.") and new[name] != _neutral(fit.model, name):
+            return f"{term} ends on the bound of {name}, which is no result"
+    for name in (fit.model.names[i] for i in fit.free if fit.model.names[i].startswith(f"{term}.")):
+        factor, times = IMPLAUSIBLE.get(base_of(name)), new[name] / old[name] if old.get(name) else 1.0
+        if factor and not 1.0 / factor < times < factor:
+            return f"{term} would be {times:.2g} times what is believed: no vehicle"
+    return ""
+
+
 def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
     """Why a fitted term is no finding: a sentence, empty when it is one."""
     old = before.parameters
     changed = False
-    for name in fit.on_bound:
-        if name.startswith(f"{term}.") and fit.model.parameters[name] != _neutral(fit.model, name):
-            return f"{term} ends on the bound of {name}, which is no result"
     for place, i in enumerate(fit.free):
         name = fit.model.names[i]
         if not name.startswith(f"{term}."):
             continue
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
-        factor, times = IMPLAUSIBLE.get(base_of(name)), fit.model.values[i] / old[name] if old.get(name) else 1.0
-        if factor and not 1.0 / factor < times < factor:
-            return f"{term} would be {times:.2g} times what is believed: no vehicle"
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
             least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
             changed = changed or float(np.ptp(fit.own[name])) > least

@@ -36,6 +36,10 @@ LONGEST_GAP_S = 0.045
 MOST_FRAMES = 0.7
 """Share of the frames around a row that has to be there: between many short holes a cubic follows the noise."""
 SHORTEST_S = 1.0
+ASKED_S, MOST_ASKED_RAD_S2 = 0.06, 20.0
+"""Set-points are smoothed over so long; where they jump, no vehicle follows."""
+REACH = 8.0
+"""Standard deviations: a Gaussian that is cut earlier gives slow paths a fourth derivative."""
 MOST_LATE, SMOOTHER = 0.4, 0.9
 """Of a period: packets that come later may be of another frame. Of the roughness of a path: stamps are moved only where
 that makes it smoother by more."""
@@ -49,8 +53,9 @@ class Track:
     """One span of one flight, n rows 10 ms apart. time_s (n,) of the recording; position_m, velocity_m_s (n, 3) world;
     quaternion (n, 4) body to world; rate_rad_s (n, 3) body; force_m_s2 (n, 3) specific force of the accelerometer,
     body, nan without one; motor (n, 4) PWM ratio and battery_V (n,) in the middle of the row, which they stand for;
-    counts (n,) rows that are judged; since_s (n,) time since take-off; flight is an index into the flights of the
-    diagnosis."""
+    counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration that
+    following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights of
+    the diagnosis."""
 
     name: str
     flight: int
@@ -64,6 +69,7 @@ class Track:
     battery_V: np.ndarray
     counts: np.ndarray
     since_s: np.ndarray
+    asked_rad_s2: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -136,7 +142,21 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
     seen_s = np.clip(time_s, stamps[0], stamps[-1])
     return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1),
                  so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], seen_s),
-                 _at(imu, NEEDED["imu"], time_s), force, motor, battery, counts, time_s - take_off_s)
+                 _at(imu, NEEDED["imu"], time_s), force, motor, battery, counts, time_s - take_off_s,
+                 _asked(flight, time_s))
+
+
+def _asked(flight: Flight, time_s: np.ndarray) -> np.ndarray:
+    """(n, 2) rad/s^2: the fourth derivative of the set-points' path over g (thrust leans where acceleration points)."""
+    stream = flight.streams.get("setpoint")
+    if stream is None or any(q not in stream for q in ("x", "y")) or len(stream) < 10:
+        return np.zeros((len(time_s), 2))
+    ahead = np.arange(1, int(BEFORE_S / ROW_S) + 1) * ROW_S
+    grid = np.concatenate([time_s[0] - ahead[::-1], time_s, time_s[-1] + ahead])
+    path = np.nan_to_num(_at(stream, ("x", "y"), grid))
+    snap = gaussian_filter1d(path, ASKED_S / ROW_S, axis=0, order=4, mode="nearest",
+                             truncate=REACH) / ROW_S**4
+    return np.clip(snap[len(ahead):-len(ahead)] / 9.81, -MOST_ASKED_RAD_S2, MOST_ASKED_RAD_S2)
 
 
 def steadied(battery_V: np.ndarray, motor: np.ndarray) -> np.ndarray:

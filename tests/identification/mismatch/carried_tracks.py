@@ -74,7 +74,7 @@ def track_of(model: Model, seed: int, flight: int = 0, seconds: float = 20.0, pu
     counts[60:-20] = True
     return Track(f"flight_{flight + 1}", flight, t, position + 2e-5 * noise * rng.standard_normal((n, 3)), velocity,
                  quaternion, rate + 3e-3 * noise * rng.standard_normal((n, 3)), np.full((n, 3), np.nan), motor, battery,
-                 counts, t)
+                 counts, t, np.zeros((n, 2)))
 
 
 def wrench_of(model: Model, flights: int = 3, **options) -> Wrench:

@@ -9,7 +9,7 @@ from carried_tracks import MODEL, track_of, wrench_of
 from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
 from identification.mismatch.diagnose import _named, diagnose
-from identification.mismatch.fitting import slopes
+from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure
 from identification.mismatch.naming import rested
 from identification.mismatch.recordings import Recordings
@@ -55,6 +55,25 @@ def test_a_heavier_vehicle_is_found(plain, model):
     finding = decision.findings[0]
     assert "mass" in (finding.hypothesis.term, *finding.equivalent)
     assert decision.fit.model.parameters["mass.m"] == pytest.approx(0.04, rel=0.01)
+
+
+def test_gains_of_motors_keep_their_mean_however_much_thrust_is_wrong(plain, model):
+    """A vehicle 15 % heavier than believed is no imbalance of motors."""
+    space = space_around(model.on(mass_kg=0.046))
+    moments, _ = _named(plain, space, model.on(mass_kg=0.046), lambda text: None)
+    found = fit(Slopes(moments), space.model, space.free("motor_imbalance"))
+    gains = [value for name, value in found.model.parameters.items() if name.startswith("motor_imbalance.g")]
+    assert np.mean(gains) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_two_large_effects_at_once_are_both_named(model):
+    """Each by itself, fitted to what both do, is no possible vehicle: that must not hide the other."""
+    true = model.with_term("com_offset", r_m=(0.0013, -0.0007, 0.0))
+    _, decision = decided(wrench_of(true), model.on(mass_kg=0.0465))
+    terms = [{f.hypothesis.term, *f.equivalent} for f in decision.findings]
+    assert len(terms) == 2
+    assert any("mass" in t for t in terms)
+    assert any("com_offset" in t for t in terms)
 
 
 def test_wind_is_not_called_drag(model):

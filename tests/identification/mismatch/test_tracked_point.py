@@ -32,7 +32,7 @@ def _track(number: int, arm: np.ndarray, seed: int, n: int = 1500) -> Track:
     v = v + so3.rotate(q, np.cross(rate, arm))
     counts = (t > 0.3) & (t < t[-1] - 0.3)
     return Track(f"f{number}", number, t, p, v, q, rate, np.full((n, 3), np.nan), np.full((n, 4), 0.6), np.full(n, 3.8),
-                 counts, t)
+                 counts, t, np.zeros((n, 2)))
 
 
 @pytest.mark.parametrize("arm", [np.zeros(3), np.array([0.004, -0.003, 0.024])])
