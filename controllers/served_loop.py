@@ -26,6 +26,9 @@ from nanobench_tools.practice.plant import (
 from nanobench_tools.practice.vehicle import OPEN_CIRCUIT
 
 STEP_S = 0.001
+_KEY = repr((LANES, CONTACT_DAMPING, CONTACT_RAD_S, FRICTION, FRICTION_SPEED_M_S, LEVELLING_RAD_S,
+             OPEN_CIRCUIT.tolist()))
+"""What the machine code holds of other packages; a change of it is a change of the code that is kept."""
 ADC_V, ADC_EVERY = 5.4 / 1023.0, 12
 """Step of the measured battery voltage and milliseconds between measurements (nRF firmware)."""
 AIR_S = 0.5
@@ -157,13 +160,12 @@ def world_step(w, s, x, row, parameters, waiting, rng):
     w.steps += 1
 
 
-@kept
-def run(sources):
+def _made(key):
     @nb.njit(cache=True, nogil=True)
     def run(milliseconds, s, setpoint, gains, states, build, kalman, task, runs, measured, waiting_poses, w, x, row,
             parameters, waiting, rng):
         """The loop and the vehicle for so many milliseconds; all records (1,) are carried on."""
-        if not sources:
+        if not key:
             return
         acc_g, gyro_deg_s = np.empty(3), np.empty(3)
         own = (gains[0][0], gains[1][0], gains[2][0])
@@ -176,3 +178,6 @@ def run(sources):
             world_step(w[0], s[0], x, row, parameters, waiting, rng)
 
     return run
+
+
+run = kept(lambda sources: _made(sources + _KEY))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.lanes import LANES
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, STATE, VELOCITY
 from nanobench_tools.physics.rollout import compiled_step
+from nanobench_tools.physics.simulator import loads, read_simulator
 from nanobench_tools.practice.plant import CONTACT_RAD_S
 from nanobench_tools.practice.vehicle import OPEN_CIRCUIT, VEHICLE
 
+from .ensemble import shipped_simulator
 from .plant import MOST_DELAY_S, closed_loop_model
 from .served_loop import STEP_S, WORLD, run
 
@@ -53,7 +56,7 @@ class ServedVehicle:
         if not BATTERY_V[0] <= battery_V <= BATTERY_V[1]:
             raise InputError("battery", f"{battery_V:g} V", f"at rest a cell has {BATTERY_V[0]:g} to {BATTERY_V[1]:g}")
         self.model = closed_loop_model(model)
-        self.stabilizer = Stabilizer(tick_ms)
+        self._start = (tuple(start_m), yaw_rad, battery_V, tick_ms)
         self._rng = np.random.default_rng([seed, 77])
         self._step = compiled_step(self.model, 1.0 / STEP_S, own_parameters=True)
         self._parameters = np.ascontiguousarray(np.repeat(self.model.values[:, None], LANES, axis=1))
@@ -61,8 +64,15 @@ class ServedVehicle:
         self._state = np.zeros((len(STATE), LANES))
         self._world = np.zeros(1, WORLD)
         self._begin(noise, air)
-        self._world["charge"] = _charge(battery_V)
-        self._world["battery_V"] = battery_V
+        self.restart()
+        self.advance(0)  # compiles, which takes a minute the first time
+
+    def restart(self) -> None:
+        """A hand puts it back where it stood, with a full battery, and switches it on."""
+        start_m, yaw_rad, battery_V, tick_ms = self._start
+        self.stabilizer = Stabilizer(tick_ms)
+        self._world["charge"], self._world["battery_V"] = _charge(battery_V), battery_V
+        self._world["motor"], self._waiting[:] = 0.0, 0.0
         self.place(start_m, yaw_rad)
 
     def _begin(self, noise: float, air: float) -> None:
@@ -93,7 +103,7 @@ class ServedVehicle:
         self._waiting = np.zeros((max(depth, 1), 4))
 
     def place(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-        """At rest where its legs then carry it, as a hand would put it; the ground is there from now on."""
+        """At rest, as a hand would put it; the ground is there from now on."""
         self._state[:] = 0.0
         self._state[POSITION] = np.asarray(position_m, float)[:, None]
         self._state[QUATERNION] = so3.exp(np.array([0.0, 0.0, yaw_rad]))[:, None]
@@ -143,3 +153,8 @@ def _charge(battery_V: float) -> float:
     if battery_V < OPEN_CIRCUIT[0, 1]:
         return (battery_V - OPEN_CIRCUIT[0, 1]) / 20.0
     return float(np.interp(battery_V, OPEN_CIRCUIT[:, 1], OPEN_CIRCUIT[:, 0]))
+
+
+def served(simulator: Path | None = None, **settings) -> ServedVehicle:
+    """A ServedVehicle of a simulator.toml, by default of the recorded vehicle's; ``settings`` are passed on."""
+    return ServedVehicle(loads(shipped_simulator()) if simulator is None else read_simulator(simulator), **settings)

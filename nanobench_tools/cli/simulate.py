@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from ..errors import UsageError
 from .options import Options, shared_options
+from .simulate_serve import SERVE_OPTIONS, serve, serve_options
 
 KNOWN = "pid, mellinger, a registered name or module:Class"
 
@@ -26,12 +29,19 @@ KNOWN = "pid, mellinger, a registered name or module:Class"
 @click.option("--wander-ms", type=click.FloatRange(min=0.0), default=0.0, show_default=True,
               help="Standard deviation of the sawtooth in the vehicle's stamps; the recordings have about 33.")
 @click.option("--suffix", type=click.Choice((".csv", ".csv.gz", ".csv.xz")), default=".csv", show_default=True)
+@serve_options
 def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: tuple[str, ...], controller: str | None,
-             duration_s: float | None, offset_ms: float, drift_ppm: float, wander_ms: float, suffix: str) -> int:
+             duration_s: float | None, offset_ms: float, drift_ppm: float, wander_ms: float, suffix: str,
+             serve_uri: str | None, **served: Any) -> int:
     """Write practice flights through the whole logging chain into --out DIR: CSV and sheet, marked synthetic.
 
-    The same seed gives the same files.
+    The same seed gives the same files. With --serve URI nothing is written: a simulated Crazyflie is there for cflib,
+    `nanobench fly` and `nanobench record` until Ctrl-C.
     """
+    if serve_uri is not None:
+        return serve(options, serve_uri, served)
+    if any(served[name] is not None and served[name] is not False for name in SERVE_OPTIONS):
+        raise UsageError("options of a served vehicle go with --serve URI")
     from ..content.controller import RESERVED
     from ..practice import CONTROLLERS, FAMILIES, LoggingChain, write_practice
     from ..registry import names

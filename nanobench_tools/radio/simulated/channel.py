@@ -89,6 +89,10 @@ class Channel(Generic[T]):
         self._last_s = max(arrival, self._last_s)
         self._way.append((self._last_s, thing))
 
+    def clear(self) -> None:
+        """Nothing is on its way any more."""
+        self._way.clear()
+
     def next_s(self) -> float:
         """When the next thing arrives; inf without any."""
         return self._way[0][0] if self._way else np.inf

@@ -15,9 +15,10 @@ from ..pose_datagram import PORT_OFFSET, SUBSCRIPTION_S
 from .channel import RadioOptions
 from .motion_capture import MocapOptions
 from .simulation import Simulation
+from .supervisor import State
 from .vehicle import Vehicle
 
-SILENCE_S, CLOSED_S = 1.0, 0.3
+SILENCE_S, CLOSED_S = 1.0, 0.3  # of the host's own clock
 """A client that is silent for so long has gone; the shorter one holds after the zero set-point cflib closes with."""
 WAITING_S = 2.0
 """How long one that asked to connect in vain is remembered."""
@@ -32,15 +33,16 @@ class SimulatedCrazyflie:
     """A vehicle that is served at ``uri`` from ``start`` to ``stop``, or within a ``with``.
 
     port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock.
-    positioning: a deck of its own tells the vehicle where it is. report: is told in one line what happens to clients.
+    positioning: a deck of its own tells the vehicle where it is. pace: seconds of the vehicle's world in one of the
+    host. report: is told in one line what happens to clients.
     With ``own_clock`` there is no thread and no socket: time passes in ``advance``.
     ``start`` raises InputError when an address cannot be had.
     """
 
     def __init__(self, vehicle: Vehicle, host: str = "127.0.0.1", port: int = 0, *, radio: RadioOptions | None = None,
                  mocap: MocapOptions | None = None, drift_ppm: float = 0.0, positioning: bool = False,
-                 own_clock: bool = False, report: Callable[[str], None] = lambda line: None) -> None:
-        self._host, self._port, self._report, self._own_clock = host, port, report, own_clock
+                 pace: float = 1.0, own_clock: bool = False, report: Callable[[str], None] = lambda line: None) -> None:
+        self._host, self._port, self._report, self._own_clock, self._pace = host, port, report, own_clock, pace
         self._make = lambda start_s: Simulation(vehicle, start_s, radio or RadioOptions(), mocap or MocapOptions(),
                                                 drift_ppm, positioning=positioning)
         self.simulation = self._make(0.0)
@@ -86,7 +88,7 @@ class SimulatedCrazyflie:
             self._radio_socket.close()
             raise
         self._mocap_port = self._mocap_socket.getsockname()[1]
-        self._zero_s = time.time() - time.monotonic()
+        self._zero_s, self._zero_monotonic_s = time.time(), time.monotonic()
         self.simulation = self._make(self._now())
         self._stopping.clear()
         self._thread = threading.Thread(target=self._serve, name=f"simulated {self.uri}", daemon=True)
@@ -102,9 +104,15 @@ class SimulatedCrazyflie:
         self._radio_socket.close()
         self._mocap_socket.close()
 
+    def summary(self) -> str:
+        """What went over the air and how late the server was, in one line."""
+        down, up = self.simulation.down, self.simulation.up
+        return (f"{self.turns} turns, {self.late} more than {1e3 * LATE_S:.0f} ms late; lost on the way up {up.lost}, "
+                f"down {down.lost}, dropped before a full queue {down.full}")
+
     def _now(self) -> float:
-        """The host's clock: Unix time that does not jump."""
-        return self._zero_s + time.monotonic()
+        """The clock of this world: Unix time that does not jump, from the start on at its own pace."""
+        return self._zero_s + self._pace * (time.monotonic() - self._zero_monotonic_s)
 
     def _serve(self) -> None:
         try:
@@ -118,16 +126,16 @@ class SimulatedCrazyflie:
     def _turn(self) -> None:
         simulation = self.simulation
         due = simulation.next_s()
-        wait = min(max(due - self._now(), 0.0), 0.05)
+        wait = min(max(due - self._now(), 0.0) / self._pace, 0.05)
         ready, _, _ = select.select([self._radio_socket, self._mocap_socket], [], [], wait)
         now = self._now()
         self.turns += 1
-        self.late += now - due > LATE_S
+        self.late += now - due > LATE_S * self._pace
         if self._radio_socket in ready:
             self._receive(now)
         if self._mocap_socket in ready:
             self._subscribe(now)
-        self._change_client(now)
+        self._change_client()
         simulation.run_until(now)
         for datagram in simulation.outgoing(now):
             if self._client is not None:
@@ -152,31 +160,35 @@ class SimulatedCrazyflie:
             if self._client is None:
                 self._accept(sender)
             if sender != self._client:
-                self._refuse(sender, datagram, now)
+                self._refuse(sender, datagram)
                 continue
-            self._heard_s = now
+            self._heard_s = time.monotonic()
             packet = parse(datagram)
             self._closing = packet is not None and packet.port == Port.RPYT and packet.data == _CLOSING
             self.simulation.post(now, datagram)
 
     def _accept(self, sender: Address) -> None:
-        self._client, self._closing = sender, False
+        self._client, self._closing, self._heard_s = sender, False, time.monotonic()
+        if self.simulation.onboard.supervisor.state in (State.LOCKED, State.CRASHED):
+            self._report("the vehicle was locked or had crashed: it is put back and switched on again")
+            self.simulation.restart()
         self._refused.discard(sender)
         self._report(f"{sender[0]}:{sender[1]} is connected")
 
-    def _refuse(self, sender: Address, datagram: bytes, now: float) -> None:
+    def _refuse(self, sender: Address, datagram: bytes) -> None:
         """A stranger while there is a client: not answered; its wish to connect is remembered for a while."""
         packet = parse(datagram)
         if packet is not None and packet.port == Port.LINK and packet.channel == 1:
-            self._waiting = (sender, datagram, now)
+            self._waiting = (sender, datagram, time.monotonic())
         if sender not in self._refused:
             if len(self._refused) > 1000:
                 self._refused.clear()
             self._refused.add(sender)
             self._report(f"{sender[0]}:{sender[1]} is not answered: the vehicle has a client")
 
-    def _change_client(self, now: float) -> None:
+    def _change_client(self) -> None:
         """A client that is silent has gone; who asked in the meantime is next."""
+        now = time.monotonic()
         if self._client is None or now - self._heard_s < (CLOSED_S if self._closing else SILENCE_S):
             return
         self._report(f"{self._client[0]}:{self._client[1]} has gone")
@@ -186,8 +198,7 @@ class SimulatedCrazyflie:
             self._waiting = None
             if now - asked < WAITING_S:
                 self._accept(sender)
-                self._heard_s = now
-                self.simulation.post(now, datagram)
+                self.simulation.post(self._now(), datagram)
 
     def _subscribe(self, now: float) -> None:
         for _ in range(_MOST_AT_ONCE):

@@ -17,13 +17,22 @@ class Simulation:
 
     def __init__(self, vehicle: Vehicle, start_s: float, radio: RadioOptions, mocap: MocapOptions,
                  drift_ppm: float = 0.0, *, positioning: bool = False) -> None:
-        self.onboard = Onboard(vehicle, positioning)
+        self.onboard, self._positioning = Onboard(vehicle, positioning), positioning
         self.up: Channel[Packet] = Channel(radio, 1, limited=False)
         self.down: Channel[Packet] = Channel(radio, 2, limited=True)
         self.mocap = MotionCapture(mocap, start_s)
         self.time_s = self._start_s = start_s
         self._start_ms = self.onboard.tick_ms
         self._rate = 1000.0 * (1.0 + 1e-6 * drift_ppm)
+
+    def restart(self) -> None:
+        """The vehicle is put back and switched on again; nothing is on the air."""
+        vehicle = self.onboard.vehicle
+        vehicle.restart()
+        self.onboard = Onboard(vehicle, self._positioning)
+        self.up.clear()
+        self.down.clear()
+        self._start_s, self._start_ms = self.time_s, self.onboard.tick_ms
 
     def tick_at(self, time_s: float) -> int:
         """The vehicle's tick at a time of the host."""

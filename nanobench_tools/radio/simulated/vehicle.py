@@ -17,6 +17,10 @@ class Vehicle(Protocol):
 
     def advance(self, milliseconds: int) -> None: ...
 
+    def restart(self) -> None:
+        """Back where it stood, with a new ``stabilizer`` at its first tick."""
+        ...
+
     def true_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """position m, velocity m/s (3,) world, quaternion (4,) x, y, z, w body to world of the tracked point."""
         ...

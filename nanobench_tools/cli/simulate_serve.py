@@ -1,0 +1,168 @@
+"""``nanobench simulate --serve``: a simulated Crazyflie for cflib, until Ctrl-C."""
+
+from __future__ import annotations
+
+import ipaddress
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import InputError, UsageError
+from .options import PATH, Options
+
+if TYPE_CHECKING:
+    from ..radio.simulated.server import SimulatedCrazyflie
+
+MOST_VEHICLES = 10
+"""cflib scans so many ports."""
+DEFAULT_PORT = 19850
+
+
+class Numbers(click.ParamType):
+    """``1,2,3``: so many numbers."""
+
+    name = "numbers"
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> tuple:
+        try:
+            found = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            found = ()
+        if len(found) != self.count or not all(abs(x) < 1e6 for x in found):
+            self.fail(f"{value!r} is not {self.count} numbers with commas between", parameter, context)
+        return found
+
+
+_OPTIONS: tuple[Callable, ...] = (
+    click.option("--serve", "serve_uri", metavar="URI", help="Serve a simulated Crazyflie: udp://127.0.0.1:19850. Its "
+                 "motion capture is at the port + 100."),
+    click.option("--vehicles", type=click.IntRange(1, MOST_VEHICLES), metavar="N", help="Served: so many, at ports one "
+                 "after another."),
+    click.option("--simulator", type=PATH, metavar="FILE", help="Served: its physics, simulator.toml. Default: the "
+                 "recorded vehicle."),
+    click.option("--battery", "battery_V", type=float, metavar="V", help="Served: its cell at rest."),
+    click.option("--wind", "wind_m_s", type=Numbers(3), metavar="X,Y,Z", help="Served: the air moves so [m/s]."),
+    click.option("--start", type=Numbers(4), metavar="X,Y,Z,YAW", help="Served: where it stands [m, deg]."),
+    click.option("--deck", "positioning", is_flag=True, default=None, help="Served: a deck tells it where it is, no "
+                 "poses need be sent."),
+    click.option("--latency-s", type=float, metavar="S", help="Served: of the radio, one way."),
+    click.option("--latency-jitter-s", "jitter_s", type=float, metavar="S", help="Served: mean of a random delay on "
+                 "top."),
+    click.option("--loss", type=float, metavar="P", help="Served: share of set-points, poses and log packets "
+                 "lost; all else is sent again."),
+    click.option("--bandwidth", "packets_per_s", type=float, metavar="HZ", help="Served: packets a second that reach "
+                 "the client; 690 for nine blocks of 77 Hz, as recorded."),
+    click.option("--mocap-hz", "mocap_hz", type=float, metavar="HZ", help="Served: poses a second. Default: 100."),
+    click.option("--mocap-noise-m", type=float, metavar="M", help="Served: noise of poses. Default: 0.0003."),
+    click.option("--mocap-delay-s", type=float, metavar="S", help="Served: from exposure to sending."),
+    click.option("--clock-drift", "ticks_ppm", type=float, metavar="PPM", help="Served: its ticks are this much too "
+                 "fast."),
+    click.option("--boot-offset-s", type=float, metavar="S", help="Served: switched on so long before. Default: 1."),
+    click.option("--pace", type=click.FloatRange(0.1, 20.0), metavar="X", help="Served: seconds of its world in one of "
+                 "ours."),
+    click.option("--bind-anywhere", is_flag=True, default=None, help="Served: allow an address that others on the net "
+                 "can reach."),
+    click.option("--seconds", "seconds", type=click.FloatRange(min=0.0), metavar="S", help="Served: end by itself."),
+)
+SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
+                 "loss", "packets_per_s", "mocap_hz", "mocap_noise_m", "mocap_delay_s", "ticks_ppm", "boot_offset_s",
+                 "pace", "bind_anywhere", "seconds")
+
+
+def serve_options(function: Callable) -> Callable:
+    """Puts the options of a served vehicle on a verb."""
+    for option in reversed(_OPTIONS):
+        function = option(function)
+    return function
+
+
+def address(uri: str, anywhere: bool) -> tuple[str, int]:
+    """Host and port of udp://host:port; UsageError for another kind, or one that others can reach unless allowed."""
+    kind, _, rest = uri.partition("://")
+    host, _, port = rest.partition(":")
+    if kind != "udp" or not host or (port and not port.isdigit()):
+        raise UsageError(f"--serve {uri}: give udp://HOST:PORT, such as udp://127.0.0.1:{DEFAULT_PORT}")
+    host = "127.0.0.1" if host == "localhost" else host
+    try:
+        own = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        raise UsageError(f"--serve {uri}: {host!r} is no address of numbers") from None
+    if not own and not anywhere:
+        raise UsageError(f"--serve {uri}: others could reach it there, and CRTP knows no password; 127.0.0.1, or add "
+                         "--bind-anywhere")
+    number = int(port) if port else DEFAULT_PORT
+    if not 1 <= number <= 65435:
+        raise UsageError(f"--serve {uri}: port {number}; give 1 to 65435")
+    return host, number
+
+
+def serve(options: Options, uri: str, given: dict[str, Any]) -> int:
+    """Serves until Ctrl-C or for so many seconds."""
+    host, port = address(uri, bool(given["bind_anywhere"]))
+    count = given["vehicles"] or 1
+    with ExitStack() as stack:
+        served = [stack.enter_context(vehicle) for vehicle in _made(options, host, port, count, given)]
+        for one in served:
+            options.say(f"serving {one.uri}, poses at udp://{one.mocap_address[0]}:{one.mocap_address[1]}; Ctrl-C ends")
+        until = time.monotonic() + given["seconds"] if given["seconds"] is not None else float("inf")
+        try:
+            while time.monotonic() < until:
+                time.sleep(0.1)
+                for one in served:
+                    if one.broken is not None:
+                        raise one.broken
+        except KeyboardInterrupt:
+            pass
+        for one in served:
+            options.say(f"{one.uri}: {one.summary()}")
+    return 0
+
+
+def _made(options: Options, host: str, port: int, count: int, given: dict[str, Any]) -> Sequence[SimulatedCrazyflie]:
+    """The vehicles, not yet served; their seeds follow one another."""
+    from ..radio.simulated.channel import RadioOptions
+    from ..radio.simulated.motion_capture import MocapOptions
+    from ..radio.simulated.server import SimulatedCrazyflie
+
+    made = _vehicles(options, count, given)
+    found = []
+    for i, vehicle in enumerate(made):
+        seed = options.seed + i
+        radio = RadioOptions(**_some(given, latency_s="latency_s", jitter_s="jitter_s", loss="loss",
+                                     packets_per_s="packets_per_s"), seed=seed)
+        mocap = MocapOptions(**_some(given, rate_hz="mocap_hz", noise_m="mocap_noise_m", delay_s="mocap_delay_s"),
+                             seed=seed)
+        found.append(SimulatedCrazyflie(
+            vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
+            positioning=bool(given["positioning"]), pace=given["pace"] or 1.0,
+            report=lambda line, n=port + i: options.say(f"{n}: {line}")))
+    return found
+
+
+def _vehicles(options: Options, count: int, given: dict[str, Any]) -> list[Any]:
+    try:
+        from controllers.served_vehicle import served
+    except ImportError as error:
+        raise UsageError(f"the plant is not installed: {error}; pip install 'nanobench[mpc]'") from error
+
+    simulator: Path | None = given["simulator"]
+    x, y, z, yaw = given["start"] or (0.0, 0.0, 0.0, 0.0)
+    boot_s = 1.0 if given["boot_offset_s"] is None else given["boot_offset_s"]
+    if not 0.0 <= boot_s <= 1e6:
+        raise InputError("--boot-offset-s", f"{boot_s:g} s", "give 0 to 1e6")
+    options.say("making the vehicle (the first time its code is compiled, which takes a minute)")
+    return [served(simulator, start_m=(x, y + 0.5 * i, z), yaw_rad=yaw * 3.141592653589793 / 180.0,
+                   seed=options.seed + i, tick_ms=round(1000.0 * boot_s),
+                   **_some(given, battery_V="battery_V", wind_m_s="wind_m_s")) for i in range(count)]
+
+
+def _some(given: dict[str, Any], **names: str) -> dict[str, Any]:
+    """Those of the options that were given, by the names they have elsewhere."""
+    return {to: given[name] for to, name in names.items() if given[name] is not None}
