@@ -15,11 +15,11 @@ import numpy as np
 from .. import so3
 from ..errors import InputError
 from .blocks import Block
+from .fly_clock import Clock
 from .fly_plan import Plan
 from .fly_state import PoseTrack
 from .pose_datagram import Pose
 from .safety import CRASHED, LOCKED, TUMBLED, Limits
-from .safety_handover import Clock
 
 NEEDED_LOGS = ("pm.vbat", "supervisor.info", "acc.x", "acc.y", "acc.z", "stateEstimate.x", "stateEstimate.y",
                "stateEstimate.z", "stateEstimate.qx", "stateEstimate.qy", "stateEstimate.qz", "stateEstimate.qw")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import struct
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,14 +19,18 @@ import numpy as np
 
 from ..errors import InputError, MissingExtraError
 from .blocks import Block, check_numbers, resolve
+from .fly_clock import Clock
 
 ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
 """How long an answer is waited for: any at all, all tables and parameters, one written parameter, log blocks."""
 PROTOCOLS = (9, 12)
 """Oldest and newest CRTP version whose set-points are known here (9: signs of yaw rates as today's)."""
-SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt")
+SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
+"""``virtual`` is a simulated vehicle in this process on a clock of its own (``fly_virtual``)."""
 GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
 HL_TAKEOFF, HL_LAND = 7, 8
+ECHO_MARK = 1
+"""First byte of our echoes; cflib's have 0."""
 
 LogSink = Callable[[int, float, bytes], None]
 """(number of the block, host time, tick and values as they came)."""
@@ -57,14 +60,16 @@ class Link(Protocol):
 
     def set_parameter(self, name: str, value: float) -> None: ...
 
+    def ask_echo(self) -> None: ...
+
 
 class CflibLink:
     """An open link. Use ``open_link``."""
 
-    def __init__(self, uri: str, cache: Path | None) -> None:
+    def __init__(self, uri: str, cache: Path | None, clock: Clock) -> None:
         from cflib.crazyflie import Crazyflie
 
-        self.uri, self.lost, self.heard_s = uri, "", 0.0
+        self.uri, self.lost, self.heard_s, self._clock = uri, "", 0.0, clock
         self.round_trips_s: deque[float] = deque(maxlen=50)
         self.values: dict[str, float] = {}
         self.blocks: list[Block] = []
@@ -73,12 +78,11 @@ class CflibLink:
         self.on_sent: Callable[[float, int, bytes], None] | None = None
         self._numbers: dict[int, int] = {}
         self._layouts: list[struct.Struct] = []
-        self._connected, self._complete = threading.Event(), threading.Event()
+        self._complete = threading.Event()
         self._failed = ""
         self._cf = Crazyflie(rw_cache=str(cache) if cache else None)
         for caller, note in ((self._cf.connection_failed, self._on_failed), (self._cf.connection_lost, self._on_lost)):
             caller.add_callback(note)
-        self._cf.connected.add_callback(lambda _: self._connected.set())
         self._cf.fully_connected.add_callback(lambda _: self._complete.set())
         self._cf.add_header_callback(self._on_log, LOG, 2)
         self._cf.add_header_callback(self._on_echo, ECHO, 0)
@@ -88,10 +92,12 @@ class CflibLink:
     def open(self) -> None:
         """Raises InputError for no answer, a wrong protocol version or tables that do not come."""
         self._cf.packet_received.add_callback(self._on_any)
+        clock = self._clock
+        started = clock.now()
         self._cf.open_link(self.uri)
-        started = time.monotonic()
-        while not self._complete.wait(0.02):
-            waited = time.monotonic() - started
+        while not self._complete.is_set():
+            clock.sleep_until(clock.now() + 0.01)
+            waited = clock.now() - started
             if self._failed:
                 raise InputError(self.uri, f"no link ({self._failed})", "is it switched on, in reach, free?")
             if not self.heard_s and waited > ANSWER_S:
@@ -151,16 +157,17 @@ class CflibLink:
             self._layouts.append(block.layout)
             config.start()
             started.append(config)
-        until = time.monotonic() + BLOCKS_S
+        clock = self._clock
+        until = clock.now() + BLOCKS_S
         while late := [config for config in started if not config.started]:
-            if time.monotonic() > until:
+            if clock.now() > until:
                 raise InputError(self.uri, f"log block {late[0].name!r} did not start (error {late[0].err_no})",
                                  "take fewer blocks or variables")
-            time.sleep(0.005)
+            clock.sleep_until(clock.now() + 0.005)
         return list(self.blocks)
 
     def _on_log(self, packet: Any) -> None:
-        now = time.time()
+        now = self._clock.now()
         data = bytes(packet.data)
         number = self._numbers.get(data[0])
         if number is None:
@@ -174,11 +181,11 @@ class CflibLink:
     # -- what is seen of the link
 
     def _on_any(self, _: Any) -> None:
-        self.heard_s = time.time()
+        self.heard_s = self._clock.now()
 
     def _on_echo(self, packet: Any) -> None:
-        if len(packet.data) == 9:
-            now = time.time()
+        if len(packet.data) == 9 and packet.data[0] == ECHO_MARK:
+            now = self._clock.now()
             asked = struct.unpack("<Bd", bytes(packet.data))[1]
             self.round_trips_s.append(now - asked)
             if self.on_echo is not None:
@@ -190,6 +197,10 @@ class CflibLink:
     def _on_lost(self, _: str, why: str) -> None:
         self.lost = why.strip().splitlines()[0] if why.strip() else "lost"
 
+    def ask_echo(self) -> None:
+        """Sends the time on a way there and back, apart from cflib's own echoes; to be asked for now and then."""
+        self._send(ECHO, 0, struct.pack("<Bd", ECHO_MARK, self._clock.now()))
+
     # -- sending
 
     def _send(self, port: int, channel: int, data: bytes) -> None:
@@ -199,8 +210,8 @@ class CflibLink:
         packet.set_header(port, channel)
         packet.data = data
         self._cf.send_packet(packet)
-        if self.on_sent is not None and port != LOCALIZATION:
-            self.on_sent(time.time(), port << 4 | channel, data)
+        if self.on_sent is not None and port not in (LOCALIZATION, ECHO):
+            self.on_sent(self._clock.now(), port << 4 | channel, data)
 
     def send_setpoint(self, packet: bytes) -> None:
         """A packet of ``fly_setpoints``."""
@@ -243,7 +254,10 @@ class CflibLink:
         try:
             for _ in range(3):
                 self._cf.param.set_value(name, str(value))
-                if seen.wait(SET_S):
+                until = self._clock.now() + SET_S
+                while not seen.is_set() and self._clock.now() < until:
+                    self._clock.sleep_until(self._clock.now() + 0.005)
+                if seen.is_set():
                     return
         finally:
             self._cf.param.remove_update_callback(group, short, note)
@@ -263,7 +277,7 @@ def check_uri(uri: str) -> None:
 
 
 @contextmanager
-def open_link(uri: str, cache: Path | None = None) -> Iterator[CflibLink]:
+def open_link(uri: str, clock: Clock, cache: Path | None = None) -> Iterator[CflibLink]:
     """A link that is open and whose tables are known; closed at the end. ``cache``: folder for tables of contents.
 
     Raises InputError for an unknown URI, no answer or a wrong protocol version, MissingExtraError without cflib.
@@ -276,7 +290,7 @@ def open_link(uri: str, cache: Path | None = None) -> Iterator[CflibLink]:
     logging.getLogger("cflib").setLevel(logging.CRITICAL)
     if not cflib.crtp.CLASSES:
         cflib.crtp.init_drivers()
-    link = CflibLink(uri, cache)
+    link = CflibLink(uri, cache, clock)
     try:
         link.open()
         yield link

@@ -56,7 +56,7 @@ class Limits:
     tilt_deg, speed_m_s; overrun_s: one call of the controller; late_ticks in a row."""
 
     fence_m: tuple[float, float, float, float, float, float] = (-2.0, 2.0, -2.0, 2.0, -0.1, 2.0)
-    stale_s: float = 0.2
+    stale_s: float = 0.3
     silent_s: float = 0.5
     battery_V: float = 2.9
     tilt_deg: float = 50.0

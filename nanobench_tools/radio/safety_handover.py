@@ -8,11 +8,11 @@ watchdog acts: it levels out 0.5 s after the last set-point and stops its motors
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from . import fly_setpoints
+from .fly_clock import Clock
 from .fly_link import Link
 from .fly_plan import LANDED_M
 
@@ -28,14 +28,6 @@ MARGIN_M = 0.15
 """The place to hold lies this far inside the fence."""
 AFTER_S = 0.7
 """From the planner's end to motors off and rest."""
-
-
-class Clock(Protocol):
-    """Time on the host [Unix s], and waiting for it."""
-
-    def now(self) -> float: ...
-
-    def sleep_until(self, time_s: float) -> None: ...
 
 
 def place_to_hold(position_m: np.ndarray, velocity_m_s: np.ndarray, fence: tuple[np.ndarray, np.ndarray],

@@ -1,0 +1,121 @@
+"""``nanobench fly``: a controller flies a path with a vehicle behind a link, under safety rules."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import UsageError
+from .fly_controllers import CONTROLLERS_HELP, pilot_for
+from .options import PATH, Options, one_line, shared_options
+from .record import say_export, toc_cache
+
+if TYPE_CHECKING:
+    from ..practice.references import PathSpec
+    from ..radio.fly_pilot import Pilot
+    from ..radio.fly_session import Request
+    from ..radio.safety import Limits
+
+KINDS = ("thrust-rates", "full-state", "velocity", "position")
+INTERRUPTED = 130
+
+
+@click.command()
+@shared_options("data", "columns", "jobs", "scheduler", "clock", "seed")
+@click.option("--controller", required=True, metavar="NAME", help=CONTROLLERS_HELP)
+@click.option("--trajectory", default="figure_eight", show_default=True, metavar="NAME",
+              help="Family of paths: circle, figure_eight, helix, oval, star, trefoil, lissajous, ...")
+@click.option("--speed", type=click.FloatRange(min=0.05, max=5.0), metavar="M_S", help="Along the path. Default: the "
+              "family's slow one.")
+@click.option("--size", type=click.FloatRange(min=0.05, max=20.0), metavar="M", help="Radius or half width.")
+@click.option("--seconds", type=click.FloatRange(min=4.0, max=600.0), metavar="S", help="Length of the path.")
+@click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
+@click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY of the package motioncapture (vicon, "
+              "optitrack, qualisys, vrpn, ...), or module:callable.")
+@click.option("--record", "record_to", type=PATH, metavar="DIR", help="Record the flight into this folder.")
+@click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML) of the recording.")
+@click.option("--setpoints", type=click.Choice(KINDS), help="What is sent. Default: position for the vehicle's own "
+              "controllers, full-state for mellinger_full, thrust-rates for all others.")
+@click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml that a predictive controller plans with. "
+              "Default: the recorded vehicle.")
+@click.option("--dry-run", is_flag=True, help="Print what would be sent; no link.")
+@click.option("--yaw", "yaw_deg", type=click.FloatRange(-180.0, 180.0), default=0.0, show_default=True, metavar="DEG",
+              help="Where the vehicle looks on the ground.")
+@click.option("--fence", nargs=6, type=float, default=(-2.0, 2.0, -2.0, 2.0, -0.1, 2.0), show_default=True,
+              metavar="X X Y Y Z Z", help="Box [m] that it must not leave.")
+@click.option("--tilt-limit", "tilt_deg", type=click.FloatRange(5.0, 90.0), default=50.0, show_default=True,
+              metavar="DEG")
+@click.option("--speed-limit", type=click.FloatRange(0.1, 20.0), default=3.0, show_default=True, metavar="M_S")
+@click.option("--battery-limit", type=click.FloatRange(2.5, 4.2), default=2.9, show_default=True, metavar="V",
+              help="Mean of a second under load below which it lands.")
+def fly(options: Options, controller: str, trajectory: str, speed: float | None, size: float | None,
+        seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,
+        setpoints: str | None, simulator: Path | None, dry_run: bool, yaw_deg: float, fence: tuple[float, ...],
+        tilt_deg: float, speed_limit: float, battery_limit: float) -> int:
+    """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
+
+    A rule that is broken (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight: the
+    vehicle holds its place and lands, and the exit line says why. Nothing is armed when a check fails.
+    """
+    from ..radio.blocks import default_blocks, read_blocks
+    from ..radio.fly_plan import chosen_path
+    from ..radio.fly_session import Request
+    from ..radio.mocap import pose_source
+    from ..radio.safety import Limits
+
+    spec = chosen_path(trajectory, speed, size, seconds)
+    limits = Limits(fence_m=tuple(fence), tilt_deg=tilt_deg,  # type: ignore[arg-type]
+                    speed_m_s=speed_limit, battery_V=battery_limit)
+    pilot = pilot_for(controller, setpoints, simulator)
+    if dry_run:
+        return _dry_run(options, spec, pilot, limits)
+    if uri is None or mocap is None:
+        raise UsageError("--uri URI and --mocap SOURCE are needed (or --dry-run)")
+    request = Request(spec, pilot, limits, uri, pose_source(mocap, uri),
+                      read_blocks(blocks) if blocks else default_blocks(), math.radians(yaw_deg), record_to,
+                      options.quiet, options.say, toc_cache())
+    return _fly(options, request)
+
+
+def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> int:
+    import numpy as np
+    from rich.table import Table
+
+    from ..radio.checklist import check_plan
+    from ..radio.fly_dry import rows
+    from ..radio.fly_plan import Plan
+
+    plan = Plan(spec, np.zeros(3), 0.0)
+    check_plan(plan, limits)
+    table = Table(title=f"{pilot.name}, {spec.family}: what would be sent, every 0.5 s of 100 Hz")
+    for column in ("phase", "time s", "set-point"):
+        table.add_column(column, justify="right" if column == "time s" else "left", no_wrap=True)
+    sent = rows(plan, pilot, 0.5)
+    for phase, time_s, text in sent:
+        table.add_row(phase, f"{time_s:.2f}", one_line(text))
+    options.show(table)
+    return options.finish("fly", {"synthetic": True, "sent": [list(row) for row in sent]})
+
+
+def _fly(options: Options, request: Request) -> int:
+    from ..radio.fly import summary
+    from ..radio.fly_session import fly_session
+
+    result = fly_session(request)
+    outcome, ready = result.outcome, result.ready
+    body: dict[str, Any] = {"controller": request.pilot.name, "trajectory": request.spec.trajectory_id,
+                            **summary(outcome, ready)}
+    loop = body["loop"]
+    options.say(f"loop: {loop['ticks']} ticks, {loop['missed']} deadlines missed; begin p50 {loop['begin_p50_ms']:.2f} "
+                f"p99 {loop['begin_p99_ms']:.2f} ms late, controller p50 {loop['call_p50_ms']:.2f} p99 "
+                f"{loop['call_p99_ms']:.2f} ms")
+    if result.recording is not None:
+        body["recording"] = say_export(options, result.recording)
+    stop = outcome.stop
+    if stop is not None:
+        options.failed.append({"item": "fly", "file": request.uri, "error": f"landed early: {stop}"})
+    code = options.finish("fly", body)
+    return INTERRUPTED if stop is not None and stop.rule == "interrupted" else code

@@ -1,0 +1,78 @@
+"""Which controller says what is sent: names and classes to pilots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError
+from .methods import load_methods
+
+if TYPE_CHECKING:
+    from ..radio.fly_pilot import Pilot, Streams
+
+CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are told where to be; mpc_osqp, mpc_daqp, nmpc, "
+                    "geometric, lqr and module:Class fly from here.")
+PLANS = {"thrust-rates": "rates", "velocity": "velocity"}
+"""Set-points that a predictive controller can make -> their name there."""
+
+
+def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
+    """The pilot that ``--controller`` and ``--setpoints`` name. Raises UsageError."""
+    from ..firmware.onboard import Mellinger, PidCascade
+    from ..radio.fly_motors import MotorPilot
+    from ..radio.fly_pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
+    from ..registry import load
+
+    found = load("controllers", name)
+    if isinstance(found, type) and _is_predictive(found):
+        return _predictive(name, found, kind or "thrust-rates", simulator)
+    if simulator is not None:
+        raise UsageError("--simulator is for predictive controllers")
+    if isinstance(found, type) and hasattr(found, "setpoint"):
+        made = _made(name, found)
+        return StreamingPilot(made.name, kind or "thrust-rates", lambda delay_s: made)
+    method = load_methods("controllers", [name])[0]
+    for kinds, value in ((PidCascade, PID), (Mellinger, MELLINGER)):
+        if isinstance(method, kinds):
+            told = kind or ("full-state" if method.information == "preview" else "position")
+            if told == "thrust-rates":
+                raise UsageError(f"--setpoints: {name} flies on board; it is told position, velocity or full-state")
+            return OnboardPilot(method.name, value, told, float(getattr(method, "lead_s", 0.0)))
+    if kind not in (None, "thrust-rates"):
+        raise UsageError(f"--setpoints: {name} commands motors; it is sent as thrust-rates")
+    return MotorPilot(method)
+
+
+def _is_predictive(kind: type) -> bool:
+    try:
+        from controllers.mpc_base import Mpc
+    except ImportError:  # without casadi there is none
+        return False
+    return issubclass(kind, Mpc)
+
+
+def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
+    from controllers.mpc_setpoints import OverRadio
+
+    from ..radio.fly_pilot import StreamingPilot
+
+    if setpoints not in PLANS:
+        raise UsageError(f"--setpoints: {name} makes {' or '.join(PLANS)}, not {setpoints}")
+    model = None
+    if simulator is not None:
+        from ..physics.simulator import read_simulator
+
+        model = read_simulator(simulator)
+
+    def make(delay_s: float) -> Streams:
+        return OverRadio(PLANS[setpoints], delay_s, kind, model=model)
+
+    return StreamingPilot(kind.name, setpoints, make)
+
+
+def _made(name: str, kind: Any) -> Any:
+    try:
+        return kind()
+    except Exception as error:  # the class is anybody's code
+        raise UsageError(f"{name}: making it raised {type(error).__name__}: {error}") from error

@@ -1,0 +1,118 @@
+"""``nanobench record``: what a vehicle says over its link, kept as it comes and exported to the NanoBench format."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import UsageError
+from .options import PATH, Options, shared_options
+
+if TYPE_CHECKING:
+    from ..radio.record_export import Exported
+
+
+@click.command()
+@shared_options("data", "columns", "jobs", "scheduler", "clock", "seed")
+@click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
+@click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML). Default: the NanoBench signals.")
+@click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY or module:callable.")
+@click.option("--seconds", type=click.FloatRange(min=1.0), metavar="S", help="Length. Default: until Ctrl-C.")
+@click.option("--export", "exported", type=PATH, metavar="FILE",
+              help="Export a raw recording (again), such as one that was interrupted.")
+@click.option("--stamps", type=click.Choice(("aligned", "arrival")), default="aligned", show_default=True,
+              help="Times of samples: when the vehicle took them, or when their packets came.")
+def record(options: Options, uri: str | None, blocks: Path | None, mocap: str | None, seconds: float | None,
+           exported: Path | None, stamps: str) -> int:
+    """Record a vehicle without flying it: log blocks, poses and round trips into --out DIR.
+
+    Raw packets go to DIR/.raw as they come, so that a killed recording loses at most its last 100 ms; at the end they
+    become a NanoBench CSV with its sheet, and Parquet.
+    """
+    if exported is not None:
+        if uri or blocks or mocap or seconds:
+            raise UsageError("--export reads a file; it goes with --out and --stamps alone")
+        found = _export(options, exported, stamps)
+    else:
+        if uri is None or options.out is None:
+            raise UsageError("--uri URI and --out DIR are needed (or --export FILE)")
+        found = _record(options, uri, options.out, blocks, mocap, seconds, stamps)
+    return options.finish("record", found)
+
+
+def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: str | None, seconds: float | None,
+            stamps: str) -> dict[str, Any]:
+    from ..radio.blocks import default_blocks, read_blocks
+    from ..radio.fly_clock import HostClock
+    from ..radio.fly_link import open_link
+    from ..radio.mocap import pose_source
+    from ..radio.record import Recorder, check_folder, recording_name
+
+    wanted = read_blocks(blocks) if blocks else default_blocks()
+    source = pose_source(mocap, uri) if mocap else None
+    check_folder(out)
+    clock = HostClock()
+    with ExitStack() as stack:
+        link = stack.enter_context(open_link(uri, clock, toc_cache()))
+        running = link.start_blocks(wanted)
+        synthetic = uri.startswith("udp://") or (source is not None and source.synthetic)
+        sheet = {"crazyflie_id": uri, "trajectory_type": "unknown", "synthetic": synthetic}
+        recorder = Recorder(out, recording_name(["recording"], clock.now()), link, running, sheet, clock)
+        stack.callback(recorder.close)
+        if source is not None:
+            stack.callback(source.close)
+            source.start(recorder.pose)
+        recorder.start()
+        options.say(f"recording {len(running)} blocks of {uri} to {recorder.path}"
+                    + ("" if seconds else "; Ctrl-C ends it"))
+        _wait(options, seconds, link)
+    return _export(options, recorder.path, stamps)
+
+
+def _wait(options: Options, seconds: float | None, link: Any) -> None:
+    """Until the time is over, the link is lost or Ctrl-C, all of which end a recording well."""
+    until = time.monotonic() + (seconds or float("inf"))
+    try:
+        while time.monotonic() < until:
+            if link.lost:
+                options.say(f"the link is lost: {link.lost}; what came until then is kept")
+                return
+            link.ask_echo()
+            time.sleep(0.1)
+    except KeyboardInterrupt:
+        options.say("ended by Ctrl-C")
+
+
+def _export(options: Options, raw: Path, stamps: str) -> dict[str, Any]:
+    from ..radio.record_export import export
+
+    return say_export(options, export(raw, options.out, stamps))
+
+
+def say_export(options: Options, found: Exported) -> dict[str, Any]:
+    """Tells what was written; the keys of record.json."""
+    for note in found.notes:
+        options.say(note)
+    clock = found.alignment
+    options.say(f"{found.csv}: " + ", ".join(f"{name} {n}" for name, n in found.counts.items()) + " packets")
+    options.say(f"clock: ticks to ± {1e3 * clock.ci95_s:.2f} ms (95 %, equal ways up and down; ± "
+                f"{1e3 * clock.bound_s:.1f} ms whatever the link does), drift {1e6 * (clock.rate - 1.0):+.1f} ppm, "
+                f"fastest packet {1e3 * clock.down_s:.1f} ms on its way; raw tables in {found.parquet}")
+    return {"csv": str(found.csv), "parquet": str(found.parquet), "packets": found.counts, "clock": clock.to_json(),
+            "notes": list(found.notes)}
+
+
+def toc_cache() -> Path | None:
+    """Where cflib keeps tables of contents, so that connecting again is quick; None where nothing can be written."""
+    from ..sources.cache import cache_folder
+
+    folder = cache_folder() / "radio"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder

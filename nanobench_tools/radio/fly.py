@@ -1,0 +1,303 @@
+"""A flight: take-off, the streamed part at 100 Hz, landing; whatever a rule objects to ends it on the ground."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Any, Protocol
+
+import numpy as np
+
+from . import fly_setpoints, safety
+from .fly_clock import Clock
+from .fly_link import Link
+from .fly_loop import Beat, Guardian, Pacer, undisturbed
+from .fly_pilot import PERIOD_S, Pilot, finite
+from .fly_plan import LANDING, TAKEOFF, Plan
+from .fly_prepare import Ready
+from .fly_state import Believed, PoseTrack
+from .safety import Limits, Situation, Stop, first_stop
+from .safety_handover import hand_over, land, place_to_hold
+
+HANG_S = 0.25
+"""After so long in one call the guardian takes the flight from a controller."""
+GROUND = "ground"
+GROUND_M = 0.03
+FLYING, STILL_S = 1 << 4, 4.0
+"""Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
+ECHO_S = 0.1
+LIFT_S, LIFT_AGAIN_S = 1.6, 0.5
+"""A vehicle that stands on the ground so long after the command to take off does not fly; it is told again before."""
+
+
+class Hung(BaseException):
+    """Raised into a call that the guardian has given up on."""
+
+
+class Listener(Protocol):
+    """Is told what happens: the recorder, the display. ``tick`` every tick, from the loop: keep it short."""
+
+    def tick(self, time_s: float, phase: str, believed: Believed | None, asked_m: np.ndarray | None,
+             yaw_rad: float) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+
+@dataclass
+class Outcome:
+    """How it ended: ``stop`` None when the whole plan was flown. phases: (name, host time of its begin)."""
+
+    stop: Stop | None = None
+    beat: Beat | None = None
+    phases: list[tuple[str, float]] = field(default_factory=list)
+
+
+class Interrupts:
+    """Ctrl-C and SIGTERM ask for the end; the third Ctrl-C gives up at once (the vehicle's watchdog is left)."""
+
+    def __init__(self) -> None:
+        self.asked = ""
+        self.hung = False
+        self._count = 0
+
+    @contextmanager
+    def caught(self) -> Iterator[Interrupts]:
+        if threading.current_thread() is not threading.main_thread():
+            yield self
+            return
+        before = {which: signal.signal(which, self._note) for which in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield self
+        finally:
+            for which, handler in before.items():
+                signal.signal(which, handler)
+
+    def _note(self, which: int, frame: FrameType | None) -> None:
+        if self.hung:
+            raise Hung
+        self.asked = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
+        self._count += 1
+        if self._count >= 3:
+            raise KeyboardInterrupt
+
+
+class Flight:
+    """One flight of a prepared vehicle. ``setpoint``: told of every packet that is sent, with its host time."""
+
+    def __init__(self, link: Link, track: PoseTrack, pilot: Pilot, ready: Ready, limits: Limits, clock: Clock,
+                 listeners: tuple[Listener, ...] = (), setpoint: Callable[[float, bytes], None] | None = None,
+                 ground_s: float = 0.0) -> None:
+        self.link, self.track, self.pilot, self.limits, self.clock = link, track, pilot, limits, clock
+        self.plan: Plan = ready.plan
+        self.ground_m = float(ready.pose.position_m[2])
+        self.rules = safety.rules(limits)
+        self.interrupts = Interrupts()
+        self.ground_s = ground_s
+        self._listeners, self._setpoint = listeners, setpoint
+        self._outcome = Outcome()
+        self._now = Situation()
+        self._believed: Believed | None = None
+        self._phase, self._echo_s = "", 0.0
+        self.pacer = Pacer(clock, PERIOD_S)
+        self._guardian: Guardian | None = None
+        self._hung: Stop | None = None
+
+    def run(self) -> Outcome:
+        """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns."""
+        if self.clock.real:
+            self._guardian = Guardian(HANG_S, self._take_over)
+            self._guardian.start()
+        with self.interrupts.caught(), undisturbed():
+            try:
+                stop = self._fly()
+            except Hung:
+                stop = self._hung
+            finally:
+                if self._guardian is not None:
+                    self._guardian.close()
+        self._outcome.stop, self._outcome.beat = stop, self.pacer.beat
+        return self._outcome
+
+    # -- the loop
+
+    def _fly(self) -> Stop | None:
+        if (stop := self._wait()) is not None:
+            return stop
+        self.pacer = Pacer(self.clock, PERIOD_S)
+        start = self.clock.now()
+        self._enter(TAKEOFF, start)
+        lifted_at = [0.0]
+        self.link.take_off(self.plan.height_m, 2.0)
+        while True:
+            due = self.pacer.wait()
+            time_s = due - start
+            self._look(time_s)
+            stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(time_s, lifted_at)
+            if stop is None:
+                phase = self.plan.phase(time_s)
+                if phase != self._phase:
+                    self._enter(phase, due)
+                if phase == LANDING:
+                    return self._land()
+                stop = self._stream(time_s) if phase != TAKEOFF else self._tell(time_s, None)
+            if self._hung is not None:
+                return self._hung
+            if stop is not None:
+                return self._end(stop)
+            self.pacer.done()
+
+    def _wait(self) -> Stop | None:
+        """On the ground for ``ground_s``, so that a recording shows the rest; a reason then ends it there."""
+        start = self.clock.now()
+        self._enter(GROUND, start)
+        while (time_s := self.clock.now() - start) < self.ground_s:
+            self._look(time_s - self.ground_s)
+            if (stop := first_stop(self.rules, self._now, GROUND)) is not None:
+                self._note(f"stop: {stop}")
+                self._rest()
+                return stop
+            self._idle()
+            self.clock.sleep_until(self.clock.now() + PERIOD_S)
+        return None
+
+    def _look(self, time_s: float) -> None:
+        """The situation now."""
+        host, link, now = self.clock.now(), self.link, self._now
+        believed = self.track.at(host)
+        self._believed = believed
+        now.time_s = time_s
+        now.pose_age_s = np.inf if believed is None else host - believed.pose_s
+        if believed is not None:
+            now.position_m, now.velocity_m_s = believed.position_m, believed.velocity_m_s
+            now.tilt_rad = believed.tilt_rad
+        now.battery_V = float(link.values.get("pm.vbat", np.nan))
+        now.supervisor = int(link.values.get("supervisor.info", 0))
+        now.silent_s, now.lost = host - link.heard_s, link.lost
+        now.late_ticks = self.pacer.beat.late_in_a_row
+        now.interrupted = self.interrupts.asked
+        self._ask_echo()
+
+    def _ask_echo(self) -> None:
+        """Keeps the link's round trips coming."""
+        if self.clock.now() >= self._echo_s:
+            self._echo_s = self.clock.now() + ECHO_S
+            self.link.ask_echo()
+
+    def _stream(self, time_s: float) -> Stop | None:
+        """One set-point. What the controller does wrong ends the flight in this tick."""
+        asked = self.plan.reference(time_s)
+        begun = self.clock.now()
+        error, packet = "", b""
+        if self._guardian is not None:
+            self._guardian.begin()
+        try:
+            if self._believed is None:
+                raise ValueError("no pose")
+            packet = self.pilot.packet(time_s, self._believed.state(self._now.battery_V), asked)
+            if not finite(packet):
+                error = f"{self.pilot.name} commanded what is no number: {fly_setpoints.in_words(packet)}"
+        except Exception as raised:  # anybody's code: it must not take the vehicle down
+            error = f"{self.pilot.name} raised {type(raised).__name__}: {raised}"
+        ours = self._guardian is None or self._guardian.end()
+        self._now.call_s = self.clock.now() - begun
+        self._now.controller_error = error
+        if not ours:
+            return self._wait_for_guardian()
+        if error:
+            return first_stop(self.rules, self._now, self._phase)
+        self.link.send_setpoint(packet)
+        self.pacer.sent(self._now.call_s)
+        if self._setpoint is not None:
+            self._setpoint(self.clock.now(), packet)
+        return self._tell(time_s, asked.position_m[0], float(asked.yaw_rad[0]))
+
+    def _tell(self, time_s: float, asked_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
+        for listener in self._listeners:
+            listener.tick(time_s, self._phase, self._believed, asked_m, yaw_rad)
+
+    def _enter(self, phase: str, host_s: float) -> None:
+        self._phase = phase
+        self._outcome.phases.append((phase, host_s))
+        self._note(phase)
+
+    def _note(self, text: str) -> None:
+        for listener in self._listeners:
+            listener.note(text)
+
+    def _does_not_lift(self, time_s: float, told_at: list[float]) -> Stop | None:
+        """Tells the vehicle again to take off when it stands; gives up after LIFT_S."""
+        if self._phase != TAKEOFF or self._height() > self.ground_m + GROUND_M:
+            return None
+        if time_s > LIFT_S:
+            return Stop("take-off", "the vehicle does not leave the ground", time_s, TAKEOFF)
+        if time_s - told_at[0] > LIFT_AGAIN_S:
+            told_at[0] = time_s
+            self.link.take_off(self.plan.height_m, 2.0)
+        return None
+
+    def _height(self) -> float:
+        return self.ground_m if self._believed is None else float(self._believed.position_m[2])
+
+    # -- the end
+
+    def _land(self) -> None:
+        self.link.release()
+        land(self.link, self.clock, self.ground_m, self._height(), self._height_now, self._idle)
+        self._rest()
+
+    def _end(self, stop: Stop) -> Stop:
+        """Holds, lands, and says why."""
+        self._note(f"stop: {stop}")
+        self._enter("hand-over", self.clock.now())
+        now = self._now
+        place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
+        yaw = 0.0 if self._believed is None else self._believed.yaw_rad
+        hand_over(self.link, self.clock, place, yaw, self.ground_m, blind=now.pose_age_s > self.limits.stale_s,
+                  height_m=self._height_now, tick=self._idle)
+        self._rest()
+        return stop
+
+    def _rest(self) -> None:
+        """Motors off, if the vehicle is where they may be."""
+        newest = self.track.newest
+        if newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
+            self.link.send_setpoint(fly_setpoints.stop())
+            self.link.release()  # else the vehicle's watchdog would miss further set-points and lock it
+        self._enter("landed", self.clock.now())
+        until = self.clock.now() + STILL_S
+        while int(self.link.values.get("supervisor.info", 0)) & FLYING and self.clock.now() < until:
+            self._idle()
+            self.clock.sleep_until(self.clock.now() + PERIOD_S)
+
+    def _height_now(self) -> float:
+        newest = self.track.newest
+        return self.ground_m if newest is None else float(newest.position_m[2])
+
+    def _idle(self) -> None:
+        self._ask_echo()
+        self._tell(self._now.time_s, None)
+
+    def _take_over(self) -> None:
+        """The guardian's part, in its thread: hand over, then wake the loop."""
+        now = self._now
+        self._hung = self._end(Stop("overrun", f"{self.pilot.name} did not answer within {1000 * HANG_S:.0f} ms",
+                                    now.time_s, self._phase))
+        self.interrupts.hung = True
+        signal.raise_signal(signal.SIGINT)
+
+    def _wait_for_guardian(self) -> Stop | None:
+        """The call came back while the guardian lands."""
+        while self._hung is None:
+            self.clock.sleep_until(self.clock.now() + 0.05)
+        return self._hung
+
+
+def summary(outcome: Outcome, ready: Ready) -> dict[str, Any]:
+    """What is kept of a flight beside its recording."""
+    beat = outcome.beat.summary() if outcome.beat is not None else {}
+    return {"stopped": str(outcome.stop) if outcome.stop else None, "loop": beat,
+            "link_delay_s": ready.delay_s, "phases": [[name, time_s] for name, time_s in outcome.phases]}

@@ -1,0 +1,33 @@
+"""What would be sent: a flight without a vehicle, which is thought to be exactly where it is asked to be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..methods import VehicleState
+from . import fly_setpoints
+from .fly_pilot import PERIOD_S, Pilot
+from .fly_plan import LANDED_M, LANDING, LANDING_S, TAKEOFF, TAKEOFF_S, Plan
+
+BATTERY_V = 3.9
+
+
+def rows(plan: Plan, pilot: Pilot, every_s: float) -> list[tuple[str, float, str]]:
+    """(phase, time, what is sent) every ``every_s``; the pilot is asked every tick, as in flight."""
+    pilot.link_delay(0.0)
+    pilot.reset()
+    ends = plan.ends
+    found = [(TAKEOFF, 0.0, f"high-level take-off to {plan.height_m:.2f} m in {TAKEOFF_S:.1f} s")]
+    shown = -np.inf
+    for tick in range(round(ends[TAKEOFF] / PERIOD_S), round(ends["hover at end"] / PERIOD_S)):
+        time_s = PERIOD_S * tick
+        asked = plan.reference(time_s)
+        turn = fly_setpoints.attitude_of(asked.acceleration_m_s2[0], float(asked.yaw_rad[0]))
+        state = VehicleState(asked.position_m, asked.velocity_m_s, turn[None], np.zeros((1, 3)), np.array([BATTERY_V]))
+        packet = pilot.packet(time_s, state, asked)
+        if time_s - shown > every_s - 1e-9:
+            shown = time_s
+            found.append((plan.phase(time_s + 1e-9), time_s, fly_setpoints.in_words(packet)))
+    found.append((LANDING, ends["hover at end"], f"set-points end; high-level landing to {LANDED_M:.2f} m above the "
+                  f"ground in {LANDING_S:.0f} s or less"))
+    return found

@@ -1,0 +1,43 @@
+"""Poses on their way: from the motion capture to who tracks them, to the recorder, and to the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from . import fly_setpoints
+from .fly_link import Link
+from .fly_state import PoseTrack
+from .mocap import PoseSource
+from .pose_datagram import Pose
+
+
+class Feed:
+    """``track`` has the poses; ``feed`` True sends them to the vehicle as they come, in the source's thread;
+    ``on_pose`` is told of all, seen or not."""
+
+    def __init__(self, link: Link, source: PoseSource) -> None:
+        self._link, self._source = link, source
+        self.track = PoseTrack()
+        self.feed = False
+        self.on_pose: Callable[[Pose], None] | None = None
+
+    def start(self) -> None:
+        """Raises InputError when the source cannot be had."""
+        self._source.start(self._pose)
+
+    def close(self) -> None:
+        self._source.close()
+
+    def switch(self, on: bool) -> None:
+        self.feed = on
+
+    def said(self, time_s: float, packet: bytes) -> None:
+        """Tells the source what was sent."""
+        self._source.setpoint(time_s, fly_setpoints.said(packet))
+
+    def _pose(self, pose: Pose) -> None:
+        fresh = self.track.add(pose)
+        if fresh and self.feed:
+            self._link.send_pose(pose.position_m, pose.quaternion)
+        if self.on_pose is not None:
+            self.on_pose(pose)

@@ -1,0 +1,132 @@
+"""The beat of a flight: a tick every 10 ms by the clock, deadlines and jitter counted, and a guardian beside it.
+
+A tick that is still at work when the next is due has missed its deadline; ticks that were slept through are missed,
+too, and are not made up for. Jitter is how late a tick begins and how late its set-point leaves, against the ideal
+grid.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .fly_clock import Clock
+
+SWITCH_S = 0.0005
+"""Longest time for which another thread keeps the interpreter while a tick waits for it (5 ms by default)."""
+
+
+@dataclass
+class Beat:
+    """Counts of a flight. ``late_s`` and ``sent_s``: of every tick, its begin and its set-point against the grid."""
+
+    period_s: float
+    ticks: int = 0
+    missed: int = 0
+    late_in_a_row: int = 0
+    late_s: list[float] = field(default_factory=list)
+    sent_s: list[float] = field(default_factory=list)
+    call_s: list[float] = field(default_factory=list)
+
+    def summary(self) -> dict[str, float]:
+        """Ticks, deadlines missed, percentiles [ms] of begin, sending (about its median) and the controller's calls."""
+        found: dict[str, float] = {"ticks": self.ticks, "missed": self.missed}
+        sent = np.array(self.sent_s) - np.median(self.sent_s) if self.sent_s else np.zeros(0)
+        for name, values in (("begin", np.array(self.late_s)), ("sent", np.abs(sent)), ("call", np.array(self.call_s))):
+            for percent in (50, 99, 100):
+                found[f"{name}_p{percent}_ms"] = 1e3 * float(np.percentile(values, percent)) if len(values) else np.nan
+        return found
+
+
+class Pacer:
+    """``wait`` returns the due time of the next tick; ``sent`` and ``done`` are told when a tick sent and ended."""
+
+    def __init__(self, clock: Clock, period_s: float) -> None:
+        self.clock, self.beat = clock, Beat(period_s)
+        self._due = clock.now()
+
+    def wait(self) -> float:
+        self._due += self.beat.period_s
+        now = self.clock.now()
+        behind = int((now - self._due) / self.beat.period_s)
+        if behind > 0:  # whole ticks were missed while the last one worked
+            self.beat.missed += behind
+            self._due += behind * self.beat.period_s
+        self.clock.sleep_until(self._due)
+        self.beat.late_s.append(self.clock.now() - self._due)
+        self.beat.ticks += 1
+        return self._due
+
+    def sent(self, call_s: float) -> None:
+        self.beat.sent_s.append(self.clock.now() - self._due)
+        self.beat.call_s.append(call_s)
+
+    def done(self) -> None:
+        late = self.clock.now() > self._due + self.beat.period_s
+        self.beat.late_in_a_row = self.beat.late_in_a_row + 1 if late else 0
+        self.beat.missed += late
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """No garbage collection, and other threads give way soon."""
+    collected, switch = gc.isenabled(), sys.getswitchinterval()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switch)
+        gc.unfreeze()
+        if collected:
+            gc.enable()
+
+
+class Guardian:
+    """Watches the beat from a thread of its own: a tick that does not end within ``most_s`` (a controller that hangs)
+    is taken the flight from, by ``take_over``, which runs in this thread."""
+
+    EVERY_S = 0.02
+
+    def __init__(self, most_s: float, take_over: Callable[[], None]) -> None:
+        self.most_s, self._take_over = most_s, take_over
+        self.taken = False
+        self._begun: float | None = None
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="guardian", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def begin(self) -> None:
+        """A call that may hang begins."""
+        self._begun = time.monotonic()
+
+    def end(self) -> bool:
+        """It ended; False if the guardian has taken over and nothing may be sent any more."""
+        with self._lock:
+            self._begun = None
+            return not self.taken
+
+    def close(self) -> None:
+        self._stop.set()
+
+    def _run(self) -> None:
+        while not self._stop.wait(self.EVERY_S):
+            with self._lock:
+                begun = self._begun
+                if begun is None or time.monotonic() - begun < self.most_s:
+                    continue
+                self.taken = True
+            self._take_over()
+            return

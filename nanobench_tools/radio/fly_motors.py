@@ -1,0 +1,78 @@
+"""Any controller that commands motors, flown over a radio: its motor commands as collective thrust and body rates.
+
+The thrust is what the firmware's own curve makes of the four commands at the battery's voltage; the firmware turns it
+back into the same mean command. The moment M that the controller asks for goes through the vehicle's rate loop: a
+proportional loop of gain K answers a rate set-point w_s with the angular acceleration K (w_s - w), so that
+w_s = w + J^-1 M / K, with w the rate at the time it acts. What the rate loop sees of a disturbance before the next
+set-point it damps at 500 Hz, which the controller itself could not from this side of the link.
+
+The state is moved to the time at which the set-point acts: at constant body rate and at the acceleration that the
+thrust under way gives.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import so3
+from ..firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
+from ..methods import Controller, Reference, VehicleState
+from ..physics.vehicle import Vehicle
+from ..units import GRAVITY_M_S2
+from . import fly_setpoints
+from .fly_pilot import PERIOD_S, PID
+
+RATE_LOOP_1_S = (90.0, 90.0, 25.0)
+"""Gain K of the firmware's rate loops on the recorded vehicle: 250 and 120 counts per deg/s through the mixer, the
+thrust curve, arms and inertia."""
+MOST_RATE_RAD_S = (8.0, 8.0, 4.0)
+YAW_PER_THRUST_M = 0.007
+"""Moment about z per thrust of a motor: THRUST2TORQUE of the firmware."""
+THRUST_SCALE = 0.943
+"""What the motors give of what the firmware's curve promises (recordings)."""
+
+
+class MotorPilot:
+    """Flies ``controller`` with thrust and rates. ``vehicle``: what its motor commands are thought to move."""
+
+    kind, onboard, hosted = "thrust-rates", PID, True
+
+    def __init__(self, controller: Controller, vehicle: Vehicle | None = None) -> None:
+        self.controller, self.name = controller, controller.name
+        vehicle = vehicle or Vehicle()
+        arms = np.array(vehicle.motor_positions_m)
+        turn = YAW_PER_THRUST_M * np.array(vehicle.spin)
+        self._moment = np.stack([arms[:, 1], -arms[:, 0], turn]) / np.array(vehicle.inertia_kg_m2)[:, None]
+        self._mass = vehicle.mass_kg
+        self._every = max(round(PERIOD_S / controller.period_s), 1)
+        self._delay_s = 0.0
+
+    def link_delay(self, seconds: float) -> None:
+        self._delay_s = max(seconds, 0.0)
+
+    def reset(self) -> None:
+        self.controller.reset(1)
+        self._lift = GRAVITY_M_S2
+
+    def packet(self, time_s: float, state: VehicleState, reference: Reference) -> bytes:
+        then = self._ahead(state)
+        for step in range(self._every):
+            command = np.asarray(self.controller.command(time_s + step * self.controller.period_s, then, reference))
+        if command.shape != (1, 4) or not np.isfinite(command).all():
+            raise ValueError(f"commanded {command.tolist()}, not four finite PWM ratios")
+        thrust = thrust_of_voltage(command[0] * state.battery_V[0])
+        self._lift = THRUST_SCALE * float(thrust.sum()) / self._mass
+        wanted = then.rate_rad_s[0] + self._moment @ (THRUST_SCALE * thrust) / np.array(RATE_LOOP_1_S)
+        most = np.array(MOST_RATE_RAD_S)
+        counts = float(thrust.mean()) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
+        return fly_setpoints.rates(counts, np.clip(wanted, -most, most))
+
+    def _ahead(self, state: VehicleState) -> VehicleState:
+        """The state when a set-point of now acts."""
+        d = self._delay_s
+        turned = so3.multiply(state.quaternion, so3.exp(0.5 * d * state.rate_rad_s))
+        pull = so3.rotate(turned, np.array([0.0, 0.0, self._lift])) - np.array([0.0, 0.0, GRAVITY_M_S2])
+        return VehicleState(state.position_m + d * state.velocity_m_s + 0.5 * d * d * pull,
+                            state.velocity_m_s + d * pull,
+                            so3.multiply(state.quaternion, so3.exp(d * state.rate_rad_s)), state.rate_rad_s,
+                            state.battery_V)

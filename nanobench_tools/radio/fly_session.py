@@ -1,0 +1,110 @@
+"""A flight from the URI to the recording: link, poses, checklist, flight, export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..practice.references import PathSpec
+from .blocks import Block
+from .checklist import check_tables, health_blocks
+from .fly import Flight, Listener, Outcome, summary
+from .fly_clock import Clock, HostClock
+from .fly_feed import Feed
+from .fly_link import check_uri, open_link
+from .fly_pilot import Pilot
+from .fly_plan import Plan
+from .fly_prepare import Preparation, Ready
+from .mocap import PoseSource
+from .record import Recorder, check_folder, recording_name
+from .record_export import Exported, export
+from .safety import Limits
+from .watch import Watch
+
+HOST = HostClock()
+GROUND_S = 2.0
+"""At rest before take-off and after landing, for what reads the recording."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be flown where. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
+    ``say`` takes one line a step; ``cache``: folder for the vehicle's tables."""
+
+    spec: PathSpec
+    pilot: Pilot
+    limits: Limits
+    uri: str
+    source: PoseSource
+    blocks: Sequence[Block]
+    yaw_rad: float = 0.0
+    record_to: Path | None = None
+    quiet: bool = True
+    say: Callable[[str], None] = lambda text: None
+    cache: Path | None = None
+    clock: Clock = HOST
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it went; ``recording`` as exported, None if none was asked for."""
+
+    outcome: Outcome
+    ready: Ready
+    recording: Exported | None
+
+
+def is_simulated(uri: str, source: PoseSource) -> bool:
+    """Whether what is recorded is made up: real vehicles have no UDP."""
+    return uri.startswith(("udp://", "virtual://")) or source.synthetic
+
+
+def sheet_of(request: Request) -> dict[str, Any]:
+    """What is known before the flight, in the words of the format's sheets."""
+    spec = request.spec
+    return {"trajectory_type": spec.family, "trajectory_id": spec.trajectory_id, "category": "flown", "repetition": 1,
+            "crazyflie_id": request.uri, "params": dict(spec.params), "controller": request.pilot.name,
+            "setpoints": request.pilot.kind, "synthetic": is_simulated(request.uri, request.source)}
+
+
+def fly_session(request: Request) -> Result:
+    """Raises InputError for whatever keeps it on the ground, before anything is armed."""
+    check_uri(request.uri)
+    if request.record_to is not None:
+        check_folder(request.record_to)
+    recorder: Recorder | None = None
+    with ExitStack() as stack:
+        clock = request.clock
+        link = stack.enter_context(open_link(request.uri, clock, request.cache))
+        check_tables(request.uri, set(link.log_types), link.parameters)
+        running = link.start_blocks([*health_blocks(), *(request.blocks if request.record_to is not None else ())])
+        feed = Feed(link, request.source)
+        stack.callback(feed.close)
+        feed.start()
+        ready = Preparation(link, feed.track, clock, request.limits, request.source.name, feed.switch,
+                            request.say).run(request.pilot, lambda place, yaw: Plan(request.spec, place, yaw),
+                                             request.yaw_rad)
+        watch = Watch(link, quiet=request.quiet)
+        listeners: list[Listener] = [watch]
+        if request.record_to is not None:
+            name = recording_name([request.spec.trajectory_id, request.pilot.name], clock.now())
+            recorder = Recorder(request.record_to, name, link, running, sheet_of(request), clock)
+            stack.callback(recorder.close)
+            recorder.hosted = request.pilot.hosted
+            feed.on_pose = recorder.pose
+            recorder.start()
+            listeners.append(recorder)
+        flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.said,
+                        ground_s=GROUND_S)
+        watch.beat_of = lambda: flight.pacer.beat
+        with watch:
+            outcome = flight.run()
+        if recorder is not None:
+            clock.sleep_until(clock.now() + GROUND_S)
+            feed.on_pose = None
+            recorder.sheet({"flight": summary(outcome, ready)})
+    done = None if recorder is None else export(recorder.path, request.record_to)
+    return Result(outcome, ready, done)
