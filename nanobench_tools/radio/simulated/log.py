@@ -49,6 +49,7 @@ class Log:
         self._contents = Contents(list(variables), [_KINDS[v.kind] for v in self._all],
                                   bytes([MOST_BLOCKS, MOST_VARIABLES]))
         self._blocks: dict[int, _Block] = {}
+        self._turn = 0
 
     def __len__(self) -> int:
         return len(self._all)
@@ -124,9 +125,12 @@ class Log:
         return min((b.next_ms for b in self._blocks.values() if b.next_ms is not None), default=None)
 
     def due(self, now_ms: int) -> list[Packet]:
-        """Packets of the blocks whose time has come."""
-        found = []
-        for number, block in self._blocks.items():
+        """Packets of the blocks whose time has come; another one is first every time, so that a full queue behind
+        does not always shut out the same."""
+        found, numbers = [], list(self._blocks)
+        self._turn = (self._turn + 1) % max(len(numbers), 1)
+        for number in numbers[self._turn:] + numbers[:self._turn]:
+            block = self._blocks[number]
             if block.next_ms is None or block.next_ms > now_ms:
                 continue
             found.append(Packet(Port.LOG, DATA, bytes([number]) + (now_ms & 0xFFFFFF).to_bytes(3, "little")

@@ -136,5 +136,7 @@ class Parameters:
         group, _, rest = data[1:].partition(b"\0")
         name, _, rest = rest.partition(b"\0")
         parameter = self._by_name.get(f"{group.decode('ascii', 'replace')}.{name.decode('ascii', 'replace')}")
-        good = parameter is not None and len(rest) >= 1 and self._put(parameter, rest[1:])
+        if not rest:
+            return None
+        good = parameter is not None and self._put(parameter, rest[1:])
         return data[:len(data) - len(rest)] + bytes([0 if good else ENOENT])

@@ -26,6 +26,8 @@ class Point:
 
     def rates_rad_s(self) -> np.ndarray:
         """(3,) body rates that the path asks for."""
+        if not self.jerk_m_s3.any() and not self.yaw_rate_rad_s:
+            return np.zeros(3)
         return body_rates(self.acceleration_m_s2[None], self.jerk_m_s3[None], np.array([self.yaw_rad]),
                           np.array([self.yaw_rate_rad_s]))[0]
 
@@ -57,6 +59,18 @@ def seventh_order(start: np.ndarray, end: np.ndarray, duration_s: float) -> np.n
     ])
 
 
+_POWERS, _ORDERS = np.arange(ORDER, dtype=float), np.arange(4.0)[:, None]
+
+
+def _derivatives(piece: np.ndarray) -> np.ndarray:
+    """Coefficients (4, 8) of a piece -> (4, 4, 8) of it and its first three derivatives."""
+    found = np.zeros((4, 4, ORDER))
+    found[0] = piece
+    for k in range(3):
+        found[k + 1, :, :-1] = found[k, :, 1:] * np.arange(1, ORDER)
+    return found
+
+
 class Path:
     """Pieces of polynomials (4, 8) for x, y, z, yaw, one after the other; after the last it stays at its end.
 
@@ -67,6 +81,7 @@ class Path:
                  backwards: bool = False) -> None:
         self.pieces, self.durations_s = pieces, [max(d, SHORTEST_S) for d in durations_s]
         self.timescale, self.backwards, self.shift = timescale, backwards, np.zeros(4)
+        self._derivatives = [_derivatives(piece) for piece in pieces]
         self.duration_s = sum(self.durations_s) * timescale
 
     @classmethod
@@ -91,12 +106,9 @@ class Path:
         while index < len(self.pieces) - 1 and local > self.durations_s[index]:
             local -= self.durations_s[index]
             index += 1
-        powers = [self.pieces[index]]
-        for _ in range(3):
-            powers.append(powers[-1][:, 1:] * np.arange(1, powers[-1].shape[1]))
-        values = [(p @ (local ** np.arange(p.shape[1]))) * (sign / self.timescale) ** k for k, p in enumerate(powers)]
-        values[0] = values[0] + self.shift
+        values = self._derivatives[index] @ local ** _POWERS * (sign / self.timescale) ** _ORDERS
+        values[0] += self.shift
+        place, speed, acceleration, jerk = values
         if over:
-            return at_rest(values[0][:3], float(values[0][3]))
-        return Point(values[0][:3], float(values[0][3]), values[1][:3], values[2][:3], values[3][:3],
-                     float(values[1][3]))
+            return at_rest(place[:3], float(place[3]))
+        return Point(place[:3], float(place[3]), speed[:3], acceleration[:3], jerk[:3], float(speed[3]))
