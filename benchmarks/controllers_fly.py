@@ -17,6 +17,7 @@ from collections import deque
 import numpy as np
 
 from controllers.mpc_base import Mpc
+from controllers.mpc_model import practice_model
 from nanobench_tools import registry
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.practice.flying import TICK_S, Flown, flight_rngs, fly
@@ -67,7 +68,7 @@ def main() -> None:
           + f"{'median':>10}{'90 %':>8}{'worst':>8}{'at cap %':>10}{'replaced':>10}")
     for name in given.controller or registry.names("controllers"):
         kind = registry.load("controllers", name)
-        controller = kind(delay_s=given.delay) if issubclass(kind, Mpc) else kind()
+        controller = kind(practice_model(), delay_s=given.delay) if issubclass(kind, Mpc) else kind()
         vehicles = None
         if given.charge is not None:
             rngs = [flight_rngs(given.seed, i, 6)[1] for i in range(len(specs))]

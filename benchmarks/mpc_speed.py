@@ -30,15 +30,16 @@ from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, P
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.vehicle import draw_vehicles
 
+PRACTICE = mpc_model.practice_model()
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))
 ROWS = {
-    "mpc_daqp, 12 states": lambda: MpcDaqp(tuning=FRESH, states=mpc_model.RIGID),
-    "mpc_daqp, 12 + 4 rotors": lambda: MpcDaqp(tuning=FRESH),
-    "mpc_daqp, solved by OSQP": lambda: MpcDaqp(tuning=FRESH, solver="osqp"),
-    "mpc_osqp, 12 states": lambda: MpcOsqp(tuning=FRESH, states=mpc_model.RIGID),
-    "mpc_osqp, 12 + 4 rotors": lambda: MpcOsqp(tuning=FRESH),
-    "nmpc, 13 states": lambda: Nmpc(tuning=FRESH, states=mpc_model.RIGID),
-    "nmpc, 13 + 4 rotors": lambda: Nmpc(tuning=FRESH),
+    "mpc_daqp, 12 states": lambda: MpcDaqp(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "mpc_daqp, 12 + 4 rotors": lambda: MpcDaqp(PRACTICE, tuning=FRESH),
+    "mpc_daqp, solved by OSQP": lambda: MpcDaqp(PRACTICE, tuning=FRESH, solver="osqp"),
+    "mpc_osqp, 12 states": lambda: MpcOsqp(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "mpc_osqp, 12 + 4 rotors": lambda: MpcOsqp(PRACTICE, tuning=FRESH),
+    "nmpc, 13 states": lambda: Nmpc(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "nmpc, 13 + 4 rotors": lambda: Nmpc(PRACTICE, tuning=FRESH),
 }
 WARM = 50
 SPEC = path_spec("figure_eight", "fast")
@@ -124,9 +125,9 @@ def referee(controller: Nmpc):
 
 def against_do_mpc(count: int) -> None:
     """Both on the same starts along a flight: time and answer."""
-    controller = Nmpc(tuning=FRESH)
-    settled = Nmpc(tuning=FRESH, iterations=10)
-    quick = Nmpc(tuning=FRESH)
+    controller = Nmpc(PRACTICE, tuning=FRESH)
+    settled = Nmpc(PRACTICE, tuning=FRESH, iterations=10)
+    quick = Nmpc(PRACTICE, tuning=FRESH)
     settled.reset(1)
     quick.reset(1)
     solve, inner, kept = referee(controller), controller.solve, []
@@ -171,7 +172,7 @@ def resident_MB() -> float:
 
 
 def memory(name: str, steps: int) -> None:
-    controller = {"mpc_daqp": MpcDaqp, "mpc_osqp": MpcOsqp, "nmpc": Nmpc}[name](tuning=FRESH)
+    controller = {"mpc_daqp": MpcDaqp, "mpc_osqp": MpcOsqp, "nmpc": Nmpc}[name](PRACTICE, tuning=FRESH)
     marks: list[float] = []
 
     def each(k: int, _: Mpc) -> None:

@@ -28,9 +28,9 @@ class Tuning:
     most: bounds of both [m/s^2, rad/s^2]."""
 
     ages_s: tuple[float, float, float, float] = (0.020, 0.006, 0.014, 0.0)
-    share: tuple[float, float, float, float] = (0.2, 0.2, 0.1, 0.3)
+    share: tuple[float, float, float, float] = (0.2, 0.2, 0.1, 0.2)
     force_1_s: float = 5.0
-    moment_1_s: float = 10.0
+    moment_1_s: float = 2.0
     most: tuple[float, float] = (4.0, 80.0)
 
 

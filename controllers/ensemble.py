@@ -47,7 +47,8 @@ def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
 class Ensemble:
     """n plants of one structure: parameters (n, P) of ``model``, and what their batteries, senses and air are like.
 
-    push_m_s2 (n,): spread of the acceleration by the air's unrest. seeds (n,): everything random of a plant comes from
+    push_m_s2 (n,): spread of the acceleration by the air's unrest. radio_s (n,): commands reach the motors so late
+    (beside what the model says) when a controller is not on board. seeds (n,): everything random of a plant comes from
     its own, so it is the same in any company.
     """
 
@@ -59,6 +60,7 @@ class Ensemble:
     error: np.ndarray
     noise: np.ndarray
     push_m_s2: np.ndarray
+    radio_s: np.ndarray
     seeds: tuple[tuple[int, ...], ...]
 
     def __len__(self) -> int:
@@ -67,11 +69,11 @@ class Ensemble:
     def repeated(self, times: int) -> Ensemble:
         """The whole ensemble ``times`` times, one after the other."""
         rows = {name: np.concatenate([getattr(self, name)] * times) for name in (
-            "parameters", "hover_V", "resistance_ohm", "delay_s", "error", "noise", "push_m_s2")}
+            "parameters", "hover_V", "resistance_ohm", "delay_s", "error", "noise", "push_m_s2", "radio_s")}
         return Ensemble(self.model, seeds=self.seeds * times, **rows)
 
-    def plant(self, position_m: np.ndarray) -> Plant:
-        """Hovering at position_m (n, 3)."""
+    def plant(self, position_m: np.ndarray, late: bool = False) -> Plant:
+        """Hovering at position_m (n, 3); ``late``: its commands come by radio."""
         n = len(self)
         start = np.zeros((n, 13))
         start[:, :3], start[:, 9] = position_m, 1.0
@@ -79,7 +81,18 @@ class Ensemble:
         conductance = np.full(n, VEHICLE["motor_conductance_A_V"].value)
         load = 4.0 * self.resistance_ohm * conductance * ratio**2
         cell = Cell(self.hover_V * (1.0 + load), self.resistance_ohm, conductance)
-        return Plant(self.model, start, np.repeat(ratio[:, None], 4, axis=1), cell, parameters=self.parameters)
+        model, parameters = self._by_radio() if late and self.radio_s.any() else (self.model, self.parameters)
+        return Plant(model, start, np.repeat(ratio[:, None], 4, axis=1), cell, parameters=parameters)
+
+    def _by_radio(self) -> tuple[Model, np.ndarray]:
+        """Model and parameters with the radio's delay added to the commands'."""
+        known = "command_delay" in self.model
+        model = self.model if known else self.model.with_term("command_delay", delay_s=0.0)
+        parameters = np.zeros((len(self), len(model.names)))
+        for i, name in enumerate(self.model.names):
+            parameters[:, model.index(name)] = self.parameters[:, i]
+        parameters[:, model.index("command_delay.delay_s")] += self.radio_s
+        return model, parameters
 
     def sensing(self, outages: tuple[tuple[float, float], ...] = ()) -> Sensing:
         """Of every plant its own."""
@@ -96,8 +109,9 @@ class Ensemble:
         return np.stack(drawn, axis=-1) * (self.push_m_s2 * mass)
 
 
-def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np.ndarray] | None = None) -> Ensemble:
-    """The median plant and n - 1 others about a simulator.toml (its text).
+def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np.ndarray] | None = None,
+         radio_s: float = 0.0) -> Ensemble:
+    """The median plant and n - 1 others about a simulator.toml (its text), behind a radio of ``radio_s``.
 
     draws: (names, values (k, P)) of an identification of this simulator; without them parameters scatter as those of
     the shipped one do (relative to their mean, by name).
@@ -132,7 +146,8 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
         resistance = VEHICLE["resistance_ohm"]
         rest["resistance_ohm"][i] = resistance.value + (0.0 if median else 2.0 * resistance.spread * cell)
         rest["error"][i], rest["noise"][i] = (1.0, 1.0) if median else size
-    return Ensemble(model, parameters, push_m_s2=np.full(n, VEHICLE["disturbance_m_s2"].value), seeds=seeds, **rest)
+    return Ensemble(model, parameters, push_m_s2=np.full(n, VEHICLE["disturbance_m_s2"].value),
+                    radio_s=np.full(n, radio_s), seeds=seeds, **rest)
 
 
 def _between(ends: tuple[float, float], share: float) -> float:

@@ -67,6 +67,7 @@ class Lqr:
 
     name = "lqr"
     information = "preview"
+    on_board = True
     period_s = PERIOD_S
 
     def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE) -> None:

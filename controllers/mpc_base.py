@@ -19,7 +19,7 @@ from .delay import UnderWay
 from .disturbance import Observer, Tuning
 from .fallback import Fallback
 from .mpc_code import Call
-from .mpc_horizon import Horizon, most_tilt, within_reach, without_leaps
+from .mpc_horizon import Gains, Horizon, most_tilt, within_reach, without_leaps
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
 from .mpc_thrust import ThrustMap
 
@@ -37,12 +37,12 @@ class Weights:
     """Errors that cost as much as each other (Bryson): position m and velocity m/s level and vertical, turn rad and
     rate rad/s about body x, y and about z; thrust N and moments N m (x and y, z) that cost as much as those."""
 
-    position_m: tuple[float, float] = (0.05, 0.04)
+    position_m: tuple[float, float] = (0.10, 0.06)
     velocity_m_s: tuple[float, float] = (0.5, 0.5)
     turn_rad: tuple[float, float] = (0.4, 0.4)
     rate_rad_s: tuple[float, float] = (5.0, 2.5)
     thrust_N: float = 0.64
-    moment_N_m: tuple[float, float] = (9.6e-3, 4.8e-3)
+    moment_N_m: tuple[float, float] = (2.4e-3, 1.2e-3)
 
     def of_errors(self, states: int) -> np.ndarray:
         """Diagonal of Q (S,); rotor states cost nothing."""
@@ -105,7 +105,7 @@ class Mpc:
         self.hover_N = 0.25 * Equations4(self.model).mass_kg * self.model.vehicle.gravity_m_s2
         self.q, self.r = self.weights.of_errors(states), self.weights.of_inputs(self.model)
         self.p = self._terminal()
-        self._level_gains = self._gains()
+        self._near_hover = self._gains()
         self._horizon = Horizon(self.delay_s + dt_s * np.arange(horizon + 1))
 
     @property
@@ -128,13 +128,13 @@ class Mpc:
         a, b = self.hover_stage()
         return np.asarray(solve_discrete_are(a, b, np.diag(self.q + 1e-9), self.r))
 
-    def _gains(self) -> tuple[float, float]:
-        """Level acceleration that a metre [1/s^2] and a metre per second [1/s] are answered by about hover."""
+    def _gains(self) -> Gains:
         a, b = self.hover_stage()
         gain = np.linalg.solve(self.r + b.T @ self.p @ b, b.T @ self.p @ a)
-        about_y = Equations4(self.model).mixing()[2] @ gain
-        g = self.model.vehicle.gravity_m_s2
-        return g * float(about_y[0] / about_y[7]), g * float(about_y[3] / about_y[7])
+        about_y, lift = Equations4(self.model).mixing()[2] @ gain, gain.sum(axis=0) / Equations4(self.model).mass_kg
+        level = self.model.vehicle.gravity_m_s2 / about_y[7]
+        return Gains(np.array([level * about_y[0], level * about_y[0], lift[2]]),
+                     np.array([level * about_y[3], level * about_y[3], lift[5]]))
 
     def reset(self, n: int) -> None:
         self.n = n
@@ -223,9 +223,11 @@ class Mpc:
     def _make_plans(self, x: np.ndarray, rows: np.ndarray, limits: np.ndarray) -> None:
         """Plans for all vehicles from x (n, 17); those without a new one keep the old."""
         gravity = self.model.vehicle.gravity_m_s2
-        tilt = most_tilt(limits[1].sum(axis=1) / (4.0 * self.hover_N))
-        rows = without_leaps(rows, self._horizon.seconds)
-        rows = within_reach(rows, x, self._level_gains, gravity * np.tan(tilt))
+        d = self.observer.disturbance[:, :3]
+        lift = limits[1].sum(axis=1) / (4.0 * self.hover_N) * gravity + d[:, 2]  # m/s^2, all that carries
+        level = gravity * np.tan(most_tilt(lift / gravity))
+        without_leaps(rows, self._horizon.seconds)
+        within_reach(rows, x, self._near_hover.position_1_s2, self._near_hover.velocity_1_s, level, lift - gravity, d)
         planned = np.zeros(self.n, bool)
         self.plan.age_s += self.period_s
         given, d = self._targets.given

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numba as nb
 import numpy as np
 
 from nanobench_tools.guard import LARGEST
@@ -12,11 +15,17 @@ WIDTH = 14
 LEAP_M = 0.15
 """Between two points of a horizon, beside what its velocity explains: a leap that no vehicle flies, and is answered
 when it has come."""
-LEAST_TILT_RAD, MOST_TILT_RAD = 0.2, 0.6
-CLIMB_M = 0.6
-"""A reference that is higher or lower by more is answered as if it were so by this."""
-MARGIN = 0.85
-"""Share of the thrust which the motors can give at the voltage now that is left when all of them give it."""
+LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
+MOST_SINK_M_S2 = 4.0
+"""A reference that asks to fall faster is answered by this."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """World acceleration (3,) that a metre [1/s^2] and a metre per second [1/s] are answered by about hover."""
+
+    position_1_s2: np.ndarray
+    velocity_1_s: np.ndarray
 
 
 class Horizon:
@@ -72,39 +81,56 @@ class Horizon:
         return out
 
 
-def without_leaps(rows: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a leap moved back to where the path would have gone on."""
-    explained = 0.5 * np.diff(seconds)[:, None] * (rows[:, 1:, 3:6] + rows[:, :-1, 3:6])
-    gaps = np.diff(rows[:, :, :3], axis=1) - explained
-    leaps = np.sum(gaps * gaps, axis=2) > LEAP_M**2
-    if leaps.any():
-        rows = rows.copy()
-        rows[:, 1:, :3] -= np.cumsum(gaps * leaps[:, :, None], axis=1)
-    return rows
+@nb.njit(cache=True)
+def without_leaps(rows, seconds):
+    """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a leap moved back to where the path would have gone on, in
+    place."""
+    gap, back = np.empty(3), np.empty(3)
+    for i in range(rows.shape[0]):
+        back[:] = 0.0
+        before = rows[i, 0, :3].copy()
+        for k in range(1, rows.shape[1]):
+            here = rows[i, k, :3].copy()
+            gap = here - before - 0.5 * (seconds[k] - seconds[k - 1]) * (rows[i, k, 3:6] + rows[i, k - 1, 3:6])
+            if np.sum(gap * gap) > LEAP_M**2:
+                back += gap
+            rows[i, k, :3] -= back
+            before = here
 
 
-def most_tilt(thrust_ratio: np.ndarray) -> np.ndarray:
-    """Tilt [rad] (n,) at which a vehicle still carries its weight, thrust_ratio (n,) being most thrust over weight."""
-    return np.clip(np.arccos(np.minimum(1.0 / np.maximum(MARGIN * thrust_ratio, 1.0), 1.0)), LEAST_TILT_RAD,
-                   MOST_TILT_RAD)
+def most_tilt(lift_ratio: np.ndarray) -> np.ndarray:
+    """Tilt [rad] (n,) at which a vehicle still carries its weight, lift_ratio (n,) being what carries over weight."""
+    return np.clip(np.arccos(np.minimum(1.0 / np.maximum(lift_ratio, 1.0), 1.0)), LEAST_TILT_RAD, MOST_TILT_RAD)
 
 
-def within_reach(rows: np.ndarray, x: np.ndarray, gains: tuple[float, float], most_m_s2: np.ndarray) -> np.ndarray:
-    """rows (n, k, WIDTH), all of a vehicle's moved so that it does not ask of it more level acceleration than most_m_s2
-    (n,). x (n, 17) is where it is, gains [1/s^2, 1/s] what a controller answers a lag of position and velocity by.
+@nb.njit(cache=True)
+def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, pushed_m_s2):
+    """Changes rows (n, k, WIDTH) to ask for no more level acceleration than level_m_s2 (n,) and upward one than up_m_s2
+    (n,), beside what pushes already, pushed_m_s2 (n, >= 3): accelerations along the path are cut, and all points of a
+    vehicle moved so that its lag x (n, 17) behind the first, answered by ``Gains``, does not ask for more.
 
-    A vehicle that lifts little more than its weight loses height when it tips after a reference that has jumped.
+    What is moved away is given up: height first, as turning motors must stay free to turn the vehicle, and a vehicle
+    that lifts little more than its weight loses height when it tips after a reference that has jumped.
     """
-    away, faster = rows[:, 0, :2] - x[:, :2], rows[:, 0, 3:5] - x[:, 3:5]
-    asked = rows[:, 0, 6:8] + gains[0] * away + gains[1] * faster
-    size = np.sqrt(np.sum(asked * asked, axis=1))
-    over = size > most_m_s2
-    if over.any():
-        rows = rows.copy()
-        share = np.where(over, 1.0 - most_m_s2 / np.maximum(size, 1e-9), 0.0)
-        rows[:, :, :2] -= (share[:, None] / gains[0] * asked)[:, None]
-    high = rows[:, 0, 2] - x[:, 2]
-    if (np.abs(high) > CLIMB_M).any():
-        rows = rows.copy()
-        rows[:, :, 2] -= (high - np.clip(high, -CLIMB_M, CLIMB_M))[:, None]
-    return rows
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            row = rows[i, k]
+            size, fast = np.sqrt(row[6] * row[6] + row[7] * row[7]), False
+            if size > level_m_s2[i]:
+                row[6], row[7], fast = row[6] * level_m_s2[i] / size, row[7] * level_m_s2[i] / size, True
+            if row[8] > max(up_m_s2[i], 0.0) or row[8] < -MOST_SINK_M_S2:
+                row[8], fast = min(max(row[8], -MOST_SINK_M_S2), max(up_m_s2[i], 0.0)), True
+            if fast:  # nothing is known of the jerk then
+                row[9:12] = 0.0
+        first = rows[i, 0]
+        ask = np.empty(3)
+        for j in range(3):
+            ask[j] = (first[6 + j] + position_1_s2[j] * (first[j] - x[i, j])
+                      + velocity_1_s[j] * (first[3 + j] - x[i, 3 + j]) - pushed_m_s2[i, j])
+        size = np.sqrt(ask[0] * ask[0] + ask[1] * ask[1])
+        over = 1.0 - level_m_s2[i] / size if size > level_m_s2[i] else 0.0
+        high = ask[2] - min(max(ask[2], -MOST_SINK_M_S2), up_m_s2[i])
+        for k in range(rows.shape[1]):
+            rows[i, k, 0] -= over / position_1_s2[0] * ask[0]
+            rows[i, k, 1] -= over / position_1_s2[1] * ask[1]
+            rows[i, k, 2] -= high / position_1_s2[2]

@@ -9,6 +9,7 @@ q) for the attitude, which is the rotation vector to third order; the first 12 a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from nanobench_tools.physics import rotor
 from nanobench_tools.physics.equations import Equations
 from nanobench_tools.physics.model import Model
 from nanobench_tools.physics.ops import casadi_ops
+from nanobench_tools.physics.simulator import loads
 from nanobench_tools.physics.vector import total
 from nanobench_tools.physics.vehicle import Vehicle
 
@@ -26,20 +28,23 @@ from .mpc_code import import_casadi
 
 STATES, INPUTS, DISTURBANCES = 17, 4, 6
 RIGID, ERRORS = 12, 16
-MOTOR_TAU_S, DRAG_TORQUE_N_S, YAW_ARM_M = 0.045, -1.5e-4, 0.006993
-FIRMWARE_CURVE = (-0.02476537915958403, 0.06523793527519485, -0.026792504967750107, 0.006776789303971145)
+YAW_ARM_M = 0.006993
 LEAST_LIFT = 0.2
 """Of g: no target asks for less thrust along the vertical, so that none is upside down."""
 
 
 def default_model() -> Model:
-    """The recorded vehicle with the numbers that recordings tell."""
+    """The recorded vehicle as it was identified, which is the plant of Task 2 too."""
+    return loads(resources.files(__package__).joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
+
+
+def practice_model() -> Model:
+    """The vehicle of practice flights without its spread."""
     vehicle = Vehicle()
-    return Model(vehicle, {
-        "thrust_voltage": {"c": FIRMWARE_CURVE}, "thrust_scale": {"s": THRUST_SCALE},
-        "motor_lag": {"tau_up_s": MOTOR_TAU_S, "tau_down_s": MOTOR_TAU_S},
-        "yaw_torque": {"k_m": YAW_ARM_M}, "drag_linear": {"d": tuple(vehicle.mass_kg * d for d in DRAG_1_S)},
-        "drag_torque": {"c": DRAG_TORQUE_N_S}})
+    drag = tuple(vehicle.mass_kg * d for d in DRAG_1_S)
+    return Model(vehicle, {"thrust_voltage": default_model().values_of("thrust_voltage"),
+                           "thrust_scale": {"s": THRUST_SCALE}, "motor_lag": {"tau_up_s": 0.045, "tau_down_s": 0.045},
+                           "yaw_torque": {"k_m": YAW_ARM_M}, "drag_linear": {"d": drag}, "drag_torque": {"c": -1.5e-4}})
 
 
 @dataclass

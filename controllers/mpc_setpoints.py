@@ -102,6 +102,7 @@ class OverRadio:
     """A predictive controller whose ``output`` is flown by the firmware's own loops, motor PWM out at 500 Hz."""
 
     information = "preview"
+    on_board = True
     period_s = 0.002
 
     def __init__(self, output: str = "rates", delay_s: float = 0.03, kind: type[Mpc] = MpcDaqp,
@@ -130,12 +131,16 @@ class OverRadio:
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
         if self._step % self._every == 0:
-            self.mpc.command(time_s, state, reference)
-            found = setpoints(self.mpc, LEAD_S[self.output])
-            self._last = records(found, self.output, self._counts(found, state.battery_V))
+            self._last = self.setpoint(time_s, state, reference)
         self._step += 1
         self._waiting.append(self._last)
         return self._loops.follow(self._waiting.popleft(), state, reference)
+
+    def setpoint(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """(n,) SETPOINT that a vehicle is sent now; asked for every ``mpc.period_s``."""
+        self.mpc.command(time_s, state, reference)
+        found = setpoints(self.mpc, LEAD_S[self.output])
+        return records(found, self.output, self._counts(found, state.battery_V))
 
     def _counts(self, found: Setpoints, battery_V: np.ndarray) -> np.ndarray:
         """Collective thrust as the firmware counts it: its own curve at the voltage that gives it by the model."""

@@ -13,7 +13,7 @@ from scipy import sparse
 from .mpc_condense import headed
 from .mpc_qp import import_solver
 
-TOLERANCE, MOST_ITERATIONS = 1e-4, 400
+TOLERANCE, MOST_ITERATIONS = 1e-4, 2000
 FREE_UNIT = np.array([0.05])
 """N: unit of rotor states, which cost nothing."""
 
@@ -66,8 +66,8 @@ class SparseOsqp:
         zero = np.zeros((s + 4) * n)
         self._solver = self._module.OSQP()
         self._solver.setup(cost, zero, matrix, zero, zero, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
-                           max_iter=MOST_ITERATIONS, warm_starting=True, check_termination=10, adaptive_rho=False,
-                           rho=0.1, scaling=0)
+                           max_iter=MOST_ITERATIONS, warm_starting=True, check_termination=10, adaptive_rho=True,
+                           rho=0.5, scaling=0)
         self._yaw = 0.0
 
     def _values(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:

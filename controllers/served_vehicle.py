@@ -102,13 +102,13 @@ class ServedVehicle:
         w["ring"] = depth
         self._waiting = np.zeros((max(depth, 1), 4))
 
-    def place(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-        """At rest, as a hand would put it; the ground is there from now on."""
+    def place(self, position_m: Sequence[float], yaw_rad: float = 0.0, ground_m: float | None = None) -> None:
+        """At rest, as a hand would put it, rotors still; the ground is there from now on, or at ``ground_m``."""
         self._state[:] = 0.0
         self._state[POSITION] = np.asarray(position_m, float)[:, None]
         self._state[QUATERNION] = so3.exp(np.array([0.0, 0.0, yaw_rad]))[:, None]
         w = self._world[0]
-        w["ground_z"] = position_m[2] + w["gravity"] / CONTACT_RAD_S**2
+        w["ground_z"] = (position_m[2] if ground_m is None else ground_m) + w["gravity"] / CONTACT_RAD_S**2
         w["before_m_s"] = 0.0
 
     def advance(self, milliseconds: int) -> None:

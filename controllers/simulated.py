@@ -9,13 +9,14 @@ and ``thrust_scale``) are told of the identified one, never of the single plants
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from nanobench_tools import registry
 from nanobench_tools.errors import UsageError
+from nanobench_tools.firmware import onboard
 from nanobench_tools.methods import Controller, Reference
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
@@ -35,8 +36,8 @@ FULL_S = 3.0
 """What a controller that looks ahead may ask for beyond the end of the flight."""
 
 
-def made(name: str, model: Model) -> Controller:
-    """A controller by name or ``module:Class``, told of the identified vehicle if it can be."""
+def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, float] | None = None) -> Controller:
+    """A controller by name or ``module:Class``, told of the identified vehicle and of its radio if it can be."""
     kind = registry.load("controllers", name)
     if not isinstance(kind, type):
         return kind
@@ -49,6 +50,9 @@ def made(name: str, model: Model) -> Controller:
         given["vehicle"] = model.on(inertia_kg_m2=inertia).vehicle
     if "thrust_scale" in known and "thrust_scale" in model:
         given["thrust_scale"] = model.values_of("thrust_scale")["s"]
+    if "delay_s" in known and not getattr(kind, "on_board", False):
+        named = float(model.values_of("command_delay")["delay_s"]) if "command_delay" in model else 0.0
+        given["delay_s"] = named + radio_s
     try:
         return kind(**given)
     except Exception as error:  # anybody's code
@@ -69,39 +73,51 @@ def _settings(kind: type) -> set[str]:
     return names
 
 
+def on_board(controller: Controller) -> bool:
+    """Whether it runs on the vehicle: the radio then delays what it is told, else what it commands."""
+    return isinstance(controller, onboard.Onboard) or bool(getattr(controller, "on_board", False))
+
+
 class Told:
     """What a controller is told at a tick, by its class of information; one lane per plant, paths one after
     another."""
 
-    def __init__(self, paths: Paths, plants: int, controller: Controller) -> None:
-        self._paths, self._plants = paths, plants
+    def __init__(self, paths: Paths, ensemble: Ensemble, controller: Controller) -> None:
+        self._paths, self._plants = paths, len(ensemble)
         self._information = controller.information
-        self._lead = round(float(getattr(controller, "lead_s", 0.0)) / TICK_S) if self._information == "lead" else 0
+        self._lead = float(getattr(controller, "lead_s", 0.0)) / TICK_S if self._information == "lead" else 0.0
+        late = ensemble.radio_s / TICK_S if on_board(controller) else np.zeros(len(ensemble))
+        self._groups = [(ticks, np.flatnonzero(late == ticks)) for ticks in np.unique(late)]
 
     def at(self, tick: int) -> Reference:
-        full = self._rows(np.array([tick + self._lead], float))
-        p, v, a, j, yaw, turn = (np.repeat(x[0], self._plants, axis=0) for x in full)
+        p, v, a, j, yaw, turn = (x[0] for x in self._rows(np.array([tick + self._lead])))
         if self._information != "preview":
             return Reference(p, yaw, np.zeros_like(v), np.zeros_like(a))
 
         def ahead(seconds: np.ndarray) -> Reference:
-            rows = self._rows(tick + np.asarray(seconds, float) / TICK_S)
-            far = [np.repeat(x, self._plants, axis=1) for x in rows]
+            far = self._rows(tick + np.asarray(seconds, float) / TICK_S)
             return Reference(far[0], far[4], far[1], far[2], far[3], far[5])
 
         return Reference(p, yaw, v, a, j, turn, ahead)
 
     def _rows(self, at: np.ndarray) -> list[np.ndarray]:
-        """All that the paths know at ticks (k,), between ticks linearly: arrays (k, paths, ...)."""
+        """All that the paths know at ticks (k,), between ticks linearly: arrays (k, lanes, ...)."""
         last = len(self._paths.time_s) - 1
-        low = np.clip(np.floor(at).astype(int), 0, last)
-        share = np.clip(at - low, 0.0, 1.0)
-        high = np.minimum(low + 1, last)
         found = []
-        for values in self._paths.all:
-            weight = share.reshape(-1, *[1] * (values.ndim - 1))
-            found.append(values[low] + weight * (values[high] - values[low]))
-        return found
+        for late, _ in self._groups:
+            when = at - late
+            low = np.clip(np.floor(when).astype(int), 0, last)
+            share = np.clip(when - low, 0.0, 1.0)
+            high = np.minimum(low + 1, last)
+            found.append([x[low] + share.reshape(-1, *[1] * (x.ndim - 1)) * (x[high] - x[low])
+                          for x in self._paths.all])
+        if len(found) == 1:
+            return [np.repeat(x, self._plants, axis=1) for x in found[0]]
+        lanes = [np.empty((len(at), self._plants * x.shape[1], *x.shape[2:])) for x in found[0]]
+        for (_, which), values in zip(self._groups, found, strict=True):
+            for out, x in zip(lanes, values, strict=True):
+                out.reshape(len(at), x.shape[1], self._plants, *x.shape[2:])[:, :, which] = x[:, :, None]
+        return lanes
 
 
 def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: bool = False, outage: bool = False,
@@ -109,7 +125,7 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
     """Paths x plants side by side, paths outermost."""
     crowd = ensemble.repeated(len(paths.specs))
     ticks = paths.ticks
-    plant = crowd.plant(np.repeat(paths.all[0][0], len(ensemble), axis=0))
+    plant = crowd.plant(np.repeat(paths.all[0][0], len(ensemble), axis=0), late=not on_board(controller))
     begin = HOVER_S + OUTAGE_AT_S
     sensing = crowd.sensing(((begin, begin + OUTAGE_S),) if outage else ())
     senses = Onboard(plant, sensing, crowd.rngs(2), ticks)
@@ -117,7 +133,7 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
     if gust:
         first = round((HOVER_S + GUST_AT_S) / TICK_S)
         air[first:first + round(GUST_S / TICK_S), 1] += GUST_N
-    told = Told(paths, len(ensemble), controller)
+    told = Told(paths, ensemble, controller)
     return fly(plant, senses, controller, told.at, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
 
 

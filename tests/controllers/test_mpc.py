@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 from controllers import fallback, mpc_base, mpc_condense, mpc_qp
 from controllers.disturbance import Tuning
 from controllers.mpc_linear import MpcDaqp, MpcOsqp, error
+from controllers.mpc_model import practice_model
 from controllers.nmpc import Nmpc
 from nanobench_tools import registry, so3
 from nanobench_tools.errors import UsageError
@@ -25,7 +26,7 @@ KINDS = {"mpc_daqp": MpcDaqp, "mpc_osqp": MpcOsqp, "nmpc": Nmpc}
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))
 """Of measurements that are as old as the call."""
 
-make = functools.cache(lambda name, **keywords: KINDS[name](tuning=FRESH, **keywords))
+make = functools.cache(lambda name, **keywords: KINDS[name](practice_model(), tuning=FRESH, **keywords))
 
 
 def fresh(name, n=1, **keywords):
@@ -152,7 +153,7 @@ def test_the_sparse_program_has_the_answer_of_the_condensed_one():
         controller.command(0.0, state, reference)
         found[name] = controller.plan.thrust_N[0].copy()
     np.testing.assert_allclose(found["mpc_osqp"], found["mpc_daqp"], atol=5e-4)
-    condensed = MpcDaqp(tuning=FRESH, solver="osqp")
+    condensed = MpcDaqp(practice_model(), tuning=FRESH, solver="osqp")
     condensed.reset(1)
     condensed.command(0.0, state, reference)
     np.testing.assert_allclose(condensed.plan.thrust_N[0], found["mpc_daqp"], atol=5e-4)
@@ -250,7 +251,7 @@ def test_a_vehicle_unlike_the_model_is_flown_without_offset():
 
 def test_the_plan_stays_within_what_the_battery_gives():
     controller = fresh("mpc_daqp")
-    state, reference = resting(battery_V=np.array([3.1]), r_position_m=np.array([[0.0, 0.0, 0.6]]))
+    state, reference = resting(battery_V=np.array([3.1]), rate_rad_s=np.array([[12.0, 0.0, 0.0]]))
     command = controller.command(0.0, state, reference)
     least, most = controller.thrust_map.limits(np.array([3.1]))
     plan = controller.plan.thrust_N[0]
@@ -426,7 +427,7 @@ def test_from_any_start_in_the_room_every_step_has_a_plan_within_limits(name, va
 
 
 def test_vehicles_fly_in_a_batch_as_they_do_alone():
-    rng, together, alone = np.random.default_rng(6), fresh("nmpc", 3), Nmpc(tuning=FRESH)
+    rng, together, alone = np.random.default_rng(6), fresh("nmpc", 3), Nmpc(practice_model(), tuning=FRESH)
     alone.reset(1)
     many = [resting(3, position_m=0.1 * rng.standard_normal((3, 3)), rate_rad_s=rng.standard_normal((3, 3)))
             for _ in range(8)]
