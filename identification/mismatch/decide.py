@@ -42,6 +42,8 @@ WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock
 """Faults that are in every row: what looks like physics beside them is them."""
 WIDER, SYSTEMATIC = 1.6, 0.015
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
+HEIGHT, HEIGHT_SD_M = "com_offset.r_m[2]", 2.5e-4
+"""How high the centre of mass lies is told by what air pushes sideways, which other things turn by as well."""
 TOGETHER = (*MAPS, "ground_effect")
 NORMAL95 = 1.96
 LEVEL = ("mass", "thrust_scale")
@@ -354,6 +356,7 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     drawn = bootstrap(known, final, named.own())
     believed = home.model.parameters
     sd = {model.names[i]: float(np.hypot(max(wide * np.sqrt(final.covariance[k, k]), drawn[k]),
+                                         HEIGHT_SD_M if model.names[i] == HEIGHT else
                                          SYSTEMATIC * abs(model.values[i] - believed.get(model.names[i], 0.0))))
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))

@@ -253,7 +253,9 @@ def _trim_table(trims: Sequence[Trim], flights: Flights, found: Weighed) -> dict
     return {"motors": [1, 2, 3, 4], "change_percent": (100.0 * found.delta["gains"]).tolist(),
             "sd_percent": 100.0 * found.sd["gains"], "normal_sd_percent": 100.0 * normal.sd["gains"],
             "flights": [{"flight": t.name, "change_percent": (100.0 * (t.gains - base)).tolist(),
-                         "battery_V": t.battery_V, "height_m": t.height_m} for t in trims],
+                         "battery_V": t.battery_V, "height_m": t.height_m,
+                         "course": [[*row[:3], *(100.0 * (np.array(row[3:]) - base)).tolist()] for row in t.course]}
+                        for t in trims],
             "normal": list(normal.names),
             "normal_flights": [{"flight": t.name, "change_percent": (100.0 * (t.gains - base)).tolist()}
                                for t in flights.trims],

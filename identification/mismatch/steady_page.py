@@ -18,6 +18,8 @@ from .weigh import NONE
 WIDTH, HEIGHT, LEFT, BOTTOM = 360.0, 220.0, 44.0, 26.0
 LEAST_RANGE = 10.0
 """Per cent the axis of the trims reaches at least."""
+BREAK_S = 1.5
+"""Seconds further apart than this are of two runs."""
 
 
 def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthetic: bool,
@@ -38,7 +40,8 @@ def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthe
 def _pictures(body: Mapping[str, Any]) -> dict[str, Any]:
     trim = body.get("trim")
     return {"trim": None if trim is None else _trim(trim), "chances": None if trim is None else _chances(trim),
-            "spectrum": _spectrum(body.get("swing") or {}), "proof": _proof(body.get("improvement"))}
+            "spectrum": _spectrum(body.get("swing") or {}), "proof": _proof(body.get("improvement")),
+            "course": None if trim is None else _course(trim), "place": None if trim is None else _place(trim)}
 
 
 def _trim(trim: Mapping[str, Any]) -> dict[str, Any]:
@@ -56,6 +59,46 @@ def _trim(trim: Mapping[str, Any]) -> dict[str, Any]:
             "here": [(centre[k] + 0.08 * column, y(v)) for row in here for k, v in enumerate(row)],
             "mean": [(centre[k] - 0.05 * column, centre[k] + 0.3 * column, y(v))
                      for k, v in enumerate(trim["change_percent"])]}
+
+
+def _course(trim: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Each motor's change second by second, flights one after the other upon the same seconds."""
+    rows = [np.array(f["course"], float) for f in trim["flights"] if f.get("course")]
+    if not rows:
+        return None
+    longest = max(float(r[-1, 0]) for r in rows) or 1.0
+    most = max(LEAST_RANGE, 1.1 * float(np.abs(np.concatenate(rows)[:, 3:]).max()))
+    y = _scale(-most, most)
+
+    def x(t: float) -> float:
+        return LEFT + t / longest * (WIDTH - LEFT - 20.0)
+
+    runs = [run for flight in rows for run in np.split(flight, np.flatnonzero(np.diff(flight[:, 0]) > BREAK_S) + 1)]
+    lines = [(f"motor-{k + 1}", " ".join(f"{x(r[0]):.1f},{y(r[3 + k]):.1f}" for r in run))
+             for run in runs for k in range(4)]
+    return {"lines": lines, "ticks": [(t, y(t)) for t in _ticks(most)], "seconds": [(t, x(t)) for t in _ticks(longest)
+                                                                                 if t >= 0.0]}
+
+
+def _place(trim: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Where in the room the motor that changed most was asked for how much: dots of the seconds, by size and sign."""
+    rows = [np.array(f["course"], float) for f in trim["flights"] if f.get("course")]
+    if not rows or not np.isfinite(np.concatenate(rows)[:, 1:3]).any():
+        return None
+    every = np.concatenate(rows)
+    every = every[np.isfinite(every[:, 1:3]).all(axis=1)]
+    motor = int(np.argmax(np.abs(trim["change_percent"])))
+    middle = 0.5 * (every[:, 1:3].max(axis=0) + every[:, 1:3].min(axis=0))
+    half = max(0.6 * float(np.ptp(every[:, 1:3], axis=0).max()), 0.25)
+    scale = (HEIGHT - BOTTOM - 16.0) / (2.0 * half)
+    change = every[:, 3 + motor]
+    most = max(LEAST_RANGE, float(np.abs(change).max()))
+    centre = LEFT + 0.5 * (WIDTH - LEFT), 8.0 + 0.5 * (HEIGHT - BOTTOM)
+    dots = [(centre[0] + scale * (x - middle[0]), centre[1] - scale * (y - middle[1]),
+             2.0 + 6.0 * abs(c) / most, "here" if c > 0.0 else "less")
+            for (x, y), c in zip(every[:, 1:3], change, strict=True)]
+    return {"motor": motor + 1, "dots": dots, "bar": (LEFT, LEFT + scale * 0.25),
+            "spread": float(np.std(change)), "mean": float(np.mean(change))}
 
 
 def _chances(trim: Mapping[str, Any]) -> list[tuple[str, float, str]]:

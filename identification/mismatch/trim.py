@@ -36,6 +36,8 @@ STUCK_V = 0.006
 SLOPES = {"gains": 0.1, "level": 0.6, "push": 0.6}
 """Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
 HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
+PLACES = (("estimator", "x", "y"), ("mocap", "px", "py"))
+COURSE_S = 1.0
 FULL = 0.998
 MOST_SATURATED = 0.1
 """Share of rows at full command beyond which the command no longer says what was needed."""
@@ -60,12 +62,16 @@ class Trim:
     height_m: float
     notes: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    course: tuple[tuple[float, ...], ...] = ()
+    """Second by second: time from take-off [s], x and y [m] (nan where unknown), ln thrust of motors 1..4 per g
+    carried, which at rest is ``gains``."""
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),
                 "push": self.push.tolist(), "sd": {k: v.tolist() for k, v in self.sd.items()},
                 "known_lift": self.known_lift, "battery_V": self.battery_V, "seconds": self.seconds,
-                "height_m": self.height_m, "notes": list(self.notes), "commands": list(self.commands)}
+                "height_m": self.height_m, "notes": list(self.notes), "commands": list(self.commands),
+                "course": [list(row) for row in self.course]}
 
     @classmethod
     def from_json(cls, body: dict[str, Any]) -> Trim:
@@ -77,7 +83,8 @@ class Trim:
 
         return cls(body["name"], numbers(body["gains"]), numbers(body["level"]), numbers(body["push"]),
                    {k: numbers(v) for k, v in body["sd"].items()}, body["known_lift"], number(body["battery_V"]),
-                   body["seconds"], number(body["height_m"]), tuple(body["notes"]), tuple(body["commands"]))
+                   body["seconds"], number(body["height_m"]), tuple(body["notes"]), tuple(body["commands"]),
+                   tuple(tuple(number(v) for v in row) for row in body["course"]))
 
 
 def trim_of(flight: Flight, audit: Audit) -> Trim:
@@ -107,7 +114,8 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
     values, sd = _at_rest(states, thrust, runs)
     return Trim(flight.name, values["gains"], values["level"], values["push"], sd, voltage is not None,
                 float("nan") if voltage is None else float(voltage[rows].mean()), seconds,
-                _height(flight, states.time_s, rows), tuple(notes), _columns(flight))
+                _height(flight, states.time_s, rows), tuple(notes), _columns(flight),
+                _course(flight, states, thrust, runs))
 
 
 def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarray) -> list[Span]:
@@ -183,6 +191,27 @@ def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]
         values[name], sd[name] = _intercept(signals[name], velocity, slope) if name in signals else \
             (np.full(k, np.nan), np.full(k, np.nan))
     return values, sd
+
+
+def _course(flight: Flight, states: States, thrust: np.ndarray, runs: list[Span]) -> tuple[tuple[float, ...], ...]:
+    """See ``Trim.course``; thrust (n, 4) N."""
+    t = states.time_s
+    lift = np.ones(len(t)) if states.acceleration_m_s2 is None else \
+        1.0 + states.acceleration_m_s2[:, 2] / GRAVITY_M_S2
+    place = np.full((len(t), 2), np.nan)
+    for name, x, y in PLACES:
+        if name in flight and x in flight[name] and y in flight[name]:
+            place = np.stack([flight[name].interpolate(q, t) for q in (x, y)], axis=1)
+            break
+    course: list[tuple[float, ...]] = []
+    for run in runs:
+        for start in np.arange(run.start_s, run.end_s - 0.5 * COURSE_S, COURSE_S):
+            rows = (t >= start) & (t < start + COURSE_S)
+            if rows.any():
+                gains = np.log(thrust[rows].mean(axis=0) / max(float(lift[rows].mean()), 0.3))
+                course.append((start + 0.5 * COURSE_S - runs[0].start_s, *place[rows].mean(axis=0).tolist(),
+                               *gains.tolist()))
+    return tuple(course)
 
 
 def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from nanobench_tools import so3
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.harness.results import plain
 
 
 def trim(flight: Flight) -> Trim:
@@ -110,3 +111,14 @@ def test_a_swing_is_found_with_its_frequency_and_only_there():
     assert found["frequency_hz"] == pytest.approx(0.65, abs=0.06)
     assert found["direction_deg"] is None  # no pitch: what goes ahead and back cannot be seen
     assert found["axes"] == ["left"]
+
+
+def test_the_course_of_a_trim_shows_it_second_by_second_and_survives_json():
+    asked = np.array([0.1, -0.05, 0.2, 0.0])
+    found = trim(hover("a", asked))
+    course = np.array(found.course)
+    assert course.shape[0] >= 10
+    assert np.diff(course[:, 0]) == pytest.approx(1.0)
+    assert course[:, 3:] == pytest.approx(np.broadcast_to(np.log(HOVER_N) + asked, (len(course), 4)), abs=0.02)
+    again = Trim.from_json(plain(found.to_json()))
+    np.testing.assert_allclose(np.array(again.course), course)
