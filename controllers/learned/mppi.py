@@ -1,0 +1,63 @@
+"""Model predictive path integral control: many noisy copies of a plan are rolled out, and mixed by what they cost.
+
+Source: G. Williams et al., "Information theoretic MPC for model-based reinforcement learning" (ICRA 2017), algorithm
+2. Commands are limited to 0..1 before they are rolled out, the plan is shifted by one step, its last step repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from identification.learned.libraries import libraries
+from nanobench_tools.errors import UsageError
+
+
+@dataclass(frozen=True)
+class MppiSettings:
+    """As published ("NanoBench"; cost and ``prior`` from its released code): 10 steps, 128 rollouts, temperature 0.1,
+    noise 0.02 on PWM ratios, cost position |p - setpoint|^2 + velocity |v|^2 + effort |u|^2 + prior |u - u_cloned|^2.
+
+    first: PWM ratios that the plan starts from before the first command; released code starts near 0. step_s: how long
+    a step of the plan lasts. upright, turning, smooth: weights of the tilt 1 - cos, of |rate|^2 and of |u - mean|^2,
+    zero as published.
+    """
+
+    horizon: int = 10
+    samples: int = 128
+    temperature: float = 0.1
+    noise: float = 0.02
+    position: float = 1.0
+    velocity: float = 0.05
+    effort: float = 0.01
+    prior: float = 2.0
+    first: float = 0.0
+    step_s: float = 0.01
+    upright: float = 0.0
+    turning: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("horizon", "samples", "temperature", "noise", "step_s"):
+            if not getattr(self, name) > 0:
+                raise UsageError(f"MPPI with {name} {getattr(self, name)}: it has to be above 0")
+
+
+def improved(plan: Any, noise: Any, cost: Callable[[Any], Any], settings: MppiSettings) -> Any:
+    """A better plan (T, 4): ``plan`` (T, 4) with ``noise`` (K, T, 4) mixed by exp(-cost / temperature).
+
+    cost(commands (K, T, 4)) -> (K,). The noise's own price is part of the cost (Williams et al., eq. 19).
+    """
+    jnp, jax = libraries().jnp, libraries().jax
+    tried = jnp.clip(plan + noise, 0.0, 1.0)
+    noise = tried - plan
+    price = settings.temperature * jnp.sum(plan * noise, axis=(1, 2)) / settings.noise**2
+    total = cost(tried) + price
+    share = jax.nn.softmax(-total / settings.temperature)
+    return jnp.clip(plan + jnp.einsum("k,ktu->tu", share, noise), 0.0, 1.0)
+
+
+def shifted(plan: Any) -> Any:
+    """The plan one step on."""
+    return libraries().jnp.concatenate([plan[1:], plan[-1:]])
