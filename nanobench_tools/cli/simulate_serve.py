@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import ipaddress
 import time
 from collections.abc import Callable, Sequence
@@ -142,8 +143,12 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
         found.append(SimulatedCrazyflie(
             vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
             positioning=bool(given["positioning"]), pace=given["pace"] or 1.0,
-            report=lambda line, n=port + i: options.say(f"{n}: {line}")))
+            report=functools.partial(_report, options, port + i)))
     return found
+
+
+def _report(options: Options, port: int, line: str) -> None:
+    options.say(f"{port}: {line}")
 
 
 def _vehicles(options: Options, count: int, given: dict[str, Any]) -> list[Any]:

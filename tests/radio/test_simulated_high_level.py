@@ -62,7 +62,7 @@ def test_yaw_turns_the_short_way(start: float, end: float) -> None:
     assert math.remainder(last - end, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.fixture()
+@pytest.fixture
 def onboard() -> Onboard:
     made = Onboard(StillVehicle())
     made.vehicle.turning = True

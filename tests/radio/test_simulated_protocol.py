@@ -17,7 +17,7 @@ from nanobench_tools.radio.simulated.quaternion32 import compress, decompress
 from nanobench_tools.radio.simulated.toc import Contents
 
 
-@pytest.fixture()
+@pytest.fixture
 def onboard() -> Onboard:
     made = Onboard(StillVehicle())
     made.advance(1500)

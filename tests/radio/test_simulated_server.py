@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from still_vehicle import StillVehicle
 
+from nanobench_tools.cli.main import main
 from nanobench_tools.cli.simulate_serve import address
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.radio.crtp import Packet, pack
@@ -29,12 +29,21 @@ def client(served: SimulatedCrazyflie) -> socket.socket:
     return made
 
 
-@pytest.fixture()
+def until_silence(viewer: socket.socket):
+    """Poses until none come any more."""
+    while True:
+        try:
+            yield unpack(viewer.recv(64))
+        except TimeoutError:
+            return
+
+
+@pytest.fixture
 def said() -> list[str]:
     return []
 
 
-@pytest.fixture()
+@pytest.fixture
 def served(said: list[str]):
     with SimulatedCrazyflie(StillVehicle(), report=said.append) as made:
         yield made
@@ -79,10 +88,7 @@ def test_poses_come_to_whoever_asked_and_stop_by_themselves(served: SimulatedCra
         viewer.settimeout(0.5)
         assert served.mocap_address[1] == int(served.uri.rpartition(":")[2]) + PORT_OFFSET
         viewer.sendto(b"?", served.mocap_address)
-        poses = []
-        with pytest.raises(TimeoutError):
-            while True:
-                poses.append(unpack(viewer.recv(64)))
+        poses = list(until_silence(viewer))
     times = np.array([p.time_s for p in poses])
     assert 25 <= len(poses) <= 35
     assert np.diff(times) == pytest.approx(0.01, abs=1e-6)
@@ -158,17 +164,24 @@ def test_addresses() -> None:
     assert address("udp://0.0.0.0:19851", True) == ("0.0.0.0", 19851)
 
 
-def test_the_verb_refuses_in_one_line() -> None:
-    from nanobench_tools.cli.main import main
+@pytest.mark.parametrize(("arguments", "said"), [
+    ("--serve udp://0.0.0.0:19850", "--bind-anywhere"),
+    ("--battery 3.9 --out x", "go with --serve"),
+    ("--serve udp://127.0.0.1 --wind 1,2", "not 3 numbers"),
+    ("--serve udp://127.0.0.1:19850 --loss 2", "loss 2; give 0 to 0.9"),
+    ("--serve udp://127.0.0.1:19850 --battery 9", "battery: 9 V"),
+    ("--serve udp://127.0.0.1:19850 --simulator nothing.toml", "nothing.toml"),
+])
+def test_the_verb_refuses_in_one_line(arguments: str, said: str, capsys: pytest.CaptureFixture) -> None:
+    assert main(["simulate", "--quiet", *arguments.split()]) == 2
+    error = capsys.readouterr().err.strip()
+    assert said in error
 
-    for arguments in (["simulate", "--serve", "udp://0.0.0.0:19850"], ["simulate", "--battery", "3.9", "--out", "x"],
-                      ["simulate", "--serve", "udp://127.0.0.1", "--wind", "1,2"]):
-        result = CliRunner().invoke(_command(), arguments[1:])
-        assert result.exit_code != 0
-    assert callable(main)
 
-
-def _command():
-    from nanobench_tools.cli.simulate import simulate
-
-    return simulate
+def test_the_verb_serves_for_a_while(capsys: pytest.CaptureFixture) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1] % 40000 + 20000
+    assert main(["simulate", "--serve", f"udp://127.0.0.1:{port}", "--seconds", "0.3", "--wind", "0.1,0,0",
+                 "--battery", "4.0", "--start", "1,2,0.1,90", "--latency-s", "0.01", "--loss", "0.02"]) == 0
+    assert f"serving udp://127.0.0.1:{port}" in capsys.readouterr().err

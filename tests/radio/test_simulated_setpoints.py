@@ -116,7 +116,7 @@ def test_stop_and_unknown_types_are_null_and_broken_ones_nothing() -> None:
     assert setpoints.RollPitchYawThrust().read(rpyt(math.inf, 0, 0, 0)) is None
 
 
-@pytest.fixture()
+@pytest.fixture
 def onboard() -> Onboard:
     made = Onboard(StillVehicle())
     made.vehicle.turning = True

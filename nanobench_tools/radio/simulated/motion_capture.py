@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from ... import so3
 from ...errors import InputError
 from ..pose_datagram import pack
 
@@ -46,9 +46,9 @@ class MotionCapture:
 
     def expose(self, position_m: np.ndarray, quaternion: np.ndarray) -> None:
         """Takes the pose at ``next_s``."""
-        o, at = self._options, self.next_s
-        place = position_m + o.noise_m * self._rng.standard_normal(3)
-        turned = so3.multiply(quaternion, so3.exp(o.noise_rad * self._rng.standard_normal(3)))
+        o, at, drawn = self._options, self.next_s, self._rng.standard_normal(6)
+        place = position_m + o.noise_m * drawn[:3]
+        turned = _turned(quaternion.tolist(), (0.5 * o.noise_rad * drawn[3:]).tolist())
         self._waiting.append((at + o.delay_s, pack(at, place, turned)))
         self._count += 1
 
@@ -62,3 +62,12 @@ class MotionCapture:
         while self._waiting and self._waiting[0][0] <= time_s:
             found.append(self._waiting.popleft()[1])
         return found
+
+
+def _turned(q: list[float], half: list[float]) -> np.ndarray:
+    """A quaternion turned about the body by the small angles 2 ``half`` [rad]."""
+    x, y, z, w = q
+    a, b, c = half
+    found = np.array([x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a,
+                      w - x * a - y * b - z * c])
+    return found / math.sqrt(found @ found)

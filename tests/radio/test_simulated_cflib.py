@@ -1,0 +1,208 @@
+"""The unmodified cflib from PyPI cannot tell the served vehicle from a real one."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+from still_vehicle import StillVehicle
+
+from nanobench_tools.radio.pose_datagram import unpack
+from nanobench_tools.radio.simulated.channel import RadioOptions
+from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
+
+pytest.importorskip("cflib", reason="CFLIB ABSENT: pip install 'nanobench[radio]' to run these tests")
+
+import cflib.crtp
+from cflib.crazyflie import Crazyflie
+from cflib.crazyflie.commander import Commander
+from cflib.crazyflie.log import LogConfig
+from cflib.crazyflie.mem import MemoryElement, Poly4D, TrajectoryMemory
+from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+from cflib.positioning.motion_commander import MotionCommander
+from cflib.utils.encoding import compress_quaternion
+
+from nanobench_tools.radio.simulated.quaternion32 import compress
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _drivers():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cflib.crtp.init_drivers()
+        yield
+
+
+def connected(served: SimulatedCrazyflie) -> SyncCrazyflie:
+    return SyncCrazyflie(served.uri, cf=Crazyflie(rw_cache=None))
+
+
+def logged(scf: SyncCrazyflie, names: list[str], period_ms: int = 10) -> list[tuple[int, dict]]:
+    """Starts a block; the list grows as packets come."""
+    block, rows = LogConfig("test", period_ms), []
+    for name in names:
+        block.add_variable(name)
+    block.data_received_cb.add_callback(lambda tick, data, _: rows.append((tick, data)))
+    scf.cf.log.add_config(block)
+    block.start()
+    return rows
+
+
+def test_it_connects_reads_all_parameters_and_logs() -> None:
+    with SimulatedCrazyflie(StillVehicle()) as served:
+        began = time.monotonic()
+        with connected(served) as scf:
+            scf.wait_for_params()
+            assert time.monotonic() - began < 3.0
+            cf = scf.cf
+            assert cf.platform.get_protocol_version() == 10
+            assert float(cf.param.get_value("pid_rate.roll_kp")) == 250.0
+            cf.param.set_value("stabilizer.controller", 2)
+            cf.param.set_value("locSrv.extPosStdDev", 0.003)
+            told: list[bool] = []
+            cf.param.persistent_store("pid_rate.roll_kp", lambda name, good: told.append(good))
+            states: list = []
+            cf.param.persistent_get_state("pid_rate.roll_kp", lambda name, state: states.append(state))
+            rows = logged(scf, ["stateEstimate.x", "motor.m1", "pm.vbat", "stabilizer.roll", "acc.z", "gyro.x"])
+            time.sleep(0.5)
+            onboard = served.simulation.onboard
+            assert onboard.selection.controller == 2
+            assert onboard.localization.position_sd_m == pytest.approx(0.003)
+            assert told == [True]
+            assert states[0].is_stored
+            assert states[0].default_value == 250.0
+        assert len(rows) >= 40
+        assert set(np.diff([tick for tick, _ in rows])) == {10}
+        assert rows[0][1]["pm.vbat"] == pytest.approx(3.7)
+        assert rows[0][1]["acc.z"] == 1.0
+
+
+def test_a_poor_link_connects_too() -> None:
+    radio = RadioOptions(latency_s=0.002, jitter_s=0.001, loss=0.1, packets_per_s=900.0, seed=1)
+    with SimulatedCrazyflie(StillVehicle(), radio=radio) as served:
+        began = time.monotonic()
+        with connected(served) as scf:
+            scf.wait_for_params()
+            assert time.monotonic() - began < 15.0
+            assert len(scf.cf.param.values) > 10
+
+
+def test_a_scan_finds_it() -> None:
+    for port in range(19859, 19849, -1):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        with SimulatedCrazyflie(StillVehicle(), port=port) as served:
+            assert [served.uri, ""] in cflib.crtp.scan_interfaces()
+            return
+    pytest.skip("ALL TEN PORTS TAKEN that cflib scans")
+
+
+class Recorded:
+    """Stands in for the Crazyflie of a cflib commander: what it would send."""
+
+    def __init__(self) -> None:
+        self.sent: list = []
+        self.platform = self
+
+    def get_protocol_version(self) -> int:
+        return 10
+
+    def send_packet(self, packet) -> None:
+        self.sent.append((packet.port, packet.channel, bytes(packet.data)))
+
+
+def test_setpoints_of_the_library_are_understood() -> None:
+    from nanobench_tools.radio.simulated import setpoints
+
+    link = Recorded()
+    commander = Commander(link)
+    turned = (0.1, -0.2, 0.3, float(np.sqrt(1 - 0.14)))
+    commander.send_full_state_setpoint((1, -2, 0.5), (0.1, 0, 0), (0, 0, 0.2), turned, 1.0, 0.5, -0.25)
+    commander.send_position_setpoint(1, 2, 3, 45)
+    commander.send_hover_setpoint(0.1, 0.2, 30, 0.8)
+    commander.send_velocity_world_setpoint(0.1, 0.2, 0.3, 30)
+    commander.send_zdistance_setpoint(1, 2, 30, 0.8)
+    commander.send_setpoint_manual(10, 20, 30, 50, True)
+    commander.send_stop_setpoint()
+    full, place, hover, speed, height, manual, stop = (setpoints.generic(data)[0] for _, _, data in link.sent)
+    assert full["position_m"] == pytest.approx((1, -2, 0.5))
+    assert full["rate_deg_s"] == pytest.approx(np.degrees((1.0, 0.5, -0.25)), rel=1e-4)
+    assert full["quaternion"] == pytest.approx(turned, abs=3e-3)
+    assert compress(turned) == compress_quaternion(turned)
+    assert place["attitude_deg"][2] == 45
+    assert (hover["velocity_body"], hover["rate_deg_s"][2]) == (1, 30)
+    assert speed["velocity_m_s"] == pytest.approx((0.1, 0.2, 0.3))
+    assert (height["attitude_deg"][0], height["position_m"][2]) == (1, pytest.approx(0.8))
+    assert manual["rate_deg_s"].tolist() == [10, -20, 30]
+    assert not any(stop[name] for name in ("mode_x", "mode_z", "thrust"))
+    commander.send_setpoint(3, 4, 50, 0)
+    old = setpoints.RollPitchYawThrust().read(link.sent[-1][2])[0]
+    assert old["attitude_deg"][:2].tolist() == [3, -4]
+    assert old["rate_deg_s"][2] == -50
+
+
+def test_trajectories_are_uploaded_and_commanded() -> None:
+    with SimulatedCrazyflie(StillVehicle()) as served, connected(served) as scf:
+        scf.wait_for_params()
+        memory = scf.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
+        assert isinstance(memory, TrajectoryMemory)
+        memory.trajectory = [Poly4D(2.0, x=Poly4D.Poly([0.0, 0.5] + 6 * [0.0]), z=Poly4D.Poly([1.0] + 7 * [0.0]))]
+        assert memory.write_data_sync()
+        high = scf.cf.high_level_commander
+        high.define_trajectory(1, 0, 1)
+        high.takeoff(0.5, 0.2)
+        time.sleep(0.3)
+        high.start_trajectory(1, 1.0, relative_position=False)
+        time.sleep(1.0)
+        wanted = served.simulation.onboard.commander.setpoint["position_m"][0]
+        assert wanted[2] == pytest.approx(1.0)
+        assert 0.3 < wanted[0] < 0.7
+
+
+def feed(served: SimulatedCrazyflie, cf: Crazyflie, done: threading.Event) -> None:
+    """Poses of the simulated cameras into the vehicle, as a lab's own program does it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as cameras:
+        cameras.settimeout(0.5)
+        asked = 0.0
+        while not done.is_set():
+            if time.monotonic() - asked > 1.0:
+                cameras.sendto(b"?", served.mocap_address)
+                asked = time.monotonic()
+            pose = unpack(cameras.recv(64))
+            cf.extpos.send_extpose(*pose.position_m, *pose.quaternion)
+
+
+def test_it_takes_off_is_moved_about_and_lands() -> None:
+    from controllers.served_vehicle import served as vehicle
+
+    own = vehicle()
+    with SimulatedCrazyflie(own, radio=RadioOptions(latency_s=0.005)) as served, connected(served) as scf:
+        scf.wait_for_params()
+        done = threading.Event()
+        feeding = threading.Thread(target=feed, args=(served, scf.cf, done))
+        feeding.start()
+        try:
+            time.sleep(0.5)
+            rows = logged(scf, ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z", "supervisor.info"], 20)
+            with MotionCommander(scf, default_height=0.4) as moving:
+                time.sleep(0.8)
+                moving.forward(0.3, velocity=0.4)
+                assert own.true_pose()[0][2] > 0.25
+                time.sleep(0.3)
+                there = own.true_pose()[0]
+            time.sleep(0.5)
+        finally:
+            done.set()
+            feeding.join()
+    assert there[0] == pytest.approx(0.3, abs=0.15)
+    assert abs(there[1]) < 0.1
+    assert own.true_pose()[0][2] < 0.05
+    assert any(int(row["supervisor.info"]) & 1 << 4 for _, row in rows)
+    assert served.broken is None
