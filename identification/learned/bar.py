@@ -20,8 +20,8 @@ def bar(label: str, epochs: int, quiet: bool, begun: int = 0) -> Iterator[Step]:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[loss]}"),
-                   TextColumn("left"), TimeRemainingColumn())
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+                   TextColumn("{task.fields[loss]}"), TextColumn("left"), TimeRemainingColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
             task = bars.add_task(label, total=epochs, completed=begun, loss="")
             yield lambda done, loss, valid: bars.update(task, completed=done, loss=_losses(loss, valid))

@@ -35,7 +35,7 @@ class Checkpoint:
 
 def write(path: Path, parts: Mapping[str, Any], header: Mapping[str, Any]) -> None:
     """``parts``: lists of arrays by name, or single arrays."""
-    tensors = {}
+    tensors: dict[str, np.ndarray] = {}
     for name, value in parts.items():
         arrays = value if isinstance(value, list) else None
         tensors |= ({f"{name}/{i}": np.ascontiguousarray(a) for i, a in enumerate(arrays)} if arrays is not None

@@ -28,11 +28,12 @@ STEP_S = 0.01
 
 @functools.cache
 def modules() -> SimpleNamespace:
-    """The network classes (they need equinox to be defined) and ``predict_all(network, start, inputs)``."""
-    l = libraries()
-    jax, jnp, eqx, lax = l.jax, l.jnp, l.eqx, l.lax
+    """The network classes (they need equinox to be defined). Each has ``roll(start (n, 12), inputs
+    (n, H, k)) -> states (n, H, 12)``, all in the normalised space."""
+    with_jax = libraries()
+    jax, jnp, eqx, lax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.lax
 
-    class ResidualMlp(eqx.Module):
+    class ResidualMlp(eqx.Module):  # type: ignore[name-defined]
         """x + MLP(x, u)."""
 
         mlp: Any
@@ -47,7 +48,7 @@ def modules() -> SimpleNamespace:
 
             return lax.scan(step, start, inputs.swapaxes(0, 1))[1].swapaxes(0, 1)
 
-    class PhysicsResidual(eqx.Module):
+    class PhysicsResidual(eqx.Module):  # type: ignore[name-defined]
         """The published physics rolled out; the network corrects it in the normalised space."""
 
         mlp: Any
@@ -68,7 +69,7 @@ def modules() -> SimpleNamespace:
 
             return lax.scan(step, start, inputs.swapaxes(0, 1))[1].swapaxes(0, 1)
 
-    class Lstm(eqx.Module):
+    class Lstm(eqx.Module):  # type: ignore[name-defined]
         """Start state -> first memory; commands -> increments, accumulated."""
 
         cell: Any

@@ -116,8 +116,9 @@ def train_row(kind: str, voltage: bool, cases: Sequence[Case] | Rows, settings: 
     if len(found.history) > 1 and found.history[:, 1].min() >= found.history[0, 1]:
         raise InputError(f"training {task.label}", f"validation never got better than after epoch 1 in "
                          f"{len(found.history)} epochs", "no row; look at the flights that train")
-    about = {"epochs": len(found.history), "best_epoch": found.best, "seconds": found.seconds,
-             "validation_loss": float(found.history[:, 1].min()), "data_sha256": rows.sha256,
+    about = {"epochs": len(found.history), "best_epoch": found.best,
+             "validation_loss": float(found.history[:, 1].min()),
+             "data_sha256": rows.sha256, "flights": len(rows.names), "windows": len(rows.train),
              "history": found.history.tolist()}
     made = LearnedPredictor(task.label, kind, voltage, tuple(found.leaves),
                             tuple(np.asarray(v, float) for v in scaling), trained=about)

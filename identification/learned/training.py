@@ -43,7 +43,7 @@ class Settings:
 class Task:
     """What is to be learnt. data: arrays on the device; loss(network, data, starts (b,)) -> mean loss of the windows
     there; train, valid: their starts. identity: {architecture, data_sha256, ...}, what a checkpoint has to agree
-    with."""
+    with. judge: the loss that validates, if it is another."""
 
     label: str
     network: Any
@@ -52,6 +52,7 @@ class Task:
     train: np.ndarray
     valid: np.ndarray
     identity: dict[str, Any]
+    judge: Callable[[Any, Any, Any], Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -72,11 +73,12 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
 
     Raises InputError for a loss that is not a number and for a checkpoint of something else.
     """
-    l = libraries()
-    jax, jnp, eqx, optax = l.jax, l.jnp, l.eqx, l.optax
+    with_jax = libraries()
+    jax, jnp, eqx, optax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.optax
     steps = max(1, int(len(task.train) * settings.share) // settings.batch)
     schedule = optax.cosine_decay_schedule(settings.learning_rate, settings.epochs * steps, settings.final_share)
-    optimiser = optax.chain(optax.clip_by_global_norm(settings.clip), optax.adamw(schedule, weight_decay=settings.decay))
+    optimiser = optax.chain(optax.clip_by_global_norm(settings.clip),
+                            optax.adamw(schedule, weight_decay=settings.decay))
     weights, fixed = eqx.partition(task.network, eqx.is_inexact_array)
     state = optimiser.init(weights)
     identity = {**task.identity, "settings": asdict(settings)}
@@ -92,10 +94,11 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
             change, state = optimiser.update(slope, state, weights)
             return (optax.apply_updates(weights, change), state), loss
 
-        (weights, state), losses = l.lax.scan(step, (weights, state), batches)
+        (weights, state), losses = with_jax.lax.scan(step, (weights, state), batches)
         return weights, state, losses.mean()
 
-    judge = jax.jit(loss_of)
+    judged = task.judge or task.loss
+    judge = jax.jit(lambda weights, data, starts: judged(eqx.combine(weights, fixed), data, starts))
     best, best_loss, history, begun = weights, np.inf, np.zeros((0, 2)), 0
     if path is not None and Path(path).exists():
         found = checkpoints.read(path)
@@ -114,8 +117,9 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
             weights, state, loss = epoch_of(weights, state, task.data, jnp.asarray(batches))
             losses = np.array([float(loss), float(judge(weights, task.data, valid))])
             if not np.isfinite(losses).all():
-                raise InputError(f"training {task.label}", f"the {'loss' if not np.isfinite(losses[0]) else 'validation loss'}"
-                                 f" is not a number in epoch {epoch + 1}", "no row; try a lower learning rate")
+                which = "validation loss" if np.isfinite(losses[0]) else "loss"
+                raise InputError(f"training {task.label}", f"the {which} is not a number in epoch {epoch + 1}",
+                                 "no row; try a lower learning rate")
             history = np.concatenate([history, losses[None]])
             if losses[1] < best_loss:
                 best, best_loss = weights, losses[1]

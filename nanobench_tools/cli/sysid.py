@@ -37,8 +37,13 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle.")
+@click.option("--methods", "learned", type=click.Choice(["learned"]),
+              help="Train and score the learned rows too: published networks, and networks on the fitted physics.")
+@click.option("--epochs", type=click.IntRange(min=1), default=500, show_default=True,
+              help="Of the published networks.")
+@click.option("--train-family", metavar="NAME", help="Train on the recordings of this family, test on all others.")
 def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], test: tuple[Path, ...], wanted: str,
-          mass_kg: float) -> int:
+          mass_kg: float, learned: str | None, epochs: int, train_family: str | None) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
 
     Windows start every 10 rows of clean flight. The default split trains on the earliest flight of each trajectory of
@@ -47,6 +52,8 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     """
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
+    if train and train_family:
+        raise UsageError("--train and --train-family both choose what trains; give one")
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
@@ -59,15 +66,21 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
-    return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg))
+    if train_family:
+        from identification.learned.study import family_parts
+
+        parts = family_parts(flights, train_family)
+    return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
+                                              epochs=epochs if learned else None))
 
 
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
-               mass_kg: float = 0.04085, simulator: str = SIMULATOR) -> dict[str, Any]:
+               mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None) -> dict[str, Any]:
     """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
-    models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best."""
+    models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
+    learned rows, None for no such rows."""
     from ..harness import make_item
     from ..protocols import task1
 
@@ -75,6 +88,12 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
     fits = fitted(options, chosen.train, wanted, mass_kg)
     predictors = [*predictors, *(predictor for predictor, _ in fits.values())]
+    learned: list[Any] = []
+    if epochs is not None:
+        from .sysid_learned import learned_predictors
+
+        learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, mass_kg)
+        predictors = [*predictors, *learned]
     work = [(predictor, truth, case) for predictor in predictors for truth in task1.TRUTHS for case in chosen.test]
     items = [make_item(task1.score, {"case": case, "predictor": predictor, "truth": truth},
                        f"{predictor.name} {truth} {case.flight.name}", file=case.flight.provenance.path)
@@ -93,13 +112,14 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],
                     "nuisances_in_training": list(result["nuisances"])}
     best = task1.best_model(rows)
+    flies = task1.best_model([row for row in rows if row["model"] in fits])
     _show(options, rows, chosen)
     _show_fits(options, fits, best)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
-            "best": best, "simulator": _write_simulator(options, fits, best, simulator),
-            "simulator_note": fits[best][1]["simulator_note"] if best is not None and best in fits else "",
-            "split": chosen.note,
+            "best": best, "simulator": _write_simulator(options, fits, flies, simulator),
+            "simulator_note": fits[flies][1]["simulator_note"] if flies is not None else "",
+            "split": chosen.note, **({"learned": {p.name: p.trained for p in learned}} if epochs is not None else {}),
             "fits": {name: value["result"] for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}

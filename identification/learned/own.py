@@ -1,0 +1,255 @@
+"""Our row: identified physics and a small network that corrects it, never worse than the physics on flights held out.
+
+Training flights are held out in groups. Physics fitted to the other groups predicts every flight, so that the network
+learns errors as flights show them that no fit has seen. One network per group is trained on the others and stops where
+the group itself is predicted best; a prediction takes the mean of them. What they say is taken in by a share for each
+quantity, 0 to 1, reached at once or over a few steps, with which no error of the flights held out, after 1, 10 or 50
+steps or summed, is above the physics'.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Span
+from nanobench_tools.methods import Prediction, Predictor, Windows
+from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_errors
+from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.protocols.windows import EVERY, RATE_HZ, cut_windows
+
+from .correction import WIDTH, corrected, modules, starts, wanted
+from .features import POSITIONS, Seen, position_matrices, seen
+from .libraries import libraries
+from .published import chunked
+from .training import Settings, Task, Trained, filled, train
+
+GROUPS = 5
+PHASES = 5
+"""Windows to learn from start this many times as often as those that are scored."""
+SHARES = np.linspace(0.0, 1.0, 11)
+ONSETS = (0.0, 3.0, 10.0, 30.0)
+"""Steps over which a share is reached: share (1 - exp(-(h - 1) / onset)), nothing after the first step."""
+SETTINGS = Settings(epochs=40, batch=256, learning_rate=3e-3, share=0.5, decay=1e-3)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Windows of one flight, what came, and what the physics says of them that had not seen the flight."""
+
+    name: str
+    windows: Windows
+    came: Prediction
+    predicted: Prediction
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A predictor: ``base`` and what the networks correct of it. shares, onsets (4,) of QUANTITIES; spread: mean and
+    size of context and steps; networks: their numbers."""
+
+    name: str
+    base: Predictor
+    networks: tuple[tuple[np.ndarray, ...], ...]
+    spread: tuple[np.ndarray, ...]
+    shares: np.ndarray
+    onsets: np.ndarray
+    information: str = "state"
+    trained: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> dict[str, dict]:
+        """Those of the physics, and the shares."""
+        own = {f"share_{name.rpartition('_mae')[0]}": {"value": float(share), "ci95": None, "unit": "1"}
+               for name, share in zip(QUANTITIES, self.shares, strict=True)}
+        return {**getattr(self.base, "parameters", {}), **own}
+
+    def predict(self, windows: Windows) -> Prediction:
+        """States 1..H steps after the start."""
+        predicted = self.base.predict(windows)
+        if not self.shares.any():
+            return predicted
+        errors = said(self.networks, self.spread, windows, predicted, self.information == "past")
+        taken = [share * rising(onset, windows.horizon) for share, onset in zip(self.shares, self.onsets, strict=True)]
+        return corrected(predicted, errors * np.repeat(np.stack(taken, axis=1), 3, axis=1))
+
+
+def rising(onset: float, horizon: int) -> np.ndarray:
+    """(H,) 0..1 after 1..H steps.
+
+    >>> rising(0.0, 2).tolist()
+    [1.0, 1.0]
+    """
+    return np.ones(horizon) if onset == 0.0 else -np.expm1(-np.arange(horizon) / onset)
+
+
+def said(networks: Sequence[Sequence[np.ndarray]], spread: Sequence[np.ndarray], windows: Windows,
+         predicted: Prediction, past: bool) -> np.ndarray:
+    """(n, H, 12) mean over the networks of the errors they see in ``predicted``."""
+    look = seen(windows, predicted, past)
+    run = _all_of(look.context.shape[1], look.steps.shape[2], 1.0 / windows.rate_hz)
+    arrays = _arrays(look, spread, windows, predicted)
+    nets = [list(leaves) for leaves in networks]
+    return chunked(lambda *parts: run(nets, *parts), *arrays).astype(float)
+
+
+def _arrays(look: Seen, spread: Sequence[np.ndarray], windows: Windows, predicted: Prediction) -> list[np.ndarray]:
+    context, context_size, steps, steps_size = spread
+    arrays = ((look.context - context) / context_size, (look.steps - steps) / steps_size, look.thrust,
+              *starts(windows, predicted))
+    return [np.asarray(a, np.float32) for a in arrays]
+
+
+def _network(context: int, steps: int, seed: int) -> Any:
+    return modules().Correction(context, steps, libraries().jax.random.key(seed))
+
+
+_KEPT: dict[tuple, Callable[..., Any]] = {}
+
+
+def _all_of(context: int, steps: int, dt: float) -> Callable[..., Any]:
+    """The same function every time for the same sizes, so that it is compiled once."""
+    if (context, steps, dt) not in _KEPT:
+        shape = _network(context, steps, 0)
+
+        def run(networks, *arrays):
+            return sum(filled(shape, leaves)(*arrays, dt) for leaves in networks) / len(networks)
+
+        _KEPT[context, steps, dt] = libraries().jax.jit(run)
+    return _KEPT[context, steps, dt]
+
+
+def held_out(cases: Sequence[Case], fit: Callable[[Sequence[Case]], Predictor], past: bool = False,
+             truth: str = "onboard", groups: int = GROUPS) -> list[list[Flown]]:
+    """Groups of flights, each predicted by ``fit`` of the other groups. Windows every 2 rows.
+
+    Raises InputError for fewer than two flights.
+    """
+    if len(cases) < 2:
+        raise InputError("training flights", f"{len(cases)} flight is left: none can be held out", "give two or more")
+    found = []
+    for group in range(min(groups, len(cases))):
+        rest = [c for i, c in enumerate(cases) if i % groups != group]
+        physics = fit(rest)
+        found.append([Flown(case.flight.name, windows, came, physics.predict(windows))
+                      for i, case in enumerate(cases) if i % groups == group
+                      for windows, came in _dense(case, truth, past)])
+    return found
+
+
+def _dense(case: Case, truth: str, past: bool) -> list[tuple[Windows, Prediction]]:
+    """Windows at PHASES starts within every 10 rows; the first are those that are scored."""
+    step = EVERY / RATE_HZ / PHASES
+    shifted = ([Span(s.start_s + k * step, s.end_s) for s in case.spans if s.duration_s > 2.0 * EVERY / RATE_HZ]
+               for k in range(PHASES))
+    return [both for spans in shifted if (both := cut_windows(case.flight, spans, truth, past)) is not None]
+
+
+def train_own(name: str, base: Predictor, groups: Sequence[Sequence[Flown]], past: bool = False,
+              settings: Settings = SETTINGS, folder: Path | None = None, quiet: bool = True) -> tuple[Corrected, float]:
+    """``base`` (fitted to all flights) corrected by networks trained on ``groups`` (``held_out``), and the seconds it
+    took."""
+    flown = [f for group in groups for f in group]
+    if not flown or not sum(len(f.windows) for f in flown):
+        raise InputError("training flights", "no window to train a correction on is left")
+    looks = [seen(f.windows, f.predicted, past) for f in flown]
+    context, steps = (np.concatenate([getattr(look, part) for look in looks]) for part in ("context", "steps"))
+    spread = (*_even(context, looks[0].kinds[0]), *_even(steps.reshape(-1, steps.shape[2]), looks[0].kinds[1]))
+    arrays = [np.concatenate(parts) for parts in zip(*(_arrays(look, spread, f.windows, f.predicted)
+                                                       for look, f in zip(looks, flown, strict=True)), strict=True)]
+    target = np.concatenate([wanted(f.predicted, f.came) for f in flown]).astype(np.float32)
+    number = np.repeat(np.concatenate([np.full(len(group), k) for k, group in enumerate(groups)]),
+                       [len(f.windows) for f in flown])
+    rate_hz = flown[0].windows.rate_hz
+    found = [train(_task(f"{name} {k + 1} of {len(groups)}", arrays, target, number, k, rate_hz, looks[0].kinds,
+                         settings.seed + k, [f.name for f in flown]), settings,
+                   None if folder is None else Path(folder) / f"{name}_{k + 1}.safetensors", quiet)
+             for k in range(len(groups))]
+    shares, onsets, table = guard(groups, found, spread, past)
+    made = Corrected(name, base, tuple(tuple(f.leaves) for f in found), spread, shares, onsets,
+                     "past" if past else "state",
+                     {"epochs": settings.epochs, "best_epochs": [f.best for f in found], "held_out": table,
+                      "history": [f.history.tolist() for f in found], "flights": len({f.name for f in flown}),
+                      "windows": len(target)})
+    return made, sum(f.seconds for f in found)
+
+
+def _even(values: np.ndarray, kinds: str) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and size of features that do not break the symmetry: vectors keep their zero in x and y, and one size for
+    both."""
+    mean, size = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-3)
+    at = 0
+    for kind in kinds:
+        if kind != "s":
+            size[at:at + 2] = np.sqrt(np.mean(values[:, at:at + 2] ** 2))
+            mean[at:at + 2] = 0.0
+            if kind == "t":
+                mean[at + 2], size[at + 2] = 0.0, np.sqrt(np.mean(values[:, at + 2] ** 2))
+        at += 1 if kind == "s" else 3
+    return mean, np.maximum(size, 1e-3)
+
+
+def _task(label: str, arrays: Sequence[np.ndarray], target: np.ndarray, number: np.ndarray, group: int, rate_hz: float,
+          kinds: tuple[str, str], seed: int, flights: list[str]) -> Task:
+    jnp = libraries().jnp
+    usual = np.stack([np.linalg.norm(target[..., 3 * q:3 * q + 3], axis=2).mean(axis=0) for q in range(4)], axis=1)
+    early = np.arange(1, target.shape[1] + 1) ** -0.5  # steps that are scored by themselves are mostly early ones
+    usual = jnp.asarray(np.maximum(usual, 1e-6) * early.mean() / early[:, None], jnp.float32)
+    views = [jnp.asarray(position_matrices(k), jnp.float32) for k in (*kinds, "tm")]
+    data = {"arrays": [jnp.asarray(a) for a in arrays], "target": jnp.asarray(target)}
+
+    def relative(errors, target):
+        left = (target - errors).reshape(*errors.shape[:2], 4, 3)
+        return jnp.mean(jnp.sqrt(jnp.sum(left**2, axis=3) + 1e-12) / usual)
+
+    def loss(net, data, at):
+        context, steps, *rest = (a[at] for a in data["arrays"])
+        shown = (7 * at + jnp.sum(at)) % POSITIONS  # another position every time a window comes up
+        turned = (jnp.einsum("nij,nj->ni", views[0][shown], context),
+                  jnp.einsum("nij,nhj->nhi", views[1][shown], steps))
+        return relative(net(*turned, *rest, 1.0 / rate_hz, views[2][shown].swapaxes(1, 2)), data["target"][at])
+
+    def judge(net, data, at):
+        return relative(net(*(a[at] for a in data["arrays"]), 1.0 / rate_hz), data["target"][at])
+
+    rows = np.arange(len(target), dtype=np.int32)
+    digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in (*arrays, target, number))).hexdigest()
+    sizes = arrays[0].shape[1], arrays[1].shape[2]
+    return Task(label, _network(*sizes, seed), data, loss, rows[number != group], rows[number == group][::PHASES],
+                {"architecture": {"kind": "correction", "context": sizes[0], "steps": sizes[1], "width": WIDTH},
+                 "data_sha256": digest, "flights": sorted(set(flights))}, judge)
+
+
+def guard(groups: Sequence[Sequence[Flown]], found: Sequence[Trained], spread: Sequence[np.ndarray],
+          past: bool) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """(shares (4,), onsets (4,), {quantity: {physics, corrected: {"1", "10", "50", "sum"}}}) on the flights that each
+    network did not learn from. A share of 0 is the physics itself."""
+    ways = [(0.0, 0.0), *((share, onset) for onset in ONSETS for share in SHARES[1:])]
+    horizon = groups[0][0].windows.horizon
+    weights = [share * rising(onset, horizon)[:, None] for share, onset in ways]
+    sums = np.zeros((len(ways), horizon, len(QUANTITIES)))
+    count = 0
+    for group, network in zip(groups, found, strict=True):
+        for f in group:
+            errors = said([network.leaves], spread, f.windows, f.predicted, past)
+            for k, weight in enumerate(weights):
+                after = window_errors(corrected(f.predicted, weight * errors), f.came)
+                sums[k] += np.stack([after[name].sum(axis=0) for name in QUANTITIES], axis=1)
+            count += len(f.windows)
+    keys = (*map(str, HORIZONS), "sum")
+    mean = sums / count
+    kept = np.concatenate([mean[:, [h - 1 for h in HORIZONS]], mean.sum(axis=1, keepdims=True)], axis=1)
+    chosen, table = [], {}
+    for q, name in enumerate(QUANTITIES):
+        allowed = np.all(kept[:, :, q] <= kept[0, :, q], axis=1)
+        best = int(np.argmin(np.where(allowed, kept[:, -1, q], np.inf)))
+        chosen.append(ways[best])
+        table[name] = {"physics": dict(zip(keys, kept[0, :, q].tolist(), strict=True)),
+                       "corrected": dict(zip(keys, kept[best, :, q].tolist(), strict=True))}
+    return *np.array(chosen).T, table

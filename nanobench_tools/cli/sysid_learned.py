@@ -1,0 +1,49 @@
+"""The learned rows of ``nanobench sysid --methods learned``: trained, or found again in checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .options import Options
+
+if TYPE_CHECKING:
+    from ..methods import Predictor
+    from ..protocols.task1 import Case
+
+
+def checkpoint_folder(options: Options) -> Path:
+    """Where trainings are kept: below ``--out``, else in the cache folder of the user."""
+    from ..sources.cache import cache_folder
+
+    return (options.out or cache_folder()) / "learned"
+
+
+def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping[str, Predictor], epochs: int,
+                       mass_kg: float) -> list[Any]:
+    """Predictors trained on ``train``; ``physics``: what was fitted to it, by name. Failures are kept in ``options``.
+    MissingExtraError without JAX, InputError without training flights."""
+    from identification.learned.libraries import libraries
+    from identification.learned.study import Wanted, trained_rows
+
+    from ..harness import make_item
+
+    libraries()
+
+    def fit(rung: str, cases: Sequence[Case]) -> Predictor:
+        from identification.greybox.study import fit_item, predictor_of, rungs
+
+        place = cases[0].flight.provenance.path
+        item = make_item(fit_item, {"cases": list(cases), "rung": rungs([rung])[0], "seed": options.seed,
+                                    "mass_kg": mass_kg}, f"fit {rung}, some flights held out", file=place)
+        values = options.run([item], "fit").values
+        if item.key not in values:
+            raise InputError(place, f"{rung} could not be fitted without some flights", "see the failure above")
+        return predictor_of(values[item.key])
+
+    found, failed = trained_rows(train, Wanted(epochs=epochs, seed=options.seed), checkpoint_folder(options), physics,
+                                 fit, options.quiet, options.say)
+    options.failed += failed
+    return found
