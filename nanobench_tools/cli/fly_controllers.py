@@ -9,12 +9,13 @@ from ..errors import UsageError
 from .methods import load_methods
 
 if TYPE_CHECKING:
-    from ..radio.fly_pilot import Pilot, Streams
+    from ..radio.fly_pilot import Pilot
 
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are told where to be; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
-PLANS = {"thrust-rates": "rates", "velocity": "velocity"}
-"""Set-points that a predictive controller can make -> their name there."""
+NOW: dict[str, Any] = {"ages_s": (0.0, 0.0, 0.0, 0.0), "share": (0.25, 0.25, 0.2, 0.4), "moment_1_s": 0.0}
+"""Of the observer: what it is told is of now (``radio.fly_state``), and its rates come from poses, noisier than a
+gyro's."""
 
 
 def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
@@ -53,22 +54,27 @@ def _is_predictive(kind: type) -> bool:
 
 
 def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
+    from controllers.disturbance import Tuning
     from controllers.mpc_setpoints import OverRadio
 
+    from ..radio.fly_motors import MotorPilot
     from ..radio.fly_pilot import StreamingPilot
 
-    if setpoints not in PLANS:
-        raise UsageError(f"--setpoints: {name} makes {' or '.join(PLANS)}, not {setpoints}")
     model = None
     if simulator is not None:
         from ..physics.simulator import read_simulator
 
         model = read_simulator(simulator)
+    if setpoints == "velocity":
+        return StreamingPilot(kind.name, setpoints,
+                              lambda delay_s: OverRadio("velocity", delay_s, kind, model=model, tuning=Tuning(**NOW)))
+    if setpoints != "thrust-rates":
+        raise UsageError(f"--setpoints: {name} makes thrust-rates or velocity, not {setpoints}")
 
-    def make(delay_s: float) -> Streams:
-        return OverRadio(PLANS[setpoints], delay_s, kind, model=model)
+    def make(delay_s: float) -> Any:
+        return kind(model, delay_s=delay_s, tuning=Tuning(**NOW))
 
-    return StreamingPilot(kind.name, setpoints, make)
+    return MotorPilot(make(0.0), make=make)
 
 
 def _made(name: str, kind: Any) -> Any:

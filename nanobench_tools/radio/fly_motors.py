@@ -1,16 +1,18 @@
 """Any controller that commands motors, flown over a radio: its motor commands as collective thrust and body rates.
 
 The thrust is what the firmware's own curve makes of the four commands at the battery's voltage; the firmware turns it
-back into the same mean command. The moment M that the controller asks for goes through the vehicle's rate loop: a
-proportional loop of gain K answers a rate set-point w_s with the angular acceleration K (w_s - w), so that
-w_s = w + J^-1 M / K, with w the rate at the time it acts. What the rate loop sees of a disturbance before the next
-set-point it damps at 500 Hz, which the controller itself could not from this side of the link.
+back into the same mean command. The moment M that the controller asks for becomes the body rate that it would have led
+to after LEAD_S: w_s = w + LEAD_S J^-1 M, with w the rate at the time it acts. LEAD_S is about what the way from here to
+a turning vehicle takes (link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings.
 
 The state is moved to the time at which the set-point acts: at constant body rate and at the acceleration that the
-thrust under way gives.
+thrust under way gives. Gains that were made for motors at hand are high for this way; a controller that makes
+set-points itself (``setpoint``, see ``fly_pilot``) flies better.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,9 +24,7 @@ from ..units import GRAVITY_M_S2
 from . import fly_setpoints
 from .fly_pilot import PERIOD_S, PID
 
-RATE_LOOP_1_S = (90.0, 90.0, 25.0)
-"""Gain K of the firmware's rate loops on the recorded vehicle: 250 and 120 counts per deg/s through the mixer, the
-thrust curve, arms and inertia."""
+LEAD_S = 0.05
 MOST_RATE_RAD_S = (8.0, 8.0, 4.0)
 YAW_PER_THRUST_M = 0.007
 """Moment about z per thrust of a motor: THRUST2TORQUE of the firmware."""
@@ -33,12 +33,15 @@ THRUST_SCALE = 0.943
 
 
 class MotorPilot:
-    """Flies ``controller`` with thrust and rates. ``vehicle``: what its motor commands are thought to move."""
+    """Flies ``controller`` with thrust and rates. ``vehicle``: what its motor commands are thought to move.
+
+    make: of a controller that reckons with a delay itself, from the delay; it is given the state of now."""
 
     kind, onboard, hosted = "thrust-rates", PID, True
 
-    def __init__(self, controller: Controller, vehicle: Vehicle | None = None) -> None:
-        self.controller, self.name = controller, controller.name
+    def __init__(self, controller: Controller, vehicle: Vehicle | None = None,
+                 make: Callable[[float], Controller] | None = None) -> None:
+        self.controller, self.name, self._make = controller, controller.name, make
         vehicle = vehicle or Vehicle()
         arms = np.array(vehicle.motor_positions_m)
         turn = YAW_PER_THRUST_M * np.array(vehicle.spin)
@@ -48,7 +51,10 @@ class MotorPilot:
         self._delay_s = 0.0
 
     def link_delay(self, seconds: float) -> None:
-        self._delay_s = max(seconds, 0.0)
+        if self._make is not None:
+            self.controller = self._make(max(seconds, 0.0))
+        else:
+            self._delay_s = max(seconds, 0.0)
 
     def reset(self) -> None:
         self.controller.reset(1)
@@ -62,7 +68,7 @@ class MotorPilot:
             raise ValueError(f"commanded {command.tolist()}, not four finite PWM ratios")
         thrust = thrust_of_voltage(command[0] * state.battery_V[0])
         self._lift = THRUST_SCALE * float(thrust.sum()) / self._mass
-        wanted = then.rate_rad_s[0] + self._moment @ (THRUST_SCALE * thrust) / np.array(RATE_LOOP_1_S)
+        wanted = then.rate_rad_s[0] + LEAD_S * (self._moment @ (THRUST_SCALE * thrust))
         most = np.array(MOST_RATE_RAD_S)
         counts = float(thrust.mean()) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
         return fly_setpoints.rates(counts, np.clip(wanted, -most, most))

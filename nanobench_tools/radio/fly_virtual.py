@@ -43,16 +43,17 @@ class VirtualWorld:
         """True: no poses come."""
         self.inbox: queue.Queue[bytes] = queue.Queue()
         self.idle = threading.Event()
-        self._time_s = START_S
+        self._time_s, self._steps = START_S, 0
         self._sink: Sink | None = None
 
     def now(self) -> float:
         return self._time_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Lets the world go on until then."""
-        while self._time_s < time_s - 1e-9:
-            self._step(min(self._time_s + STEP_S, time_s))
+        """Lets the world go on until then, in whole steps."""
+        while self._time_s < time_s - 1e-6:
+            self._steps += 1
+            self._step(START_S + STEP_S * self._steps)
 
     def _step(self, time_s: float) -> None:
         simulation = self.simulation

@@ -119,9 +119,7 @@ def flight_of(packets: Packets, data: list[BlockData], alignment: Alignment, nam
     sheet = dict(packets.sheet)
     asked = packets.of(REFERENCE)
     if asked:
-        rows = np.array([struct.unpack("<4d", r.payload) for r in asked])
-        raw["setpoint"] = make_stream("setpoint", [r.time_s for r in asked], rows, ("x", "y", "z", "yaw"),
-                                      [c.name for c in STREAMS["setpoint"]])
+        raw["setpoint"] = _asked(asked, raw.get("setpoint"))
         sheet["setpoint_source"] = "host"
     poses = [pose for pose in (unpack(r.payload) for r in packets.of(POSE)) if seen(pose)]
     stamps = np.array([pose.time_s for pose in poses])
@@ -166,6 +164,17 @@ def _streams(data: list[BlockData]) -> dict[str, Stream]:
         raise InputError("recording", "none of the NanoBench streams is in the logged blocks",
                          "the raw packets are kept; log whole groups such as acc and gyro in one block")
     return found
+
+
+def _asked(records: list[Record], logged: Stream | None) -> Stream:
+    """What the host was asked while it flew, and what the vehicle's own planner says before and after."""
+    time = np.array([r.time_s for r in records])
+    rows = np.array([struct.unpack("<4d", r.payload) for r in records])
+    if logged is not None:
+        before, after = logged.time_s < time[0], logged.time_s > time[-1]
+        time = np.concatenate([logged.time_s[before], time, logged.time_s[after]])
+        rows = np.concatenate([logged.values[before], rows, logged.values[after]])
+    return make_stream("setpoint", time, rows, ("x", "y", "z", "yaw"), [c.name for c in STREAMS["setpoint"]])
 
 
 def _mocap(time_s: np.ndarray, poses: list[Any]) -> Stream:
