@@ -31,6 +31,8 @@ _KEY = repr((LANES, CONTACT_DAMPING, CONTACT_RAD_S, FRICTION, FRICTION_SPEED_M_S
 """What the machine code holds of other packages; a change of it is a change of the code that is kept."""
 ADC_V, ADC_EVERY = 5.4 / 1023.0, 12
 """Step of the measured battery voltage and milliseconds between measurements (nRF firmware)."""
+NOISES = 10
+"""Unit normal numbers a millisecond: accelerometer, gyro, battery, air."""
 AIR_S = 0.5
 """Correlation time of the unrest of the air."""
 
@@ -65,8 +67,8 @@ def _model_step(typingctx, address, state, row, parameters):
 
 
 @nb.njit
-def feel(w, x, rng, acc_g, gyro_deg_s):
-    """The IMU's raw sample of state x (17, lanes) and of what the velocity did in the last step."""
+def feel(w, x, noise, acc_g, gyro_deg_s):
+    """The IMU's raw sample of state x (17, lanes) and of what the velocity did in the last step; noise of unit size."""
     fx = (x[3, 0] - w.before_m_s[0]) / STEP_S
     fy = (x[4, 0] - w.before_m_s[1]) / STEP_S
     fz = (x[5, 0] - w.before_m_s[2]) / STEP_S + w.gravity
@@ -77,8 +79,8 @@ def feel(w, x, rng, acc_g, gyro_deg_s):
     acc_g[1] = 2 * (qx * qy - qw * qz) * fx + (1 - 2 * (qx * qx + qz * qz)) * fy + 2 * (qy * qz + qw * qx) * fz
     acc_g[2] = 2 * (qx * qz + qw * qy) * fx + 2 * (qy * qz - qw * qx) * fy + (1 - 2 * (qx * qx + qy * qy)) * fz
     for k in range(3):
-        acc_g[k] = (acc_g[k] + w.acc_bias[k] + shake * rng.standard_normal()) / w.gravity
-        gyro_deg_s[k] = (x[10 + k, 0] + turn * rng.standard_normal()) * 57.29577951308232
+        acc_g[k] = (acc_g[k] + w.acc_bias[k] + shake * noise[k]) / w.gravity
+        gyro_deg_s[k] = (x[10 + k, 0] + turn * noise[3 + k]) * 57.29577951308232
 
 
 @nb.njit
@@ -94,7 +96,7 @@ def _open_circuit(charge):
 
 
 @nb.njit
-def _supply(w, s, rng):
+def _supply(w, s, noise):
     """The cell under the motors' load, its charge, and the voltage as it is measured."""
     load = 0.0
     for i in range(4):
@@ -102,7 +104,7 @@ def _supply(w, s, rng):
     w.battery_V = _open_circuit(w.charge) / (1.0 + w.resistance_ohm * w.conductance_A_V * load)
     w.charge -= STEP_S * w.conductance_A_V * w.battery_V * load / w.capacity_A_s
     if w.steps % ADC_EVERY == 0:
-        s.vbat_V = ADC_V * math.floor((w.battery_V + w.battery_noise_V * rng.standard_normal()) / ADC_V + 0.5)
+        s.vbat_V = ADC_V * math.floor((w.battery_V + w.battery_noise_V * noise) / ADC_V + 0.5)
 
 
 @nb.njit
@@ -141,16 +143,16 @@ def _write_row(w, row, waiting):
 
 
 @nb.njit
-def world_step(w, s, x, row, parameters, waiting, rng):
+def world_step(w, s, x, row, parameters, waiting, noise):
     """The vehicle a millisecond further with the motors of s; x (17, LANES), row (I, LANES), parameters (P, LANES)."""
     for i in range(4):
         w.motor[i] = min(max(s.motor[i] / FULL, 0.0), 1.0)
-    _supply(w, s, rng)
+    _supply(w, s, noise[6])
     _write_row(w, row, waiting)
     keep, new = math.exp(-STEP_S / AIR_S), math.sqrt(1.0 - math.exp(-2.0 * STEP_S / AIR_S))
     force = np.empty(3)
     for k in range(3):
-        w.air_m_s2[k] = keep * w.air_m_s2[k] + new * w.air_sd_m_s2 * rng.standard_normal()
+        w.air_m_s2[k] = keep * w.air_m_s2[k] + new * w.air_sd_m_s2 * noise[7 + k]
         force[k] = w.steady_N[k] + w.push_N[k] + w.mass_kg * w.air_m_s2[k]
         w.before_m_s[k] = x[3 + k, 0]
     touch(w, x, force)
@@ -162,20 +164,20 @@ def world_step(w, s, x, row, parameters, waiting, rng):
 
 def _made(key):
     @nb.njit(cache=True, nogil=True)
-    def run(milliseconds, s, setpoint, gains, states, build, kalman, task, runs, measured, waiting_poses, w, x, row,
-            parameters, waiting, rng):
-        """The loop and the vehicle for so many milliseconds; all records (1,) are carried on."""
+    def run(noise, s, setpoint, gains, states, build, kalman, task, runs, measured, waiting_poses, w, x, row,
+            parameters, waiting):
+        """The loop and the vehicle for as many milliseconds as noise (n, NOISES) has rows; records (1,) go on."""
         if not key:
             return
         acc_g, gyro_deg_s = np.empty(3), np.empty(3)
         own = (gains[0][0], gains[1][0], gains[2][0])
         memory = (states[0][0], states[1][0], states[2][0])
-        for k in range(milliseconds):
-            feel(w[0], x, rng, acc_g, gyro_deg_s)
+        for k in range(len(noise)):
+            feel(w[0], x, noise[k], acc_g, gyro_deg_s)
             poses = measured[:waiting_poses] if k == 0 else measured[:0]
             stabilizer_step(s[0], acc_g, gyro_deg_s, setpoint[0], own, memory, build[0], kalman[0], task[0], runs[0],
                             poses)
-            world_step(w[0], s[0], x, row, parameters, waiting, rng)
+            world_step(w[0], s[0], x, row, parameters, waiting, noise[k])
 
     return run
 

@@ -22,7 +22,7 @@ from nanobench_tools.practice.vehicle import OPEN_CIRCUIT, VEHICLE
 
 from .ensemble import shipped_simulator
 from .plant import MOST_DELAY_S, closed_loop_model
-from .served_loop import STEP_S, WORLD, run
+from .served_loop import NOISES, STEP_S, WORLD, run
 
 BATTERY_V = (2.6, float(OPEN_CIRCUIT[-1, 1]))
 """Voltages at rest that a cell may start with."""
@@ -114,8 +114,9 @@ class ServedVehicle:
     def advance(self, milliseconds: int) -> None:
         """So many loops of the firmware, and of the world around it."""
         s = self.stabilizer
-        run(milliseconds, s.loop, s.setpoint, s.gains, s.states, s.build, s.kalman, s.task, s.run, s.measured,
-            s.waiting, self._world, self._state, self._row, self._parameters, self._waiting, self._rng)
+        noise = self._rng.standard_normal((milliseconds, NOISES))
+        run(noise, s.loop, s.setpoint, s.gains, s.states, s.build, s.kalman, s.task, s.run, s.measured,
+            s.waiting, self._world, self._state, self._row, self._parameters, self._waiting)
         s.waiting = 0
 
     def true_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

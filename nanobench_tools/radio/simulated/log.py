@@ -17,7 +17,7 @@ MOST_BLOCKS, MOST_VARIABLES, MOST_BYTES = 16, 128, 26
 SILENCE_MS = 1000
 """Logs stop when the radio has brought nothing for so long."""
 _KINDS = {"u1": 1, "u2": 2, "u4": 3, "i1": 4, "i2": 5, "i4": 6, "f4": 7}
-_FETCHED = {1: "B", 2: "H", 3: "I", 4: "b", 5: "h", 6: "i", 7: "f", 8: "e"}
+_FETCHED = {1: "B", 2: "H", 3: "I", 4: "B", 5: "H", 6: "I", 7: "f", 8: "e"}  # whole numbers are cut to their bits
 _SIZES = {kind: struct.calcsize("<" + letter) for kind, letter in _FETCHED.items()}
 
 
@@ -31,14 +31,26 @@ class LogVariable:
 
 @dataclass
 class _Block:
-    """Variables as (read, type fetched); every ``period_ms`` from ``next_ms`` on while started."""
+    """What gives the values in their types, and their packing; every ``period_ms`` from ``next_ms`` on while
+    started."""
 
-    variables: list[tuple[Callable[[], float], int]] = field(default_factory=list)
+    values: list[Callable[[], float]] = field(default_factory=list)
+    letters: str = ""
+    packing: struct.Struct = field(default=struct.Struct("<BHB"))
     period_ms: int = 0
     next_ms: int | None = None
 
     def size(self) -> int:
-        return sum(_SIZES[kind] for _, kind in self.variables)
+        return struct.calcsize("<" + self.letters)
+
+    def add(self, read: Callable[[], float], kind: int) -> None:
+        self.values.append(_fetched(read, kind))
+        self.letters += _FETCHED[kind]
+        self.packing = struct.Struct("<BHB" + self.letters)
+
+    def packet(self, number: int, now_ms: int) -> Packet:
+        values = [value() for value in self.values]
+        return Packet(Port.LOG, DATA, self.packing.pack(number, now_ms & 0xFFFF, now_ms >> 16 & 0xFF, *values))
 
 
 class Log:
@@ -102,7 +114,7 @@ class Log:
 
     def _append(self, block: _Block, data: bytes) -> int:
         """Variables of three bytes each; what is left over behind the last whole one is ignored."""
-        used = sum(len(b.variables) for b in self._blocks.values())
+        used = sum(len(b.values) for b in self._blocks.values())
         for at in range(0, len(data) // 3 * 3, 3):
             fetched, which = data[at] & 0x0F, int.from_bytes(data[at + 1:at + 3], "little")
             if fetched not in _FETCHED or which >= len(self._all):
@@ -111,7 +123,7 @@ class Log:
                 return E2BIG
             if used >= MOST_VARIABLES:
                 return ENOMEM
-            block.variables.append((self._all[which].read, fetched))
+            block.add(self._all[which].read, fetched)
             used += 1
         return 0
 
@@ -133,18 +145,21 @@ class Log:
             block = self._blocks[number]
             if block.next_ms is None or block.next_ms > now_ms:
                 continue
-            found.append(Packet(Port.LOG, DATA, bytes([number]) + (now_ms & 0xFFFFFF).to_bytes(3, "little")
-                                + b"".join(_fetch(read(), kind) for read, kind in block.variables)))
+            found.append(block.packet(number, now_ms))
             block.next_ms = now_ms + block.period_ms if block.period_ms else None
         return found
 
 
-def _fetch(value: float, kind: int) -> bytes:
-    """A value in the type asked for: floats lose what is behind the point, integers what does not fit."""
+def _fetched(read: Callable[[], float], kind: int) -> Callable[[], float]:
+    """Reads a value as the type asked for: whole numbers lose what is behind the point and what does not fit."""
     if kind == 7:
-        return struct.pack("<f", value)
+        return read
     if kind == 8:
-        return struct.pack("<e", max(-65504.0, min(65504.0, value)))
-    whole = int(value) if math.isfinite(value) else 0
-    size = _SIZES[kind]
-    return (whole & (1 << 8 * size) - 1).to_bytes(size, "little")
+        return lambda: max(-65504.0, min(65504.0, read()))
+    bits = (1 << 8 * _SIZES[kind]) - 1
+
+    def whole() -> int:
+        value = read()
+        return int(value) & bits if math.isfinite(value) else 0
+
+    return whole
