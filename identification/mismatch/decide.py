@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -44,6 +44,8 @@ WIDER, SYSTEMATIC = 1.6, 0.015
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
 HEIGHT, HEIGHT_SD_M = "com_offset.r_m[2]", 2.5e-4
 """How high the centre of mass lies is told by what air pushes sideways, which other things turn by as well."""
+INERTIA, INERTIA_SD = "inertia.inertia_kg_m2", 0.04
+"""Of the value: rows of commands miss what was sent between them."""
 TOGETHER = (*MAPS, "ground_effect")
 NORMAL95 = 1.96
 LEVEL = ("mass", "thrust_scale")
@@ -356,12 +358,20 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     drawn = bootstrap(known, final, named.own())
     believed = home.model.parameters
     sd = {model.names[i]: float(np.hypot(max(wide * np.sqrt(final.covariance[k, k]), drawn[k]),
-                                         HEIGHT_SD_M if model.names[i] == HEIGHT else
-                                         SYSTEMATIC * abs(model.values[i] - believed.get(model.names[i], 0.0))))
+                                         _systematic(model.names[i], model.values[i], believed)))
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
     return Finding(h, alike, sd, float(taken.sum() / max(before - final.loss, taken.sum(), 1e-9)), axes,
                    max(slow)[1] if slow else "", float(np.clip(MOST_SURE - 0.35 * doubt, UNSURE, MOST_SURE)))
+
+
+def _systematic(name: str, value: float, believed: Mapping[str, float]) -> float:
+    """Standard deviation of a value that is not in the scatter of its moments."""
+    if name == HEIGHT:
+        return HEIGHT_SD_M
+    if name.startswith(INERTIA):
+        return INERTIA_SD * abs(value)
+    return SYSTEMATIC * abs(value - believed.get(name, 0.0))
 
 
 def _names(moments: Moments) -> list[str]:
