@@ -38,8 +38,8 @@ def write(path: Path, parts: Mapping[str, Any], header: Mapping[str, Any]) -> No
     tensors: dict[str, np.ndarray] = {}
     for name, value in parts.items():
         arrays = value if isinstance(value, list) else None
-        tensors |= ({f"{name}/{i}": np.ascontiguousarray(a) for i, a in enumerate(arrays)} if arrays is not None
-                    else {name: np.ascontiguousarray(value)})
+        tensors |= ({f"{name}/{i}": np.asarray(a, order="C") for i, a in enumerate(arrays)} if arrays is not None
+                    else {name: np.asarray(value, order="C")})
     digest = _digest(tensors)
     text = json.dumps({"schema": SCHEMA, "sha256": digest, **header}, sort_keys=True)
     write_bytes(path, libraries().safetensors.save(tensors, {"nanobench": text}))
@@ -84,6 +84,6 @@ def _short(value: Any) -> str:
 def _digest(tensors: Mapping[str, np.ndarray]) -> str:
     digest = hashlib.sha256()
     for name in sorted(tensors):
-        value = np.ascontiguousarray(tensors[name])
+        value = np.asarray(tensors[name], order="C")
         digest.update(f"{name} {value.dtype.str} {value.shape}".encode() + value.tobytes())
     return digest.hexdigest()

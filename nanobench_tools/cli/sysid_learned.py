@@ -32,7 +32,7 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
 
     libraries()
 
-    def fit(rung: str, cases: Sequence[Case]) -> Predictor:
+    def fit(rung: str, cases: Sequence[Case]) -> Any:
         from identification.greybox.study import fit_item, predictor_of, rungs
 
         place = cases[0].flight.provenance.path
