@@ -63,8 +63,8 @@ def dynamics_step(known: Network) -> tuple[Any, Any]:
 
 
 def planner(networks: dict[str, Network], settings: MppiSettings) -> Any:
-    """plan(plan (T, 4), observed (14,), tick) -> (plan one step on, command (4,)), on the learned dynamics. Setpoint and
-    battery stay as they are now; a step's cost is taken where its command is given (as released)."""
+    """plan(plan (T, 4), observed (14,), tick) -> (plan one step on, command (4,)), on the learned dynamics. Setpoint
+    and battery stay as they are now; a step's cost is taken where its command is given (as released)."""
     with_jax = libraries()
     jax, jnp, lax = with_jax.jax, with_jax.jnp, with_jax.lax
     scaled, after = dynamics_step(networks["dynamics"])
