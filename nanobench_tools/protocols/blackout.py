@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Flight, make_stream
-from ..methods import Estimator
+from ..methods import Estimate, Estimator
 from .tables import group_order, summaries
 from .task3 import Case, checked
 from .usable import POSE
@@ -26,8 +26,12 @@ GIVEN = "motion capture poses until t0, none afterwards; all other streams"
 KINDS = {"": "error_m", "horizontal_": "horizontal_m", "vertical_": "vertical_m"}
 """Parts of an end error: of what a metric is called -> of what a window holds."""
 
+LEAST_PATH_M = 0.1
+"""A drift in per cent says nothing of a vehicle that hovers."""
 NEAREST_S = 0.05
 """An estimate counts at the end of a window if it has a stamp within this of it."""
+INSIDE_3_SIGMA = 14.16
+"""Squared normalised error [1] that 99.73 % of three-dimensional Gaussian errors stay below (chi-square)."""
 
 
 def starts(case: Case) -> list[float]:
@@ -49,8 +53,10 @@ def given_until(flight: Flight, t0_s: float) -> Flight:
 
 
 def score(case: Case, method: Estimator) -> dict[str, Any]:
-    """{windows: [{t0_s, h_s, end_m, error_m, horizontal_m, vertical_m}], metrics: {end_error_Hs_m and the same with
-    horizontal_ and vertical_: mean over the windows of the flight}}.
+    """{windows: [{t0_s, h_s, end_m, error_m, horizontal_m, vertical_m, drift_percent: of the path flown since t0,
+    inside_3_sigma: whether the error is as large as the estimate says it may be, None where it does not say}],
+    metrics: {end_error_Hs_m and the same with horizontal_ and vertical_, drift_percent_Hs, inside_3_sigma_Hs_percent:
+    mean over the windows of the flight}}.
 
     Raises InputError when the estimator gives no trajectory or does not reach the end of a window.
     """
@@ -69,15 +75,40 @@ def score(case: Case, method: Estimator) -> dict[str, Any]:
             found = np.array([np.interp(end, estimate.time_s, estimate.position_m[:, k]) for k in range(3)])
             true = np.array([np.interp(end, truth_s, truth_m[:, k]) for k in range(3)])
             off = found - true
-            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(), "error_m": float(np.linalg.norm(off)),
-                            "horizontal_m": float(np.hypot(off[0], off[1])), "vertical_m": float(abs(off[2]))})
-    metrics = {}
+            flown = truth_m[(truth_s >= t0) & (truth_s <= end)]
+            path_m = float(np.linalg.norm(np.diff(flown, axis=0), axis=1).sum())
+            error_m = float(np.linalg.norm(off))
+            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(), "error_m": error_m,
+                            "horizontal_m": float(np.hypot(off[0], off[1])), "vertical_m": float(abs(off[2])),
+                            "drift_percent": 100.0 * error_m / path_m if path_m > LEAST_PATH_M else float("nan"),
+                            "inside_3_sigma": _inside(estimate, end, off)})
+    metrics: dict[str, float] = {}
     for h in HORIZONS_S:
         mine = [w for w in windows if w["h_s"] == h]
         for kind, key in KINDS.items():
             value = float(np.mean([w[key] for w in mine])) if mine else float("nan")
             metrics[f"end_error_{kind}{h:.0f}s_m"] = value
+        metrics[f"drift_percent_{h:.0f}s"] = _mean([w["drift_percent"] for w in mine])
+        metrics[f"inside_3_sigma_{h:.0f}s_percent"] = _mean([
+            100.0 * w["inside_3_sigma"] for w in mine if w["inside_3_sigma"] is not None])
     return {"windows": windows, "metrics": metrics}
+
+
+def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
+    """Whether an error (3,) m lies within three standard deviations of what the estimate says at its nearest stamp."""
+    if estimate.covariance is None:
+        return None
+    said = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]
+    try:
+        white = np.linalg.solve(np.linalg.cholesky(said), off_m)
+    except np.linalg.LinAlgError:
+        return None
+    return bool(white @ white <= INSIDE_3_SIGMA)
+
+
+def _mean(values: Sequence[float]) -> float:
+    finite = [v for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else float("nan")
 
 
 def over_windows(scored: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | int]]:

@@ -77,12 +77,14 @@ def task3(estimate: Mapping[str, Any] | None, first: str = "as published") -> di
 
 
 def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
-    """End error over the time since the poses stopped, as recorded: a panel each for 3-D, horizontal and vertical, with
-    median and quartiles over the windows of all flights for every method."""
+    """End error over the time since the poses stopped, as recorded: a panel each for 3-D, horizontal and vertical and
+    for the drift in % of the path, with median and quartiles over the windows of all flights for every method; and how
+    many of the errors are inside three standard deviations of what a method says of itself."""
     windows = [w for w in (estimate or {}).get("windows") or [] if clock_of(w) == AS_RECORDED]
     panels = []
-    kinds = {"3-D error": "error_m", "horizontal error": "horizontal_m", "vertical error": "vertical_m"}
-    for title, key in kinds.items():
+    kinds = {"3-D error": ("error_m", "m"), "horizontal error": ("horizontal_m", "m"),
+             "vertical error": ("vertical_m", "m"), "drift, of the path flown": ("drift_percent", "%")}
+    for title, (key, unit) in kinds.items():
         lines = []
         for method in dict.fromkeys(str(w.get("method")) for w in windows):
             found: dict[float, list[float]] = {}
@@ -94,7 +96,18 @@ def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
                 low, middle, high = (np.array([np.percentile(found[h], q) for h in at]).tolist() for q in (25, 50, 75))
                 lines.append({"name": method, "published": False, "x": at, "y": middle, "low": low, "high": high})
         if lines:
-            panels.append({"title": title, "unit": "m", "lines": lines})
+            panels.append({"title": title, "unit": unit, "lines": lines})
+    inside = []
+    for method in dict.fromkeys(str(w.get("method")) for w in windows):
+        said = [(float(w["h_s"]), bool(w["inside_3_sigma"])) for w in windows
+                if str(w.get("method")) == method and w.get("inside_3_sigma") is not None]
+        if said:
+            at = sorted({h for h, _ in said})
+            share = [100.0 * float(np.mean([yes for h, yes in said if h == here])) for here in at]
+            share = [max(v, 1.0) for v in share]  # the axis is logarithmic
+            inside.append({"name": method, "published": False, "x": at, "y": share, "low": share, "high": share})
+    if inside:
+        panels.append({"title": "errors inside 3 sigma (99.7 would be right)", "unit": "%", "lines": inside})
     if not panels:
         return {"absent": "No dead reckoning after the poses stopped among the results."}
     return {"panels": panels}

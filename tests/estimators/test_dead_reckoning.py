@@ -142,6 +142,30 @@ def test_hand_worked_end_error(flight):
     assert rows[0]["metrics"]["end_error_1s_m"]["mean"] == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize(("sd_m", "inside"), [(1.4, True), (1.3, False)])
+def test_hand_worked_consistency(flight, sd_m, inside):
+    """5 m off: within the ellipsoid of 3.76 standard deviations that holds 99.73 % where one is above 1.33 m."""
+    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
+    mocap = flight["mocap"]
+
+    class Off:
+        name, causal = "off", True
+
+        def estimate(self, given):
+            from nanobench_tools.methods import Estimate
+
+            said = np.broadcast_to(np.eye(3) * sd_m**2, (len(mocap.time_s), 3, 3))
+            return Estimate(mocap.time_s, mocap["px", "py", "pz"] + [3.0, 4.0, 0.0], mocap["qx", "qy", "qz", "qw"],
+                            covariance=said)
+
+    windows = blackout.score(case, Off())["windows"]
+    assert {w["inside_3_sigma"] for w in windows} == {inside}
+    window = windows[0]
+    inside_it = (mocap.time_s >= window["t0_s"]) & (mocap.time_s <= window["t0_s"] + window["h_s"])
+    path = np.linalg.norm(np.diff(mocap["px", "py", "pz"][inside_it], axis=0), axis=1).sum()
+    assert window["drift_percent"] == pytest.approx(500.0 / path)
+
+
 def test_without_imu_or_poses_it_says_so(flight):
     with pytest.raises(InputError, match="imu"):
         ErrorStateEkf().estimate(flight.without_streams("imu"))

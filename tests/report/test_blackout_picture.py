@@ -21,6 +21,14 @@ def test_median_and_quartiles_per_method():
     assert found["panels"][2]["lines"][0]["y"] == pytest.approx([0.24, 1.2])
 
 
+def test_drift_and_consistency_have_a_panel_each():
+    made = [{**window("one", 1.0, 0.1), "drift_percent": d, "inside_3_sigma": i} for d, i in ((2.0, True), (6.0, False))]
+    found = pictures.blackout({"windows": [*made, {**window("two", 1.0, 0.1), "inside_3_sigma": None}]})
+    drift, inside = found["panels"][3:]
+    assert (drift["unit"], drift["lines"][0]["y"]) == ("%", [4.0])
+    assert [(line["name"], line["y"]) for line in inside["lines"]] == [("one", [50.0])]
+
+
 def test_without_windows_it_says_so():
     assert "absent" in pictures.blackout(None)
     assert "absent" in pictures.blackout({"windows": []})
