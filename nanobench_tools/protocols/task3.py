@@ -186,6 +186,8 @@ def checked(estimate: Estimate, method: str, place: str) -> Estimate:
     if not (finite.all() and np.all(norm > 1e-6)):
         row = int(np.argmin(finite & (norm > 1e-6)))
         raise InputError(place, f"estimator {method} gave no pose at {time_s[row]:.3f} s (row {row})")
+    if getattr(estimate, "converged", None) is False:
+        raise InputError(place, f"estimator {method} did not converge", "no result is taken from it")
     said = (getattr(estimate, name, None) for name in ("covariance", "nis", "nis_dof", "converged"))
     return Estimate(time_s, position, quaternion / norm[:, None], velocity, *said)
 

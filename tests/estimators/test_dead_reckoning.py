@@ -166,6 +166,17 @@ def test_hand_worked_consistency(flight, sd_m, inside):
     assert window["drift_percent"] == pytest.approx(500.0 / path)
 
 
+def test_an_optimiser_that_gave_up_is_no_result(flight):
+    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
+
+    class GaveUp(ErrorStateEkf):
+        def estimate(self, given):
+            return replace(super().estimate(given), converged=False)
+
+    with pytest.raises(InputError, match="did not converge"):
+        blackout.score(case, GaveUp())
+
+
 def test_without_imu_or_poses_it_says_so(flight):
     with pytest.raises(InputError, match="imu"):
         ErrorStateEkf().estimate(flight.without_streams("imu"))

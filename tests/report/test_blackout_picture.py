@@ -22,7 +22,8 @@ def test_median_and_quartiles_per_method():
 
 
 def test_drift_and_consistency_have_a_panel_each():
-    made = [{**window("one", 1.0, 0.1), "drift_percent": d, "inside_3_sigma": i} for d, i in ((2.0, True), (6.0, False))]
+    made = [{**window("one", 1.0, 0.1), "drift_percent": d, "inside_3_sigma": i}
+            for d, i in ((2.0, True), (6.0, False))]
     found = pictures.blackout({"windows": [*made, {**window("two", 1.0, 0.1), "inside_3_sigma": None}]})
     drift, inside = found["panels"][3:]
     assert (drift["unit"], drift["lines"][0]["y"]) == ("%", [4.0])
