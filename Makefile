@@ -20,12 +20,12 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing; apt-get install python3-venv" >&2; rm -rf $(VENV); exit 2; }
 
 $(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,tune]"
 	@touch $@
 
 # evo is the referee of the metrics; its command-line dependencies are not needed for its core.
 $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,ulog,rosbag,radio,learned,test]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,radio,learned,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo
 	@touch $@ $(VENV)/.installed
 

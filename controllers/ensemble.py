@@ -4,7 +4,7 @@ noise."""
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 
 import numpy as np
@@ -88,11 +88,20 @@ class Ensemble:
         """Model and parameters with the radio's delay added to the commands'."""
         known = "command_delay" in self.model
         model = self.model if known else self.model.with_term("command_delay", delay_s=0.0)
-        parameters = np.zeros((len(self), len(model.names)))
-        for i, name in enumerate(self.model.names):
-            parameters[:, model.index(name)] = self.parameters[:, i]
+        parameters = _moved(self.model, self.parameters, model)
         parameters[:, model.index("command_delay.delay_s")] += self.radio_s
         return model, parameters
+
+    def in_wind(self, speed_m_s: float) -> Ensemble:
+        """The same in a steady level wind, from a direction of its own for every plant, through the model's drag."""
+        if speed_m_s == 0.0:
+            return self
+        angle = np.array([rng.uniform(0.0, 2.0 * np.pi) for rng in self.rngs(3)])
+        model = self.model if "wind" in self.model else self.model.with_term("wind", w_m_s=(0.0, 0.0, 0.0))
+        parameters = _moved(self.model, self.parameters, model)
+        for axis, share in enumerate((np.cos(angle), np.sin(angle))):
+            parameters[:, model.index(f"wind.w_m_s[{axis}]")] += speed_m_s * share
+        return replace(self, model=model, parameters=parameters)
 
     def sensing(self, outages: tuple[tuple[float, float], ...] = ()) -> Sensing:
         """Of every plant its own."""
@@ -148,6 +157,14 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
         rest["error"][i], rest["noise"][i] = (1.0, 1.0) if median else size
     return Ensemble(model, parameters, push_m_s2=np.full(n, VEHICLE["disturbance_m_s2"].value),
                     radio_s=np.full(n, radio_s), seeds=seeds, **rest)
+
+
+def _moved(model: Model, values: np.ndarray, other: Model) -> np.ndarray:
+    """Parameters (n, P) of ``model`` as those of ``other``, which has its terms and more."""
+    found = np.tile(other.values, (len(values), 1))
+    for i, name in enumerate(model.names):
+        found[:, other.index(name)] = values[:, i]
+    return found
 
 
 def _between(ends: tuple[float, float], share: float) -> float:

@@ -6,6 +6,7 @@ of the vehicle and gains for its slow motors.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,8 @@ from nanobench_tools.firmware import lee
 from nanobench_tools.firmware.onboard import Lee
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
+
+from .gains import Gain, around, whole
 
 THRUST_SCALE = 0.943
 """What the recorded vehicle's motors give of what the firmware's curve promises: recordings, 0.943 +- 0.033."""
@@ -26,14 +29,29 @@ ERROR_LIMITS = (0.6, 2.0)
 """m and m/s: an error beyond is answered as if it were this, so that a jump of the reference tilts and does not tip."""
 
 
-def parameters(vehicle: Vehicle) -> np.ndarray:
-    """(1,) PARAMETERS of the firmware's controller for a vehicle."""
+TUNABLE = {
+    "position_level": around(POSITION_1_S2[0], "1/s^2"), "position_up": around(POSITION_1_S2[2], "1/s^2"),
+    "velocity_level": around(VELOCITY_1_S[0], "1/s"), "velocity_up": around(VELOCITY_1_S[2], "1/s"),
+    "integral_level": around(INTEGRAL_1_S3[0], "1/s^3"), "integral_up": around(INTEGRAL_1_S3[2], "1/s^3"),
+    "rotation_tilt": around(ROTATION_1_S2[0], "1/s^2"), "rotation_yaw": around(ROTATION_1_S2[2], "1/s^2"),
+    "rate_tilt": around(RATE_1_S[0], "1/s"), "rate_yaw": around(RATE_1_S[2], "1/s")}
+
+
+def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarray:
+    """(1,) PARAMETERS of the firmware's controller for a vehicle; ``gains`` by the names of TUNABLE."""
     found = lee.defaults()
+    k = whole(TUNABLE, gains, "geometric")
+
+    def three(name: str, other: str) -> tuple[float, float, float]:
+        first = k[f"{name}_{'tilt' if other == 'yaw' else 'level'}"]
+        return first, first, k[f"{name}_{other}"]
+
     inertia = np.array(vehicle.inertia_kg_m2)
     found["mass_kg"], found["inertia_kg_m2"], found["coupling"] = vehicle.mass_kg, inertia, 1.0
-    found["kp_1_s2"], found["kd_1_s"], found["ki_1_s3"] = POSITION_1_S2, VELOCITY_1_S, INTEGRAL_1_S3
+    found["kp_1_s2"], found["kd_1_s"] = three("position", "up"), three("velocity", "up")
+    found["ki_1_s3"] = three("integral", "up")
     found["error_limit_m"], found["error_limit_m_s"] = ERROR_LIMITS
-    found["k_rotation_N_m"], found["k_rate_N_m_s"] = inertia * ROTATION_1_S2, inertia * RATE_1_S
+    found["k_rotation_N_m"], found["k_rate_N_m_s"] = inertia * three("rotation", "yaw"), inertia * three("rate", "yaw")
     found["k_integral_N_m_s"] = inertia * TURN_INTEGRAL_1_S3
     return found
 
@@ -42,9 +60,11 @@ class Geometric(Lee):
     """Full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
 
     name = "geometric"
+    tunable: Mapping[str, Gain] = TUNABLE
 
-    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE) -> None:
-        super().__init__(parameters(vehicle or Vehicle()))
+    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE,
+                 gains: Mapping[str, float] | None = None) -> None:
+        super().__init__(parameters(vehicle or Vehicle(), gains))
         self.thrust_scale = thrust_scale
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from nanobench_tools.firmware import pid
 from nanobench_tools.firmware.onboard import PidCascade
+
+from .gains import Gain, around, whole
 
 LEAD_S = 0.53
 """Median lag of PID behind its setpoints over the 14 training flights it flew (recordings, Task 2)."""
+
+
+TUNABLE = {"lead_s": Gain(LEAD_S, 0.2, 1.0, "s"), "position": around(2.0, "1/s", 2.5),
+           "velocity": around(25.0, "deg s/m", 2.5), "velocity_integral": around(1.0, "deg/m", 5.0),
+           "attitude": around(6.0, "1/s", 2.5)}
+X, Y, VX, VY, ROLL, PITCH = 0, 1, 3, 4, 6, 7
+"""Loops of the cascade; the first two numbers of each are its proportional and integral gain."""
 
 
 class LeadPid(PidCascade):
@@ -14,4 +26,13 @@ class LeadPid(PidCascade):
 
     name = "lead_pid"
     information = "lead"
-    lead_s = LEAD_S
+    tunable: Mapping[str, Gain] = TUNABLE
+
+    def __init__(self, gains: Mapping[str, float] | None = None) -> None:
+        k, found = whole(TUNABLE, gains, self.name), pid.defaults()
+        self.lead_s = k["lead_s"]
+        if gains:
+            found["block"][:, [X, Y], 0] = k["position"]
+            found["block"][:, [VX, VY], 0], found["block"][:, [VX, VY], 1] = k["velocity"], k["velocity_integral"]
+            found["block"][:, [ROLL, PITCH], 0] = k["attitude"]
+        super().__init__(found)

@@ -7,6 +7,8 @@ commands given. Thrust, attitude and rates that the reference itself needs are f
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from nanobench_tools import so3
@@ -18,6 +20,7 @@ from nanobench_tools.guard import Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 
+from .gains import Gain, around, whole
 from .geometric import DRAG_1_S, THRUST_SCALE
 
 PERIOD_S = 0.002
@@ -50,7 +53,23 @@ def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     return a, b
 
 
-def gain(vehicle: Vehicle) -> np.ndarray:
+TUNABLE = {
+    "integral_m_s": around(0.15, "m s"), "position_level_m": around(0.10, "m"), "position_up_m": around(0.08, "m"),
+    "velocity_m_s": around(0.6, "m/s"), "turn_rad": around(0.35, "rad"), "rate_rad_s": around(4.0, "rad/s"),
+    "thrust_N": around(EFFORT[0], "N"), "moment_N_m": around(EFFORT[1], "N m")}
+
+
+def weights(gains: Mapping[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """(19,) errors that cost as much as each other and (4,) efforts, by the names of TUNABLE."""
+    k = whole(TUNABLE, gains, "lqr")
+    share = {name: value / TUNABLE[name].value for name, value in k.items()}
+    errors = [share["integral_m_s"]] * 3 + [share["position_level_m"]] * 2 + [share["position_up_m"]] + [
+        share["velocity_m_s"]] * 3 + [share["turn_rad"]] * 3 + [share["rate_rad_s"]] * 3 + [1.0] * 4
+    efforts = [share["thrust_N"], *[share["moment_N_m"]] * 3]
+    return np.array(TOLERATED) * errors, np.array(EFFORT) * efforts
+
+
+def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarray:
     """K (4, 19) of u = -K x at PERIOD_S. Raises UsageError without the ``control`` package."""
     try:
         import control
@@ -58,8 +77,9 @@ def gain(vehicle: Vehicle) -> np.ndarray:
         raise UsageError("controller 'lqr' needs the package control; pip install 'nanobench[control]'") from error
     a, b = model(vehicle)
     system = control.c2d(control.ss(a, b, np.eye(STATES), 0.0), PERIOD_S)
-    weights = np.diag([*(1.0 / np.square(TOLERATED[:15])), *(1e-6,) * 4])
-    return np.asarray(control.dlqr(system.A, system.B, weights, np.diag(1.0 / np.square(EFFORT)))[0])
+    errors, efforts = weights(gains)
+    costs = np.diag([*(1.0 / np.square(errors[:15])), *(1e-6,) * 4])
+    return np.asarray(control.dlqr(system.A, system.B, costs, np.diag(1.0 / np.square(efforts)))[0])
 
 
 class Lqr:
@@ -69,10 +89,12 @@ class Lqr:
     information = "preview"
     on_board = True
     period_s = PERIOD_S
+    tunable: Mapping[str, Gain] = TUNABLE
 
-    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE) -> None:
+    def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE,
+                 gains: Mapping[str, float] | None = None) -> None:
         self.vehicle, self.thrust_scale = vehicle or Vehicle(), thrust_scale
-        self._gain = gain(self.vehicle)
+        self._gain = gain(self.vehicle, gains)
 
     def reset(self, n: int) -> None:
         self.guard = Guard(n, PERIOD_S)

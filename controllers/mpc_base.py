@@ -6,6 +6,7 @@ targets from the reference's future -> a plan (the kinds differ in this alone) -
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from nanobench_tools.physics.model import Model
 from .delay import UnderWay
 from .disturbance import Observer, Tuning
 from .fallback import Fallback
+from .gains import Gain, around, whole
 from .mpc_code import Call
 from .mpc_horizon import Gains, Horizon, most_tilt, within_reach, without_leaps
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
@@ -58,6 +60,27 @@ class Weights:
         return cost.T @ cost
 
 
+TUNABLE = {
+    "position_level_m": around(Weights.position_m[0], "m"), "position_up_m": around(Weights.position_m[1], "m"),
+    "velocity_m_s": around(Weights.velocity_m_s[0], "m/s"), "turn_rad": around(Weights.turn_rad[0], "rad"),
+    "rate_rad_s": around(Weights.rate_rad_s[0], "rad/s"), "thrust_N": around(Weights.thrust_N, "N"),
+    "moment_N_m": around(Weights.moment_N_m[0], "N m", 4.0), "force_1_s": around(Tuning.force_1_s, "1/s"),
+    "moment_1_s": around(Tuning.moment_1_s, "1/s"), "share_pose": around(Tuning.share[0], "1", 2.5),
+    "share_rate": around(Tuning.share[3], "1", 2.5)}
+
+
+def tuned(gains: Mapping[str, float], weights: Weights, tuning: Tuning, who: str) -> tuple[Weights, Tuning]:
+    """Both with ``gains`` by the names of TUNABLE; about z a turn, a rate and a moment cost as they did."""
+    k = whole(TUNABLE, gains, who)
+    pose = k["share_pose"]
+    return (replace(weights, position_m=(k["position_level_m"], k["position_up_m"]),
+                    velocity_m_s=(k["velocity_m_s"],) * 2, turn_rad=(k["turn_rad"], weights.turn_rad[1]),
+                    rate_rad_s=(k["rate_rad_s"], weights.rate_rad_s[1]), thrust_N=k["thrust_N"],
+                    moment_N_m=(k["moment_N_m"], 0.5 * k["moment_N_m"])),
+            replace(tuning, force_1_s=k["force_1_s"], moment_1_s=k["moment_1_s"],
+                    share=(pose, pose, tuning.share[2], k["share_rate"])))
+
+
 class Plan:
     """Thrusts asked (n, N, 4) N from the time at which the command acts, every ``dt_s``, and the states (n, N + 1, 17)
     they are thought to lead to."""
@@ -88,11 +111,14 @@ class Mpc:
     name = "mpc"
     information = "preview"
     period_s = PERIOD_S
+    tunable: Mapping[str, Gain] = TUNABLE
 
     def __init__(self, model: Model | None = None, *, delay_s: float | None = None, horizon: int = 20,
                  dt_s: float = 0.025, weights: Weights | None = None, tuning: Tuning | None = None,
-                 states: int = ERRORS, period_s: float = PERIOD_S) -> None:
+                 states: int = ERRORS, period_s: float = PERIOD_S, gains: Mapping[str, float] | None = None) -> None:
         model = model or default_model()
+        if gains:
+            weights, tuning = tuned(gains, weights or Weights(), tuning or Tuning(), self.name)
         known_s = float(model.values_of("command_delay")["delay_s"]) if "command_delay" in model else 0.0
         self.delay_s = known_s if delay_s is None else delay_s
         self.model = model.without("command_delay") if "command_delay" in model else model

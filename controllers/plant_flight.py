@@ -62,7 +62,7 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
         controller.reset(n)
     kept = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "battery_V": 1, "motor": 4}
     out = {name: np.zeros((ticks, n, width)) for name, width in kept.items()}
-    command, calls = plant.motor.T, []
+    command, calls = plant.motor.T, np.zeros(-(-ticks * SUBSTEPS // every))
     for tick in range(ticks):
         position, velocity, quaternion = senses.read(tick)
         asked = reference(tick)
@@ -76,13 +76,13 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
                 state = VehicleState(position, velocity, quaternion, senses.gyro(), plant.battery_V)
                 before = time.perf_counter()
                 command = _command(controller, TICK_S * tick + STEP_S * sub, state, asked, n)
-                calls.append((time.perf_counter() - before) / n)
+                calls[(tick * SUBSTEPS + sub) // every] = (time.perf_counter() - before) / n
             plant.advance(command)
             senses.step()
             if sub == 0:
                 out["motor"][tick], out["battery_V"][tick, :, 0] = plant.motor.T, plant.battery_V
     battery = out.pop("battery_V")[..., 0]
-    return Flown(TICK_S * np.arange(ticks), battery_V=battery, call_s=np.array(calls), **out)
+    return Flown(TICK_S * np.arange(ticks), battery_V=battery, call_s=calls, **out)
 
 
 def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference, n: int) -> np.ndarray:

@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools import registry
-from nanobench_tools.errors import UsageError
+from nanobench_tools.errors import NanobenchError, UsageError
 from nanobench_tools.firmware import onboard
 from nanobench_tools.methods import Controller, Reference
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
-from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, recovery, score
+from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, recovery, sampled, score
 
 from .ensemble import Ensemble, draw
+from .mismatch import CASES, TOLD_RADIO_S, mismatched
 from .plant_filter import Onboard
 from .plant_flight import Flown, fly
 from .plant_senses import TICK_S
@@ -53,8 +54,14 @@ def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, floa
     if "delay_s" in known and not getattr(kind, "on_board", False):
         named = float(model.values_of("command_delay")["delay_s"]) if "command_delay" in model else 0.0
         given["delay_s"] = named + radio_s
+    if gains is not None:
+        if not getattr(kind, "tunable", None) or "gains" not in known:
+            raise UsageError(f"controller {name} has no gains to set; it flies as it is")
+        given["gains"] = dict(gains)
     try:
         return kind(**given)
+    except NanobenchError:
+        raise
     except Exception as error:  # anybody's code
         raise UsageError(f"controller {name}: making it raised {type(error).__name__}: {error}") from error
 
@@ -138,16 +145,21 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
 
 
 def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants: int, seed: int = 0,
-                   draws: tuple[tuple[str, ...], list[list[float]]] | None = None,
-                   disturbed: bool = True) -> dict[str, Any]:
-    """{controller, information, runs: [of every path: [scores of every plant]], recovery: of the first path}."""
+                   draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
+                   radio_s: float = 0.0, wind_m_s: float = 0.0,
+                   gains: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """{controller, information, runs: [of every path: [scores of every plant]], paths: of the median plant, gust and
+    outage: recovery on the first path}. ``radio_s``: delay of the radio, of which controllers are told; gains: instead
+    of the controller's own; a wind blows from a direction of its own at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
-    ensemble = draw(simulator, plants, seed, known)
-    controller = made(name, loads(simulator))
+    ensemble = draw(simulator, plants, seed, known, radio_s).in_wind(wind_m_s)
+    controller = made(name, loads(simulator), radio_s, gains)
     paths = Paths(tuple(specs))
     found = flown(controller, paths, ensemble)
     runs = score(found, paths, len(ensemble), controller.period_s)
-    result: dict[str, Any] = {"controller": controller.name, "information": controller.information, "runs": runs}
+    own = f"{controller.name} tuned" if gains is not None else controller.name
+    result: dict[str, Any] = {"controller": own, "information": controller.information, "runs": runs,
+                              "paths": sampled(found, paths, len(ensemble))}
     counts = getattr(controller, "counts", None) or getattr(getattr(controller, "guard", None), "counts", {})
     result["replaced"] = {key: int(value) for key, value in dict(counts).items()}
     if disturbed and specs:
@@ -158,6 +170,17 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
             begin = HOVER_S + (GUST_AT_S if what == "gust" else OUTAGE_AT_S)
             result[what] = recovery(bent.position_m, calm[:len(bent.position_m)], bent.time_s, begin)
     return result
+
+
+def fly_mismatched(name: str, specs: Sequence[PathSpec], simulator: str, seed: int = 0,
+                   gains: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """{controller, information, cases: names, runs: [of every path: [scores in every case]]} of ``mismatch``."""
+    ensemble = mismatched(simulator, seed)
+    controller = made(name, loads(simulator), TOLD_RADIO_S, gains)
+    paths = Paths(tuple(specs))
+    runs = score(flown(controller, paths, ensemble), paths, len(ensemble), controller.period_s)
+    own = f"{controller.name} tuned" if gains is not None else controller.name
+    return {"controller": own, "information": controller.information, "cases": list(CASES), "runs": runs}
 
 
 def settled_s(specs: Sequence[PathSpec]) -> float:

@@ -12,11 +12,13 @@ from ..errors import InputError, UsageError
 from .options import PATH, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
+MODERATE = ("figure_eight", "star", "linear_ramp")
+
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
 
-PLANTS = ("real", "gate", "simulated")
+PLANTS = ("real", "gate", "simulated", "mismatch")
 DEFAULT_PLANTS = ("real", "gate")
 COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_rmse_m_s", "velocity m/s", 1.0, 4),
            ("heading_deg", "heading deg", 1.0, 3), ("divergence_percent", "> 0.5 m %", 1.0, 3),
@@ -27,7 +29,8 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @shared_options()
 @click.option("--plant", "plants", multiple=True, metavar="NAME",
               help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
-                   "simulated: an ensemble of plants. May repeat. Default: real and gate.")
+                   "simulated: an ensemble of plants; mismatch: plants unlike what controllers are told. May repeat. "
+                   "Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
               help="Of real flights: as-published or clean; may repeat. Default: both.")
 @click.option("--controller", "controllers", multiple=True, metavar="NAME",
@@ -38,24 +41,33 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @click.option("--train", multiple=True, type=PATH, metavar="PATH",
               help="Identify the plant from these recordings; may repeat.")
 @click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",
-              help="Simulated: a family of paths such as figure8; may repeat. Default: the eight recorded ones.")
+              help="Simulated: a family of paths such as figure8; may repeat. Default: all; for mismatch figure8, "
+                   "star, linear_ramp.")
 @click.option("--speed", "speeds", multiple=True, type=click.FloatRange(min=0.05, max=5.0), metavar="M_S",
               help="Simulated: speed along the path [m/s]; may repeat. Default: 0.5 and 1.0.")
 @click.option("--seconds", type=click.FloatRange(min=5.0, max=600.0), default=12.0, show_default=True,
               help="Simulated: length of every path, of which the first 3 s are not scored.")
 @click.option("--plants", "members", type=click.IntRange(min=1), default=12, show_default=True, metavar="N",
               help="Simulated: how many plants; the first is the median one.")
+@click.option("--radio-delay-s", type=click.FloatRange(min=0.0, max=0.1), default=0.0, show_default=True, metavar="S",
+              help="Simulated: delay of the radio. Commands of controllers that are not on board reach the motors so "
+                   "late, and these are told; references reach those on board so late.")
+@click.option("--wind", "wind_m_s", type=click.FloatRange(min=0.0, max=10.0), default=0.0, show_default=True,
+              metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
+@click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
+              help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")
 def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...], controllers: tuple[str, ...],
             simulator: Path | None, train: tuple[Path, ...], trajectories: tuple[str, ...], speeds: tuple[float, ...],
-            seconds: float, members: int) -> int:
+            seconds: float, members: int, radio_delay_s: float, wind_m_s: float, gain_files: tuple[Path, ...]) -> int:
     """Task 2: how well was it flown, and how would another controller fly it?
 
     real: as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
     family, speed and controller. gate: does the plant do what held-out recordings did? simulated: controllers on many
     plants that the vehicle may be, with the gate's gap beside every number.
     """
+    from ..practice.references import FAMILIES
     from ..protocols import task2
-    from .control_plants import Chosen, check_simulated, gate_body, simulated_body
+    from .control_plants import Chosen, check_simulated, gate_body, given_gains, mismatch_body, simulated_body
 
     wanted = tuple(dict.fromkeys(plants or DEFAULT_PLANTS))
     for name in wanted:
@@ -65,22 +77,30 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
         task2.check_protocol(name)
     if simulator is not None and train:
         raise UsageError("--simulator and --train both choose the plant; give one")
-    specs = check_simulated(controllers if "simulated" in wanted else (), trajectories, speeds, seconds)
+    flies = bool({"simulated", "mismatch"} & set(wanted))
+    gains = given_gains(options, gain_files)
+    specs = check_simulated([*controllers, *gains] if flies else (), trajectories or list(FAMILIES), speeds, seconds)
     chosen = Chosen.of(options, simulator, train)
     body: dict[str, Any] = {"gate": [], "rows": [], "left_out": []}
     if {"real", "gate"} & set(wanted):
         flights = options.load()
         audits, _ = options.audit(flights)
         if "real" in wanted:
-            body |= _real(options, flights, audits, protocols, controllers if wanted != ("simulated",) else (),
-                          "simulated" in wanted)
+            body |= _real(options, flights, audits, protocols, controllers,
+                          flies)
         if "gate" in wanted:
             seen, judged = options.on_clock(flights, audits)
             body |= gate_body(options, seen, judged, chosen, asked="gate" in plants)
     if "simulated" in wanted:
-        simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"))
+        simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"),
+                                   radio_delay_s, wind_m_s, gains)
         body["rows"] = [*body["rows"], *simulated.pop("rows")]
         body |= simulated
+    if "mismatch" in wanted:
+        unlike = check_simulated((), trajectories or MODERATE, speeds, seconds)
+        found = mismatch_body(options, chosen, controllers, unlike, gains)
+        body["rows"] = [*body["rows"], *found.pop("rows")]
+        body |= found
     return options.finish("control", body)
 
 

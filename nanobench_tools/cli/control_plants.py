@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, UsageError
+from .control_tables import show_mismatch, show_simulated
 from .options import Options, one_line
 from .show import data_word
 
@@ -85,6 +86,19 @@ def shipped_gate() -> dict[str, Any]:
 
     found = tomllib.loads(resources.files("controllers").joinpath(SHIPPED_GATE).read_text(encoding="utf-8"))
     found["trained"] = tuple((float(a), float(b)) for a, b in found["trained"])
+    return found
+
+
+def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, float]]:
+    """{controller: gains} of files that ``tune`` wrote."""
+    from controllers.gains import read_gains
+
+    found: dict[str, dict[str, float]] = {}
+    for path in files:
+        name, gains = read_gains(path)
+        if name in found:
+            raise UsageError(f"--gains {path}: gains of {name} are given twice")
+        found[name] = gains
     return found
 
 
@@ -181,26 +195,65 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
 
 
 def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
-                   summary: Mapping[str, Any] | None) -> dict[str, Any]:
-    """{rows, error_bar, simulated_plant}: every controller (all registered ones without ``names``) on the ensemble."""
+                   summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
+                   gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
+    """{rows, flights, error_bar, simulated_plant}: every controller (all registered ones without ``names``) on the
+    ensemble, and with its ``gains`` too where some are given. One item per controller and family."""
     from controllers.simulated import fly_controller
 
     from ..harness import make_item
     from ..protocols.simulated import tabulate
-    from ..registry import names as registered
 
     bar = error_bar(options, chosen, summary)
-    wanted = list(dict.fromkeys(names or registered("controllers")))
-    items = [make_item(fly_controller, {"name": name, "specs": list(specs), "simulator": chosen.simulator,
-                                        "plants": members, "seed": options.seed, "draws": chosen.draws},
-                       f"simulated {name}", file=name) for name in wanted]
-    values = options.run(items, "simulated").values
-    results = [values[item.key] for item in items if item.key in values]
-    if not results and not options.failed:
+    families = [[spec for spec in specs if spec.family == name] for name in dict.fromkeys(s.family for s in specs)]
+    items = {(name, tuned is not None, k): make_item(
+        fly_controller, {"name": name, "specs": same, "simulator": chosen.simulator, "plants": members,
+                         "seed": options.seed, "draws": chosen.draws, "disturbed": k == 0, "radio_s": radio_s,
+                         "wind_m_s": wind_m_s, "gains": tuned},
+        f"simulated {name}{' tuned' if tuned is not None else ''} {same[0].family}", file=name)
+        for name, tuned in _versions(names, gains) for k, same in enumerate(families)}
+    values = options.run(list(items.values()), "simulated").values
+    rows, flights = [], []
+    for (_, _, k), item in items.items():
+        found = values.get(item.key)
+        if found is None:
+            continue
+        rows += tabulate([found], families[k], bar)
+        flights += [{"controller": found["controller"], "reference": spec.family,
+                     "speed_m_s": spec.params.get("speed_mps"), **path}
+                    for spec, path in zip(families[k], found["paths"], strict=True)]
+    for row in rows:
+        row["radio_delay_s"], row["wind_m_s"] = radio_s, wind_m_s
+    if not rows and not options.failed:
         raise UsageError("no controller to fly")
-    rows = tabulate(results, specs, bar)
-    _show_simulated(options, rows, bar)
-    return {"rows": rows, "error_bar": bar, "simulated_plant": chosen.origin}
+    show_simulated(options, rows, bar, radio_s, wind_m_s)
+    return {"rows": rows, "flights": flights, "error_bar": bar, "simulated_plant": chosen.origin}
+
+
+def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | None,
+              ) -> list[tuple[str, dict[str, float] | None]]:
+    """(controller, gains): each as it is, and those with gains again with these."""
+    from ..registry import names as registered
+
+    wanted = list(dict.fromkeys([*(names or registered("controllers")), *(gains or {})]))
+    return [(name, None) for name in wanted] + [(name, dict(found)) for name, found in (gains or {}).items()]
+
+
+def mismatch_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
+                  gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
+    """{rows, mismatch_plant}: every controller on plants that differ from what it was told in one thing each."""
+    from controllers.simulated import fly_mismatched
+
+    from ..harness import make_item
+    from ..protocols.simulated import tabulate_cases
+
+    items = [make_item(fly_mismatched, {"name": name, "specs": list(specs), "simulator": chosen.simulator,
+                                        "seed": options.seed, "gains": tuned}, f"mismatch {name}", file=name)
+             for name, tuned in _versions(names, gains)]
+    values = options.run(items, "mismatch").values
+    rows = [row for item in items if item.key in values for row in tabulate_cases(values[item.key], specs)]
+    show_mismatch(options, rows)
+    return {"rows": rows, "mismatch_plant": chosen.origin}
 
 
 def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, Any] | None) -> dict[str, Any] | None:
@@ -214,30 +267,3 @@ def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, Any] | Non
         return None
     return {"rmse_share": found["ratio_off_median"], "rmse_share_p90": found["ratio_off_p90"],
             "path_gap_m": found["path_gap_median_m"], "n": found["n"], "of": where}
-
-
-def _show_simulated(options: Options, rows: Sequence[Mapping[str, Any]], bar: Mapping[str, Any] | None) -> None:
-    from rich import box
-    from rich.table import Table
-
-    off = "no gate" if bar is None else f"± {100.0 * bar['rmse_share']:.0f} % by the gate of {bar['n']} flights"
-    table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off})", title_justify="left",
-                  box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("reference", "m/s", "told", "controller", "n"):
-        table.add_column(head, no_wrap=True)
-    for head in ("RMSE m", "worst decile m", "lag removed m", "contour m", "> 0.5 m %", "at cap %", "p99 ms"):
-        table.add_column(head, justify="right")
-    for row in sorted(rows, key=lambda r: (r["reference"], r["speed_m_s"] or 0.0, r["metrics"]["rmse_m"])):
-        m = row["metrics"]
-        around = f"{m['rmse_m']:.3f}" + ("" if bar is None else f" ± {m['rmse_m'] * bar['rmse_share']:.3f}")
-        table.add_row(row["reference"], "-" if row["speed_m_s"] is None else f"{row['speed_m_s']:g}",
-                      row["information"], one_line(row["controller"]), str(row["n"]), around,
-                      f"{m['worst_decile_m']:.3f}", f"{m['rmse_lag_removed_m']:.3f}", f"{m['contour_rmse_m']:.3f}",
-                      f"{m['divergence_percent']:.1f}", f"{m['saturated_percent']:.1f}", f"{m['solve_p99_ms']:.3f}")
-    options.show(table)
-    for row in rows:
-        for what in ("gust", "outage"):
-            if what in row:
-                most, back = row[what]["most_m"], row[what]["back_s"]
-                options.show(f"{one_line(row['controller'])}, {row['reference']}, {what}: {most['median']:.2f} m away "
-                             f"(worst decile {most['p90']:.2f}), back within 5 cm after {back['median']:.1f} s")

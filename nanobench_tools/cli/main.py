@@ -30,6 +30,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "noise": ("Noise of gyro and accelerometer, at rest and in flight.",
               "nanobench noise --data FLIGHTS --out DIR"),
     "control": ("Task 2: how well was it flown? Scores of controllers.", "nanobench control --plant real"),
+    "tune": ("Search a controller's gains; judged on plants and paths not searched on.",
+             "nanobench tune --controller geometric --budget 60 --out tuned"),
     "diagnose": ("Where is my simulator wrong? What, how big, how sure.",
                  "nanobench diagnose --data FLIGHTS --simulator simulator.toml --out DIR"),
     "prove": ("Blind cases for diagnose: sealed, diagnosed, opened, scored.",

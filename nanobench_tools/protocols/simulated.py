@@ -24,6 +24,8 @@ SPEEDS_M_S = (0.5, 1.0)
 AHEAD_S = 3.0
 """Known of a path beyond its end."""
 LIMIT_M, BACK_M = 50.0, 0.05
+SAMPLED = 5
+"""Every so many ticks of a flight are kept for pictures."""
 MOST_LAG_S = 1.0
 LOST_M = 2.0
 """A vehicle further from its path is lost: it has diverged for good."""
@@ -133,6 +135,19 @@ def _contour(position: np.ndarray, goal: np.ndarray) -> np.ndarray:
     return tracking.contour_errors(_bounded(position), goal)
 
 
+def sampled(flown: Any, paths: Paths, plants: int) -> list[dict[str, Any]]:
+    """Of every path the flight of the median plant at 20 Hz: {time_s, reference_m, flown_m, error_m}."""
+    found = []
+    for k in range(len(paths.specs)):
+        rows = slice(round(HOVER_S / TICK_S), paths.scored(k).stop, SAMPLED)
+        goal, flew = paths.all[0][rows, k], _bounded(flown.position_m[rows, k * plants])
+        away = tracking.position_errors(flew, goal)
+        found.append({"time_s": np.round(paths.time_s[rows] - HOVER_S, 3).tolist(),
+                      "reference_m": np.round(goal, 4).tolist(), "flown_m": np.round(flew, 4).tolist(),
+                      "error_m": np.round(away, 5).tolist()})
+    return found
+
+
 def recovery(bent_m: np.ndarray, calm_m: np.ndarray, time_s: np.ndarray, begin_s: float) -> list[dict[str, float]]:
     """Of every plant: how far a disturbance begun at begin_s took it from its undisturbed flight [m], and how long
     until it was back within BACK_M for good [s] (nan: not in this flight). Both (m, n, 3) at time_s (m,)."""
@@ -176,6 +191,15 @@ def tabulate(results: Sequence[Mapping[str, Any]], specs: Sequence[PathSpec],
                                  for name, v in table.items()}
             rows.append(row)
     return rows
+
+
+def tabulate_cases(result: Mapping[str, Any], specs: Sequence[PathSpec]) -> list[dict[str, Any]]:
+    """Rows {plant: mismatch, case, controller, reference, speed_m_s, information, n: 1, metrics} of one controller on
+    plants that are each something else than it was told."""
+    return [{"plant": "mismatch", "case": case, "controller": result["controller"], "reference": spec.family,
+             "speed_m_s": spec.params.get("speed_mps"), "information": result["information"], "n": 1,
+             "metrics": {**result["runs"][k][i], "worst_decile_m": result["runs"][k][i]["rmse_m"]}}
+            for i, case in enumerate(result["cases"]) for k, spec in enumerate(specs)]
 
 
 def _quantile(values: np.ndarray, share: float) -> float:

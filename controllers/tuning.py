@@ -1,0 +1,98 @@
+"""Search for gains on an ensemble of plants, and whether what was found is better on plants and paths not seen.
+
+The covariance matrix adaptation evolution strategy (Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package
+``cma``) proposes, on the logarithms of the gains. What is made small is the mean logarithm of the RMSE over plants and
+paths, a lost vehicle counting as LOST_M; half of the plants have a radio that is later than controllers are told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import MissingExtraError
+from nanobench_tools.physics.simulator import loads
+from nanobench_tools.practice.references import PathSpec
+from nanobench_tools.protocols.simulated import Paths, score
+
+from .ensemble import Ensemble, draw
+from .gains import Gain
+from .mismatch import LATE_S
+from .simulated import flown, made
+
+LOST_M = 4.0
+STEP = 0.15
+"""First spread of the search, of the range of a gain."""
+DRAWN = 4000
+SHARE = 0.95
+
+
+def plants_of(simulator: str, plants: int, seed: int, radio_s: float,
+              draws: tuple[tuple[str, ...], np.ndarray] | None = None) -> Ensemble:
+    """Of ``draw``; every second one's radio is LATE_S later than is told."""
+    crowd = draw(simulator, plants, seed, draws, radio_s)
+    return replace(crowd, radio_s=radio_s + LATE_S * (np.arange(plants) % 2))
+
+
+def evaluate(name: str, gains: Mapping[str, float], specs: Sequence[PathSpec], simulator: str, plants: int, seed: int,
+             radio_s: float, draws: tuple[tuple[str, ...], list[list[float]]] | None = None) -> dict[str, Any]:
+    """{rmse_m, contour_m, lost: [of every path: [of every plant]]} of a controller with these gains."""
+    known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
+    crowd = plants_of(simulator, plants, seed, radio_s, known)
+    controller, paths = made(name, loads(simulator), radio_s, gains), Paths(tuple(specs))
+    runs = score(flown(controller, paths, crowd), paths, plants, controller.period_s)
+    return {"rmse_m": [[one["rmse_m"] for one in path] for path in runs],
+            "contour_m": [[one["contour_rmse_m"] for one in path] for path in runs],
+            "lost": [[one["lost_percent"] > 0.0 for one in path] for path in runs]}
+
+
+def logs(found: Mapping[str, Any]) -> np.ndarray:
+    """(paths, plants) logarithm of the RMSE, LOST_M for a vehicle that is lost."""
+    rmse = np.nan_to_num(np.array(found["rmse_m"], float), nan=LOST_M)
+    return np.log(np.clip(np.where(np.array(found["lost"], bool), LOST_M, rmse), 1e-4, LOST_M))
+
+
+def search(tunable: Mapping[str, Gain], run: Callable[[list[dict[str, float]]], list[float]], budget: int,
+           seed: int) -> tuple[dict[str, float], list[dict[str, Any]]]:
+    """(best gains, every trial {gains, objective}) of about ``budget`` trials; ``run`` gives objectives of candidates.
+
+    The first trial is the values as they are. The same seed proposes the same, so that a search whose trials are kept
+    goes on where it was killed. Raises MissingExtraError without ``cma``.
+    """
+    try:
+        import cma
+    except ImportError:
+        raise MissingExtraError("cma", "tune") from None
+    names = list(tunable)
+    low, high = (np.log([getattr(tunable[n], end) for n in names]) for end in ("low", "high"))
+    start = {n: tunable[n].value for n in names}
+    trials = [{"gains": start, "objective": run([start])[0]}]
+    middle = (np.log([tunable[n].value for n in names]) - low) / (high - low)
+    # its seed 0 would mean the clock
+    found = cma.CMAEvolutionStrategy(middle, STEP, {"bounds": [0.0, 1.0], "seed": seed + 1, "verbose": -9})
+    while len(trials) < budget:
+        asked = found.ask()[:budget - len(trials)]
+        many = [dict(zip(names, np.exp(low + x * (high - low)).round(8).tolist(), strict=True)) for x in asked]
+        objectives = run(many)
+        trials += [{"gains": g, "objective": o} for g, o in zip(many, objectives, strict=True)]
+        if len(trials) < budget:
+            found.tell(asked, objectives)
+    best = min(trials, key=lambda trial: trial["objective"])
+    return best["gains"], trials
+
+
+def compared(before: Mapping[str, Any], after: Mapping[str, Any], seed: int = 0) -> dict[str, Any]:
+    """Whether ``after`` is better, on the same paths and plants: {ratio, ci95, better, lost_before, lost_after, paths,
+    plants}. ratio is the geometric mean of RMSE after over before; its interval draws paths and plants anew, both
+    whole (Owen 2007, doi:10.1214/07-AOAS122). Better means all of it below 1 and no more vehicles lost."""
+    change = logs(after) - logs(before)
+    rng, (paths, plants) = np.random.default_rng(seed), change.shape
+    means = np.array([change[rng.integers(paths, size=paths)][:, rng.integers(plants, size=plants)].mean()
+                      for _ in range(DRAWN)])
+    ends = np.exp(np.quantile(means, [0.5 - SHARE / 2, 0.5 + SHARE / 2])).tolist()
+    lost = [int(np.sum(np.array(found["lost"], bool))) for found in (before, after)]
+    return {"ratio": float(np.exp(change.mean())), "ci95": ends, "better": ends[1] < 1.0 and lost[1] <= lost[0],
+            "lost_before": lost[0], "lost_after": lost[1], "paths": paths, "plants": plants}

@@ -1,0 +1,170 @@
+"""``nanobench tune``: gains of a controller, searched on some plants and paths and judged on others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import UsageError
+from ..harness.progress import Progress, Task
+from .options import PATH, Options, one_line, shared_options
+
+if TYPE_CHECKING:
+    from ..harness import Item, RunResult
+    from ..practice.references import PathSpec
+
+TRAINED = ("circle", "oval", "helix", "minimum_snap")
+JUDGED = ("figure_eight", "star", "trefoil", "lissajous", "linear_ramp", "staircase_climb")
+SEED_APART = 1000
+"""Between the seeds of the plants that train and those that judge."""
+
+
+@click.command()
+@shared_options("data", "columns")
+@click.option("--controller", required=True, metavar="NAME", help="A registered name or module:Class with gains.")
+@click.option("--plant", type=click.Choice(["simulated"]), default="simulated", show_default=True,
+              help="What it is tuned on: an ensemble of plants about the simulator.")
+@click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the plant. Default: as shipped.")
+@click.option("--train", multiple=True, type=PATH, metavar="PATH",
+              help="Identify the plant from these recordings; may repeat.")
+@click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",
+              help=f"A family to search on; may repeat. Default: {', '.join(TRAINED)}.")
+@click.option("--judge", "judges", multiple=True, metavar="NAME",
+              help=f"A family to judge on; may repeat. Default: those of {', '.join(JUDGED)} that are not searched on.")
+@click.option("--speed", "speeds", multiple=True, type=click.FloatRange(min=0.05, max=5.0), metavar="M_S",
+              help="Speed along the paths [m/s]; may repeat. Default: 0.5 and 1.0.")
+@click.option("--seconds", type=click.FloatRange(min=7.0, max=600.0), default=7.5, show_default=True,
+              help="Length of every path, of which the first 3 s are not scored.")
+@click.option("--plants", type=click.IntRange(min=2), default=4, show_default=True, metavar="N",
+              help="Plants to search on; twice as many others judge.")
+@click.option("--radio-delay-s", type=click.FloatRange(min=0.0, max=0.1), default=0.03, show_default=True, metavar="S",
+              help="Delay of the radio; every second plant's is 20 ms longer than controllers are told.")
+@click.option("--budget", type=click.IntRange(min=2), default=60, show_default=True, metavar="N",
+              help="Trials, each of all paths on all plants.")
+def tune(options: Options, controller: str, plant: str, simulator: Path | None, train: tuple[Path, ...],
+         trajectories: tuple[str, ...], judges: tuple[str, ...], speeds: tuple[float, ...], seconds: float,
+         plants: int, radio_delay_s: float, budget: int) -> int:
+    """Searches gains or weights of a controller on an ensemble of plants.
+
+    Judged on other plants and other families of paths, both whole: better is said only if the interval of the ratio
+    says so. Writes gains_CONTROLLER.toml to --out, which control --gains reads. A killed search goes on.
+    """
+    from controllers.gains import dumps
+    from controllers.simulated import made, settled_s
+    from controllers.tuning import compared, evaluate
+
+    from ..harness.results import write_bytes
+    from ..physics.simulator import loads
+    from ..protocols.simulated import specs_of
+    from .control_plants import Chosen
+
+    if simulator is not None and train:
+        raise UsageError("--simulator and --train both choose the plant; give one")
+    searched = specs_of(trajectories or TRAINED, speeds, seconds)
+    families = {spec.family for spec in searched}
+    judged = specs_of(judges or [name for name in JUDGED if name not in families], speeds, seconds)
+    both = sorted(families & {spec.family for spec in judged})
+    if both or not judged:
+        raise UsageError(f"--judge {', '.join(both) or 'nothing'}: a family that was searched on cannot judge; "
+                         "give others")
+    settled_s([*searched, *judged])
+    chosen = Chosen.of(options, simulator, train)
+    tunable = getattr(made(controller, loads(chosen.simulator)), "tunable", None)
+    if not tunable:
+        raise UsageError(f"controller {controller} has no gains to tune; it flies as it is")
+
+    def item(gains: Mapping[str, float], specs: Sequence[PathSpec], count: int, seed: int, what: str) -> Item:
+        from ..harness import make_item
+
+        return make_item(evaluate, {"name": controller, "gains": dict(gains), "specs": list(specs),
+                                    "simulator": chosen.simulator, "plants": count, "seed": seed,
+                                    "radio_s": radio_delay_s, "draws": chosen.draws}, what, file=controller)
+
+    best, trials = _searched(options, tunable, budget,
+                             lambda gains: item(gains, searched, plants, options.seed + SEED_APART, "trial"))
+    start = {name: gain.value for name, gain in tunable.items()}
+    items = [item(gains, judged, 2 * plants, options.seed, f"judge {word}") for gains, word in ((start, "before"),
+                                                                                               (best, "after"))]
+    result = options.run(items, "judge")
+    if len(result.values) < len({one.key for one in items}):
+        return options.finish("tune", {"controller": controller, "trials": trials, "gains": best})
+    before, after = (result.values[one.key] for one in items)
+    found = compared(before, after, options.seed)
+    said = {"better": found["better"], "ratio": found["ratio"], "ci95": found["ci95"], "trials": len(trials),
+            "searched": sorted(families), "judged": sorted({spec.family for spec in judged}),
+            "plants": chosen.origin, "radio_delay_s": radio_delay_s, "seed": options.seed}
+    if options.out is not None:
+        path = options.out / f"gains_{controller.replace(':', '.')}.toml"
+        write_bytes(path, dumps(controller, best, tunable, said).encode())
+        said["file"] = str(path)
+    _show(options, controller, judged, before, after, found, said)
+    rows = [{"reference": spec.family, "speed_m_s": spec.params.get("speed_mps"), "before_m": before["rmse_m"][k],
+             "after_m": after["rmse_m"][k], "lost_before": before["lost"][k], "lost_after": after["lost"][k]}
+            for k, spec in enumerate(judged)]
+    return options.finish("tune", {"controller": controller, "before": start, "gains": best, "rows": rows,
+                                   "verdict": {**found, **said}, "trials": trials})
+
+
+class _Within(Progress):
+    """Steps of one generation as steps of the whole search."""
+
+    def __init__(self, step: Task, done: int) -> None:
+        super().__init__(quiet=True)
+        self._step, self._done = step, done
+
+    @contextmanager
+    def task(self, label: str, total: int) -> Iterator[Task]:
+        yield lambda done, failed=0, total=None: self._step(self._done + done)
+
+
+def _searched(options: Options, tunable: Mapping[str, Any], budget: int, item: Any) -> tuple[dict[str, float], list]:
+    """Best gains and all trials; one that fails counts as one that loses every vehicle."""
+    import numpy as np
+
+    from controllers.tuning import LOST_M, logs, search
+
+    from ..harness import run_items
+
+    done = 0
+    with options.progress.task("tune", budget) as step:
+        def run(many: list[dict[str, float]]) -> list[float]:
+            nonlocal done
+            items = [item(gains) for gains in many]
+            result: RunResult = run_items(items, options.store, options.jobs, options.scheduler, _Within(step, done))
+            done += len(items)
+            if done == 1 and result.failed:
+                raise UsageError(result.failed[0]["error"])
+            return [float(logs(result.values[one.key]).mean()) if one.key in result.values else float(np.log(LOST_M))
+                    for one in items]
+
+        return search(tunable, run, budget, options.seed)
+
+
+def _show(options: Options, controller: str, judged: Sequence[PathSpec], before: Mapping[str, Any],
+          after: Mapping[str, Any], found: Mapping[str, Any], said: Mapping[str, Any]) -> None:
+    import numpy as np
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=f"{one_line(controller)} tuned: SIMULATED flights of {found['plants']} plants and of families "
+                  "not searched on", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("reference", no_wrap=True)
+    for head in ("m/s", "RMSE before m", "after m", "worst plant before m", "after m", "lost before", "after"):
+        table.add_column(head, justify="right")
+    for k, spec in enumerate(judged):
+        b, a = np.array(before["rmse_m"][k], float), np.array(after["rmse_m"][k], float)
+        speed = spec.params.get("speed_mps")
+        table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
+                      f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before["lost"][k])), str(sum(after["lost"][k])))
+    options.show(table)
+    word = "better" if found["better"] else "not shown to be better"
+    options.show(f"{one_line(controller)} tuned is {word}: RMSE {found['ratio']:.3f} times what it was (95 % "
+                 f"{found['ci95'][0]:.3f} to {found['ci95'][1]:.3f}), {found['lost_before']} of "
+                 f"{found['paths'] * found['plants']} flights lost before, {found['lost_after']} after; "
+                 f"{said['trials']} trials")
+    if "file" in said:
+        options.show(one_line(f"gains: {said['file']}"))
