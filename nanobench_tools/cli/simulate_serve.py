@@ -130,6 +130,7 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
     """The vehicles, not yet served; their seeds follow one another."""
     from ..radio.simulated.channel import RadioOptions
     from ..radio.simulated.motion_capture import MocapOptions
+    from ..radio.simulated.onboard import Build
     from ..radio.simulated.server import SimulatedCrazyflie
 
     made = _vehicles(options, count, given)
@@ -142,7 +143,7 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
                              seed=seed)
         found.append(SimulatedCrazyflie(
             vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
-            positioning=bool(given["positioning"]), pace=given["pace"] or 1.0,
+            build=Build(positioning=bool(given["positioning"])), pace=given["pace"] or 1.0,
             report=functools.partial(_report, options, port + i)))
     return found
 

@@ -23,7 +23,7 @@ SIZE = _FORMAT.size
 
 class Pose(NamedTuple):
     """time_s: Unix time of the exposure on the host's clock. position_m (3,) world, z up; quaternion (4,) x, y, z, w,
-    body (FLU) to world. A pose in which the body was not seen is all nan behind the time."""
+    body (FLU) to world."""
 
     time_s: float
     position_m: np.ndarray

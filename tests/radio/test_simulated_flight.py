@@ -22,7 +22,7 @@ from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.plant import legs
 from nanobench_tools.practice.vehicle import OPEN_CIRCUIT, VEHICLE
 from nanobench_tools.radio.crtp import Packet
-from nanobench_tools.radio.simulated.onboard import Onboard
+from nanobench_tools.radio.simulated.onboard import Build, Onboard
 from nanobench_tools.radio.simulated.supervisor import State
 
 
@@ -118,7 +118,7 @@ class Flight:
 
     def __init__(self, **settings) -> None:
         self.vehicle = served(**settings)
-        self.onboard = Onboard(self.vehicle, positioning=True)
+        self.onboard = Onboard(self.vehicle, Build(positioning=True))
         self.onboard.advance(2000)
 
     def send(self, port: int, data: bytes, seconds: float, channel: int = 0) -> np.ndarray:
@@ -212,7 +212,7 @@ def test_a_weak_motor_is_felt_and_not_shown() -> None:
     model = loads(shipped_simulator()).with_term("motor_imbalance", g=(0.85, 1.05, 1.05, 1.05))
     flight = Flight.__new__(Flight)
     flight.vehicle = ServedVehicle(model)
-    flight.onboard = Onboard(flight.vehicle, positioning=True)
+    flight.onboard = Onboard(flight.vehicle, Build(positioning=True))
     flight.onboard.advance(2000)
     flight.hovering()
     motor = flight.vehicle.stabilizer.loop["motor"][0]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from still_vehicle import StillVehicle
 
 from nanobench_tools.radio.crtp import Packet, pack, parse
-from nanobench_tools.radio.simulated.onboard import Onboard
+from nanobench_tools.radio.simulated.onboard import Build, Onboard
 from nanobench_tools.radio.simulated.quaternion32 import compress, decompress
 from nanobench_tools.radio.simulated.toc import Contents
 
@@ -84,6 +84,14 @@ def test_both_tables_are_fetched_whole_and_hold_what_recordings_need(onboard: On
     assert params["pid_rate.roll_kp"][1] & 0x10
     assert params["firmware.revision0"][1] & 0x4F == 0x4A
     assert ask(onboard, 5, 0, struct.pack("<BH", 2, 9999)) == [b"\x02"]
+
+
+def test_a_build_may_lack_variables_and_speak_another_version() -> None:
+    whole = Onboard(StillVehicle())
+    other = Onboard(StillVehicle(), Build(protocol_version=3, without=("motor", "pm.vbat")))
+    assert ask(other, 13, 1, b"\0") == [struct.pack("<Bi", 0, 3)]
+    assert set(table(whole, 5)) - set(table(other, 5)) == {
+        "pm.vbat", *(f"motor.m{i}" for i in range(1, 5)), *(f"motor.m{i}req" for i in range(1, 5))}
 
 
 def test_the_checksum_changes_with_the_table() -> None:

@@ -38,7 +38,7 @@ class HighLevel:
 
     def __init__(self, memory: bytearray) -> None:
         self._memory, self.plan, self.group = memory, Plan.IDLE, 0
-        self.blocked = False
+        self.blocked, self.enabled = False, 0  # the second says nothing any more, but clients set it
         self.last = at_rest(np.zeros(3), 0.0)
         self._path: Path | None = None
         self._begin_ms = 0

@@ -22,11 +22,12 @@ def answer_link(packet: Packet) -> list[Packet]:
     return []
 
 
-def answer_platform(packet: Packet, arm: Callable[[bool], bool], recover: Callable[[], bool]) -> list[Packet]:
+def answer_platform(packet: Packet, arm: Callable[[bool], bool], recover: Callable[[], bool],
+                    protocol_version: int = PROTOCOL_VERSION) -> list[Packet]:
     """Port 13: versions, arming, getting up again after a crash."""
     command = packet.data[:1]
     if packet.channel == VERSION and command:
-        told = {0: PROTOCOL_VERSION.to_bytes(4, "little"), 1: FIRMWARE, 2: DEVICE}.get(command[0])
+        told = {0: protocol_version.to_bytes(4, "little"), 1: FIRMWARE, 2: DEVICE}.get(command[0])
         return [] if told is None else [Packet(Port.PLATFORM, VERSION, command + told)]
     if packet.channel != COMMAND or not command:
         return []

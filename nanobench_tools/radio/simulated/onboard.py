@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from . import commander, supervisor
 from .commander import Commander
 from .console import Console
 from .high_level import HighLevel
-from .link import answer_link, answer_platform
+from .link import PROTOCOL_VERSION, answer_link, answer_platform
 from .localization import Localization
 from .log import SILENCE_MS, Log, LogVariable
 from .log_table import stabilizer_variables
@@ -27,6 +29,8 @@ from .vehicle import Vehicle
 SLICE_MS = 10
 """The firmware's slow work (high-level commander, and every fourth time the supervisor) is done so often."""
 _META_NOTIFY_STOP = 0
+LAMPS = ("ring.effect", "led.bitmask", "sound.effect")
+"""Parameters of what nobody sees or hears here, which programs set."""
 
 
 class Sent(NamedTuple):
@@ -36,20 +40,28 @@ class Sent(NamedTuple):
     packet: Packet
 
 
+@dataclass(frozen=True)
+class Build:
+    """What is unusual about the firmware. positioning: a deck of its own tells the filter where the vehicle is, 100
+    times a second (else poses must come over the radio). protocol_version: what it says it speaks. without: log
+    variables, or whole groups, that it does not have."""
+
+    positioning: bool = False
+    protocol_version: int = PROTOCOL_VERSION
+    without: tuple[str, ...] = ()
+
+
 class Onboard:
-    """Services, commander and supervisor around a vehicle; ``tick_ms`` is the vehicle's clock.
+    """Services, commander and supervisor around a vehicle; ``tick_ms`` is the vehicle's clock."""
 
-    positioning: whether a deck of its own tells the filter where the vehicle is, 100 times a second (else poses must
-    come over the radio).
-    """
-
-    def __init__(self, vehicle: Vehicle, positioning: bool = False) -> None:
-        self.vehicle, self._positioning = vehicle, positioning
+    def __init__(self, vehicle: Vehicle, build: Build | None = None) -> None:
+        self.vehicle, self.build = vehicle, build or Build()
         s = vehicle.stabilizer
         self.console, self.memory, self.commander = Console(), Memory(), Commander()
         self.supervisor = Supervisor(self.console.say)
         self.high_level = HighLevel(self.memory.trajectory)
         self.rpyt = RollPitchYawThrust()
+        self.lamps = SimpleNamespace(**{name.replace(".", "_"): 0 for name in LAMPS})
         self.localization = Localization(s, self.supervisor.stop, self._feed_watchdog)
         self.selection = Selection(s, self.console.say, self.supervisor.stop)
         self.log, self.params = Log(self._log_variables()), Parameters(self._parameters())
@@ -59,7 +71,8 @@ class Onboard:
             Port.LINK: answer_link, Port.PARAM: self.params.answer, Port.MEMORY: self.memory.answer,
             Port.LOG: lambda p: self.log.answer(p, self.tick_ms),
             Port.HIGH_LEVEL: lambda p: self.high_level.answer(p, self.tick_ms),
-            Port.PLATFORM: lambda p: answer_platform(p, self.supervisor.arm, self.supervisor.recover),
+            Port.PLATFORM: lambda p: answer_platform(p, self.supervisor.arm, self.supervisor.recover,
+                                                     self.build.protocol_version),
         }
 
     @property
@@ -121,7 +134,7 @@ class Onboard:
         if now % supervisor.EVERY_MS == 0:
             seen = Seen(loop["acc_g"], self.commander.age_ms(now), int(loop["step"] - loop["motor_on_step"]))
             self.supervisor.update(seen, now)
-        if self._positioning:
+        if self.build.positioning:
             position, _, quaternion = self.vehicle.true_pose()
             self.vehicle.stabilizer.measure(position, quaternion, self.localization.position_sd_m,
                                             self.localization.attitude_sd_rad)
@@ -149,7 +162,8 @@ class Onboard:
         found["sys.isTumbled"] = LogVariable("u1", lambda: self.supervisor.tumbled)
         found["radio.rssi"] = LogVariable("u1", lambda: 45)
         found["radio.isConnected"] = LogVariable("u1", lambda: self.tick_ms - self._heard_ms < SILENCE_MS)
-        return dict(sorted(found.items()))
+        hidden = self.build.without
+        return {name: v for name, v in sorted(found.items()) if name not in hidden and name.split(".")[0] not in hidden}
 
     def _parameters(self) -> dict[str, Parameter]:
         where, mode = self.localization, self.rpyt.mode
@@ -158,12 +172,13 @@ class Onboard:
         found["locSrv.extPosStdDev"] = attribute(where, "position_sd_m", "f4")
         found["locSrv.extQuatStdDev"] = attribute(where, "attitude_sd_rad", "f4")
         found["supervisor.tmblChckEn"] = attribute(self.supervisor, "checks_tumbling", "u1")
-        found["commander.enHighLevel"] = constant(0, "u1")
+        found["commander.enHighLevel"] = attribute(self.high_level, "enabled", "u1")
         found["firmware.revision0"], found["firmware.revision1"] = constant(0x252B4134, "u4"), constant(0x1A07, "u2")
         found["firmware.modified"] = constant(0, "u1")
         for i in range(3):
             found[f"cpu.id{i}"] = constant(0x4E42 + i, "u4")
-        found["deck.bcLighthouse4"] = constant(int(self._positioning), "u1")
+        found["deck.bcLighthouse4"] = constant(int(self.build.positioning), "u1")
+        found |= {name: attribute(self.lamps, name.replace(".", "_"), "u1", True) for name in LAMPS}
         for deck in ("bcFlow2", "bcDWM1000", "bcUSD", "bcMultiranger", "bcLoco"):
             found[f"deck.{deck}"] = constant(0, "u1")
         return dict(sorted(found.items()))

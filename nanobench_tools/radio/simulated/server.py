@@ -14,6 +14,7 @@ from ..crtp import NULL, Port, parse
 from ..pose_datagram import PORT_OFFSET, SUBSCRIPTION_S
 from .channel import RadioOptions
 from .motion_capture import MocapOptions
+from .onboard import Build
 from .simulation import Simulation
 from .supervisor import State
 from .vehicle import Vehicle
@@ -32,19 +33,19 @@ Address = tuple[str, int]
 class SimulatedCrazyflie:
     """A vehicle that is served at ``uri`` from ``start`` to ``stop``, or within a ``with``.
 
-    port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock.
-    positioning: a deck of its own tells the vehicle where it is. pace: seconds of the vehicle's world in one of the
-    host. report: is told in one line what happens to clients.
+    port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock. build:
+    what is unusual about its firmware (a positioning deck, another protocol version). pace: seconds of the vehicle's
+    world in one of the host. report: is told in one line what happens to clients.
     With ``own_clock`` there is no thread and no socket: time passes in ``advance``.
     ``start`` raises InputError when an address cannot be had.
     """
 
     def __init__(self, vehicle: Vehicle, host: str = "127.0.0.1", port: int = 0, *, radio: RadioOptions | None = None,
-                 mocap: MocapOptions | None = None, drift_ppm: float = 0.0, positioning: bool = False,
+                 mocap: MocapOptions | None = None, drift_ppm: float = 0.0, build: Build | None = None,
                  pace: float = 1.0, own_clock: bool = False, report: Callable[[str], None] = lambda line: None) -> None:
         self._host, self._port, self._report, self._own_clock, self._pace = host, port, report, own_clock, pace
         self._make = lambda start_s: Simulation(vehicle, start_s, radio or RadioOptions(), mocap or MocapOptions(),
-                                                drift_ppm, positioning=positioning)
+                                                drift_ppm, build)
         self.simulation = self._make(0.0)
         self._client: Address | None = None
         self._heard_s = 0.0

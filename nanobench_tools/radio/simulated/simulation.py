@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..crtp import Packet, pack, parse
 from .channel import Channel, RadioOptions, repeated
 from .motion_capture import MocapOptions, MotionCapture
-from .onboard import SLICE_MS, Onboard
+from .onboard import SLICE_MS, Build, Onboard
 from .vehicle import Vehicle
 
 
@@ -16,8 +16,8 @@ class Simulation:
     """
 
     def __init__(self, vehicle: Vehicle, start_s: float, radio: RadioOptions, mocap: MocapOptions,
-                 drift_ppm: float = 0.0, *, positioning: bool = False) -> None:
-        self.onboard, self._positioning = Onboard(vehicle, positioning), positioning
+                 drift_ppm: float = 0.0, build: Build | None = None) -> None:
+        self.onboard = Onboard(vehicle, build)
         self.up: Channel[Packet] = Channel(radio, 1, limited=False)
         self.down: Channel[Packet] = Channel(radio, 2, limited=True)
         self.mocap = MotionCapture(mocap, start_s)
@@ -27,9 +27,9 @@ class Simulation:
 
     def restart(self) -> None:
         """The vehicle is put back and switched on again; nothing is on the air."""
-        vehicle = self.onboard.vehicle
+        vehicle, build = self.onboard.vehicle, self.onboard.build
         vehicle.restart()
-        self.onboard = Onboard(vehicle, self._positioning)
+        self.onboard = Onboard(vehicle, build)
         self.up.clear()
         self.down.clear()
         self._start_s, self._start_ms = self.time_s, self.onboard.tick_ms
