@@ -143,7 +143,10 @@ class Flight:
                     self._enter(phase, due)
                 if phase == LANDING:
                     return self._land()
-                stop = self._stream(time_s) if phase != TAKEOFF else self._tell(time_s, None)
+                if phase == TAKEOFF:
+                    self._tell(time_s, None)
+                else:
+                    stop = self._stream(time_s)
             if self._hung is not None:
                 return self._hung
             if stop is not None:
@@ -213,7 +216,8 @@ class Flight:
         self.pacer.sent(self._now.call_s)
         if self._setpoint is not None:
             self._setpoint(self.clock.now(), packet)
-        return self._tell(time_s, asked.position_m[0], float(asked.yaw_rad[0]))
+        self._tell(time_s, asked.position_m[0], float(asked.yaw_rad[0]))
+        return None
 
     def _tell(self, time_s: float, asked_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
         for listener in self._listeners:

@@ -71,7 +71,8 @@ class CflibLink:
 
         self.uri, self.lost, self.heard_s, self._clock = uri, "", 0.0, clock
         self.round_trips_s: deque[float] = deque(maxlen=50)
-        self.values: dict[str, float] = {}
+        self._last: dict[str, float] = {}
+        self.values: Mapping[str, float] = self._last
         self.blocks: list[Block] = []
         self.on_log: LogSink | None = None
         self.on_echo: Callable[[float, float], None] | None = None
@@ -176,7 +177,7 @@ class CflibLink:
             self.on_log(number, now, data[1:])
         layout, block = self._layouts[number], self.blocks[number]
         if len(data) == 4 + layout.size:
-            self.values.update(zip(block.variables, layout.unpack_from(data, 4), strict=True))
+            self._last.update(zip(block.variables, layout.unpack_from(data, 4), strict=True))
 
     # -- what is seen of the link
 

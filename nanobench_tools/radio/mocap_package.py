@@ -52,7 +52,8 @@ class PackageMocap:
                 sink(_pose(now, system.rigidBodies.get(self.body)))
                 self._ready.set()
         except Exception as error:  # other people's code; without poses the flight ends by itself
-            self._error = f"{type(error).__name__}: {error}"
+            if not self._ready.is_set():
+                self._error = f"{type(error).__name__}: {error}"
             self._ready.set()
 
     def setpoint(self, time_s: float, said: dict[str, object]) -> None:

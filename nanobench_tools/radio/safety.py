@@ -150,7 +150,7 @@ class Speed:
 
 
 class LowBattery:
-    """The mean of the last second is low: single dips under load are none."""
+    """The mean of the last second is low: single dips under load are none. The first second is not judged."""
 
     name = "low battery"
     MEAN_S = 1.0
@@ -158,13 +158,15 @@ class LowBattery:
     def __init__(self, least_V: float) -> None:
         self.least_V = least_V
         self._mean_V: float | None = None
-        self._time_s = 0.0
+        self._time_s = self._known_s = 0.0
 
     def check(self, now: Situation) -> str:
         step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
-        share = 1.0 if self._mean_V is None else min(step / self.MEAN_S, 1.0)
         old = now.battery_V if self._mean_V is None else self._mean_V
-        self._mean_V = old + share * (now.battery_V - old)
+        self._known_s += 0.0 if self._mean_V is None else step
+        self._mean_V = old + min(step / self.MEAN_S, 1.0) * (now.battery_V - old)
+        if self._known_s < self.MEAN_S and np.isfinite(now.battery_V):
+            return ""
         return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}" if not self._mean_V >= self.least_V else ""
 
 

@@ -1,0 +1,233 @@
+"""Every rule, by a fault injected into link, motion capture or controller: held, landed, and told why."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from toy_vehicle import Toy
+
+from nanobench_tools import so3
+from nanobench_tools.errors import UsageError
+from nanobench_tools.radio import fly_setpoints
+from nanobench_tools.radio.fly import Flight
+from nanobench_tools.radio.fly_clock import HostClock
+from nanobench_tools.radio.fly_loop import Guardian
+from nanobench_tools.radio.fly_pilot import OnboardPilot
+from nanobench_tools.radio.safety import Limits, LowBattery, Situation
+from nanobench_tools.radio.safety_handover import place_to_hold
+
+IN_PATH = 109.0
+
+
+class Notes:
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def tick(self, *what: object) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        self.said.append(text)
+
+
+def flown(toy: Toy, pilot=None, limits: Limits | None = None) -> tuple:
+    notes = Notes()
+    flight = Flight(toy, toy.track, pilot or OnboardPilot("pid", 1), toy.ready(), limits or Limits(), toy, (notes,))
+    return flight.run(), notes
+
+
+def landed(toy: Toy) -> bool:
+    return toy.place[2] < 0.05 and not toy.motors and "land" in [w for _, w in toy.told]
+
+
+def test_a_flight_without_faults_flies_its_plan_and_lands():
+    toy = Toy()
+    outcome, _ = flown(toy)
+    assert outcome.stop is None
+    assert [name for name, _ in outcome.phases] == [
+        "ground", "take-off", "hover", "approach", "fade-in", "path", "fade-out", "hover at end", "landing", "landed"]
+    assert landed(toy)
+    assert outcome.beat.missed == 0
+
+
+def failing(toy: Toy, what) -> Toy:
+    toy.at.append((IN_PATH, what))
+    return toy
+
+
+def raising(toy: Toy) -> OnboardPilot:
+    class Raises(OnboardPilot):
+        def packet(self, time_s, state, reference):
+            if toy.time_s > IN_PATH:
+                raise RuntimeError("no idea")
+            return super().packet(time_s, state, reference)
+
+    return Raises("mine", 1)
+
+
+def no_number(toy: Toy) -> OnboardPilot:
+    class Nan(OnboardPilot):
+        def packet(self, time_s, state, reference):
+            nan = toy.time_s > IN_PATH
+            return fly_setpoints.rates(40000.0, np.full(3, np.nan)) if nan else super().packet(time_s, state, reference)
+
+    return Nan("mine", 1)
+
+
+def slow(toy: Toy) -> OnboardPilot:
+    class Slow(OnboardPilot):
+        def packet(self, time_s, state, reference):
+            if toy.time_s > IN_PATH:
+                toy.sleep_until(toy.time_s + 0.15)
+            return super().packet(time_s, state, reference)
+
+    return Slow("mine", 1)
+
+
+def late(toy: Toy) -> OnboardPilot:
+    class Late(OnboardPilot):
+        def packet(self, time_s, state, reference):
+            if toy.time_s > IN_PATH:
+                toy.sleep_until(toy.time_s + 0.012)
+            return super().packet(time_s, state, reference)
+
+    return Late("mine", 1)
+
+
+@pytest.mark.parametrize(("rule", "fault"), [
+    ("stale pose", lambda toy: setattr(toy, "blind", True)),
+    ("lost link", lambda toy: setattr(toy, "mute", True)),
+    ("lost link", lambda toy: setattr(toy, "lost", "radio unplugged")),
+    ("geofence", lambda toy: setattr(toy, "drift_m_s", np.array([2.9, 0.0, 0.0]))),
+    ("speed", lambda toy: setattr(toy, "drift_m_s", np.array([0.0, 3.4, 0.0]))),
+    ("tilt", lambda toy: setattr(toy, "quaternion", so3.from_euler_zyx(0.0, 1.0, 0.0))),
+    ("low battery", lambda toy: toy.values.update({"pm.vbat": 2.7})),
+    ("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
+])
+def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_ground(rule, fault):
+    toy = Toy()
+
+    def inject() -> None:
+        fault(toy)
+        toy.at.append((toy.time_s + 0.9, lambda: setattr(toy, "drift_m_s", np.zeros(3))))  # it does obey the hold
+
+    outcome, notes = flown(failing(toy, inject))
+    assert outcome.stop.rule == rule
+    assert outcome.stop.phase == "path"
+    assert any(text.startswith(f"stop: {rule}") for text in notes.said)
+    assert IN_PATH - 100.0 <= outcome.stop.time_s < IN_PATH - 100.0 + 2.0
+    assert landed(toy)
+
+
+@pytest.mark.parametrize(("rule", "pilot", "words"), [
+    ("controller", raising, "RuntimeError: no idea"), ("controller", no_number, "no number"),
+    ("overrun", slow, "the controller took 150 ms"), ("overrun", late, "10 deadlines missed in a row")])
+def test_a_fault_of_the_controller_ends_the_flight_on_the_ground(rule, pilot, words):
+    toy = Toy()
+    outcome, _ = flown(toy, pilot(toy))
+    assert outcome.stop.rule == rule
+    assert words in str(outcome.stop)
+    assert landed(toy)
+    kinds = {fly_setpoints.said(p)["kind"] for p in toy.packets}
+    assert kinds == {"position", "stop"}  # what the controller said wrongly was never sent
+
+
+def test_ctrl_c_lands_and_the_signal_is_given_back():
+    before = signal.getsignal(signal.SIGINT)
+    toy = Toy()
+    outcome, _ = flown(failing(toy, lambda: os.kill(os.getpid(), signal.SIGINT)))
+    assert (outcome.stop.rule, outcome.stop.reason) == ("interrupted", "Ctrl-C")
+    assert landed(toy)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_vehicle_that_does_not_lift_is_told_again_and_then_left():
+    toy = Toy()
+    toy.most_m_s = 0.0
+    outcome, _ = flown(toy)
+    assert (outcome.stop.rule, outcome.stop.phase) == ("take-off", "take-off")
+    assert [w for _, w in toy.told].count("take-off") == 4
+
+
+def test_a_reason_on_the_ground_flies_nothing():
+    toy = Toy()
+    toy.blind = True
+    flight = Flight(toy, toy.track, OnboardPilot("pid", 1), toy.ready(), Limits(), toy, (), ground_s=1.0)
+    assert flight.run().stop.phase == "ground"
+    assert "take-off" not in [w for _, w in toy.told]
+
+
+def test_a_controller_that_hangs_is_taken_the_flight_from():
+    taken = threading.Event()
+    guardian = Guardian(0.05, taken.set)
+    guardian.start()
+    guardian.begin()
+    assert taken.wait(2.0)
+    assert not guardian.end()
+    other = Guardian(0.2, taken.clear)
+    other.start()
+    other.begin()
+    time.sleep(0.01)
+    assert other.end()
+    other.close()
+
+
+def test_a_hanging_controller_lands_in_real_time():
+    class Real(Toy):
+        """The toy on the host's clock: the hang is real."""
+
+        real = True
+
+        def sleep_until(self, time_s: float) -> None:
+            HostClock().sleep_until(time_s)
+            while self.time_s < time_s - 1e-6:
+                self._step(min(PERIOD, time_s - self.time_s))
+
+        def now(self) -> float:
+            self.time_s = max(self.time_s, time.time())
+            return self.time_s
+
+    PERIOD = 0.01
+    toy = Real()
+    toy.time_s = toy.heard_s = time.time()
+    toy.most_m_s = 30.0
+    begun = time.time()
+
+    class Hangs(OnboardPilot):
+        def packet(self, time_s, state, reference):
+            while time.time() - begun > 2.7:  # for ever, once in the air
+                time.sleep(0.001)
+            return super().packet(time_s, state, reference)
+
+    flight = Flight(toy, toy.track, Hangs("mine", 1), toy.ready(), Limits(speed_m_s=50.0), toy, ())
+    outcome = flight.run()
+    assert outcome.stop.rule == "overrun"
+    assert "did not answer within 250 ms" in outcome.stop.reason
+    assert "land" in [w for _, w in toy.told]
+    assert time.time() - begun < 12.0
+
+
+def test_dips_of_the_battery_under_load_are_none():
+    rule = LowBattery(3.0)
+    said = [rule.check(Situation(time_s=0.01 * k, battery_V=2.8 if k % 4 == 0 else 3.3)) for k in range(400)]
+    assert not any(said)
+    assert any(rule.check(Situation(time_s=4.0 + 0.01 * k, battery_V=2.8)) for k in range(300))
+
+
+def test_the_place_to_hold_lies_inside_the_fence_and_above_the_ground():
+    fence = Limits().fence
+    place = place_to_hold(np.array([2.6, 0.0, 0.3]), np.array([1.0, 0.0, -3.0]), fence, 0.0)
+    assert (place >= fence[0]).all()
+    assert place[0] == pytest.approx(1.85)
+    assert place[2] == pytest.approx(0.06)
+    assert np.isfinite(place_to_hold(np.full(3, np.nan), np.zeros(3), fence, 0.0)).all()
+
+
+def test_a_fence_that_is_none_is_refused():
+    with pytest.raises(UsageError, match="each least below"):
+        Limits(fence_m=(1.0, -1.0, -1.0, 1.0, 0.0, 2.0))

@@ -1,0 +1,107 @@
+"""A vehicle that does at once what it is told, on a clock of its own: what rules do to a flight, in milliseconds."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from nanobench_tools.radio import fly_setpoints
+from nanobench_tools.radio.fly_pilot import PERIOD_S
+from nanobench_tools.radio.fly_plan import Plan, chosen_path
+from nanobench_tools.radio.fly_prepare import Ready
+from nanobench_tools.radio.fly_state import PoseTrack
+from nanobench_tools.radio.pose_datagram import Pose
+
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class Toy:
+    """Link, clock and motion capture of one vehicle; ``told``: (time, what) of every command. Faults are attributes:
+    ``blind`` no poses, ``mute`` no packets, ``quaternion`` that poses show, ``drift_m_s`` of the place; and values."""
+
+    uri, real = "toy://1", False
+
+    def __init__(self) -> None:
+        self.time_s = 100.0
+        self.place, self.goal = np.zeros(3), np.zeros(3)
+        self.most_m_s, self.drift_m_s = 1.5, np.zeros(3)
+        self.motors = self.landing = False
+        self.told: list[tuple[float, str]] = []
+        self.lost, self.heard_s, self.mute, self.blind = "", self.time_s, False, False
+        self.round_trips_s: deque[float] = deque([0.002] * 10, maxlen=50)
+        self.values = {"pm.vbat": 3.9, "supervisor.info": 0b1011}
+        self.quaternion = LEVEL
+        self.track = PoseTrack()
+        self.packets: list[bytes] = []
+        self.at: list[tuple[float, object]] = []
+
+    # clock
+    def now(self) -> float:
+        return self.time_s
+
+    def sleep_until(self, time_s: float) -> None:
+        while self.time_s < time_s - 1e-6:
+            self._step(min(PERIOD_S, time_s - self.time_s))
+
+    def _step(self, dt: float) -> None:
+        self.time_s += dt
+        for when, do in list(self.at):
+            if self.time_s >= when:
+                self.at.remove((when, do))
+                do()
+        way = self.goal - self.place
+        if self.motors:
+            reach = self.most_m_s * dt
+            far = float(np.linalg.norm(way))
+            self.place = self.place + (way if far <= reach else way * reach / far) + self.drift_m_s * dt
+        if self.landing and self.place[2] <= self.goal[2] + 1e-6:
+            self.motors = False  # its planner does that
+        if not self.mute:
+            self.heard_s = self.time_s
+        if not self.blind:
+            self.track.add(Pose(self.time_s, self.place.copy(), self.quaternion))
+
+    # link
+    def _tell(self, what: str) -> None:
+        self.told.append((self.time_s, what))
+
+    def send_setpoint(self, packet: bytes) -> None:
+        said = fly_setpoints.said(packet)
+        self.packets.append(packet)
+        if said["kind"] == "position":
+            self.landing = False
+            self.goal = np.array(said["position_m"])
+        elif said["kind"] == "stop":
+            self._tell("stop")
+            self.motors = False
+
+    def release(self) -> None:
+        pass
+
+    def send_pose(self, position_m, quaternion) -> None:
+        pass
+
+    def arm(self, on: bool) -> None:
+        self._tell(f"arm {on}")
+
+    def take_off(self, height_m: float, duration_s: float) -> None:
+        self._tell("take-off")
+        self.motors = True
+        self.goal = np.array([self.place[0], self.place[1], height_m])
+
+    def land(self, height_m: float, duration_s: float) -> None:
+        self._tell("land")
+        self.landing = True
+        self.goal = np.array([self.place[0], self.place[1], height_m])
+
+    def set_parameter(self, name: str, value: float) -> None:
+        self._tell(f"{name} = {value}")
+
+    def ask_echo(self) -> None:
+        pass
+
+    def ready(self, seconds: float = 6.0, speed_m_s: float = 0.5) -> Ready:
+        """What preparing a flight of a figure of eight gives."""
+        spec = chosen_path("figure_eight", speed_m_s, 0.8, seconds)
+        return Ready(Pose(self.time_s, self.place.copy(), LEVEL), Plan(spec, self.place.copy(), 0.0), 0.001, 0.0)
