@@ -9,7 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from nanobench_tools.errors import InputError, NanobenchError, UsageError
+from nanobench_tools.errors import UsageError
+from nanobench_tools.guard import commanded
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 
@@ -75,7 +76,7 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, senses.gyro(), plant.battery_V)
                 before = time.perf_counter()
-                command = _command(controller, TICK_S * tick + STEP_S * sub, state, asked, n)
+                command = commanded(controller, TICK_S * tick + STEP_S * sub, state, asked)
                 calls[(tick * SUBSTEPS + sub) // every] = (time.perf_counter() - before) / n
             plant.advance(command)
             senses.step()
@@ -83,22 +84,3 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
                 out["motor"][tick], out["battery_V"][tick, :, 0] = plant.motor.T, plant.battery_V
     battery = out.pop("battery_V")[..., 0]
     return Flown(TICK_S * np.arange(ticks), battery_V=battery, call_s=calls, **out)
-
-
-def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference, n: int) -> np.ndarray:
-    try:
-        command = np.asarray(controller.command(time_s, state, reference), float)
-    except NanobenchError:
-        raise
-    except Exception as error:  # the controller is anybody's code
-        text = f"controller {controller.name!r} raised {type(error).__name__} at {time_s:.3f} s: {error}"
-        raise UsageError(text) from error
-    if command.shape != (n, 4):
-        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
-                         f"it must be ({n}, 4)")
-    bad = ~((command >= -SLACK) & (command <= 1.0 + SLACK)).all(axis=1)  # true for what is no number, too
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise InputError(f"controller {controller.name!r}", f"commanded {command[row]} at {time_s:.3f} s for vehicle "
-                         f"{row}", "motor commands are finite PWM ratios from 0 to 1")
-    return command

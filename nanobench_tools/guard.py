@@ -11,7 +11,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from .methods import Reference, VehicleState
+from .errors import InputError, NanobenchError, UsageError
+from .methods import Controller, Reference, VehicleState
 
 HOLD_S = 0.1
 """A last measurement may stand in for so long."""
@@ -26,6 +27,35 @@ REST_BATTERY_V = 3.7
 """Until a battery has been measured."""
 SHORTEST, LONGEST = 0.1, 10.0
 """Lengths between which a quaternion is made one."""
+SLACK = 1e-6
+"""A command may leave 0..1 by so much: rounding of the controller's own sums."""
+
+
+def commanded(controller: Controller, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+    """PWM ratios (n, 4) in 0..1 from anybody's controller.
+
+    Raises UsageError when it raises or returns another shape, InputError for a command that is no number or outside
+    0..1; errors of this package go through.
+    """
+    n = len(state.position_m)
+    try:
+        command = np.asarray(controller.command(time_s, state, reference), float)
+    except NanobenchError:
+        raise
+    except Exception as error:  # the controller is anybody's code
+        text = f"controller {controller.name!r} raised {type(error).__name__} at {time_s:.3f} s: {error}"
+        raise UsageError(text) from error
+    if command.shape != (n, 4):
+        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
+                         f"it must be ({n}, 4)")
+    # written so that a value that is no number is bad too
+    bad = ~((command >= -SLACK) & (command <= 1.0 + SLACK)).all(axis=1)
+    if bad.any():
+        vehicle = int(np.argmax(bad))
+        raise InputError(f"controller {controller.name!r}",
+                         f"commanded {', '.join(f'{c:.4g}' for c in command[vehicle])} at {time_s:.3f} s for vehicle "
+                         f"{vehicle}", "motor commands are finite PWM ratios from 0 to 1")
+    return np.clip(command, 0.0, 1.0)
 
 
 @nb.njit(cache=True)

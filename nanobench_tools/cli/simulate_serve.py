@@ -133,14 +133,15 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
     from ..radio.simulated.onboard import Build
     from ..radio.simulated.server import SimulatedCrazyflie
 
-    made = _vehicles(options, count, given)
-    found = []
-    for i, vehicle in enumerate(made):
-        seed = options.seed + i
+    def air(seed: int) -> tuple[RadioOptions, MocapOptions]:
         radio = RadioOptions(**_some(given, latency_s="latency_s", jitter_s="jitter_s", loss="loss",
                                      packets_per_s="packets_per_s"), seed=seed)
         mocap = MocapOptions(**_some(given, rate_hz="mocap_hz", noise_m="mocap_noise_m", delay_s="mocap_delay_s"),
                              seed=seed)
+        return radio, mocap
+
+    airs, found = [air(options.seed + i) for i in range(count)], []  # refused before the vehicle is made
+    for i, (vehicle, (radio, mocap)) in enumerate(zip(_vehicles(options, count, given), airs, strict=True)):
         found.append(SimulatedCrazyflie(
             vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
             build=Build(positioning=bool(given["positioning"])), pace=given["pace"] or 1.0,

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
-from ..errors import InputError, NanobenchError, UsageError
-from ..methods import Controller, Reference, VehicleState
+from ..errors import UsageError
+from ..guard import commanded
+from ..methods import Controller, VehicleState
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
 from .onboard import ControllerLog
@@ -34,8 +35,6 @@ TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "
 NOISE_TICKS = 50
 """Sensor noise is drawn for so many ticks at once."""
 BATTERY_NOISE_V = 0.004
-COMMAND_SLACK = 1e-6
-"""A command may leave 0..1 by so much: rounding of the controller's own sums."""
 GUST_S, FLICKER_S = 0.5, 0.05
 """Correlation times of the air's force and of the flicker of each motor's thrust."""
 GROUND_HEIGHT_M = (0.055, 0.075)
@@ -127,7 +126,7 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
                 position, velocity, quaternion = estimator.read(tick)
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, gyro, plant.battery_V + battery_noise[tick])
-                command = _command(controller, TICK_S * tick + STEP_S * sub, state, given)
+                command = commanded(controller, TICK_S * tick + STEP_S * sub, state, given)
             plant.apply(np.where(armed[:, None], command, 0.0))
             if sub == 0:
                 log = getattr(controller, "log", None) if logs else None
@@ -143,29 +142,6 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
             plant.step(STEP_S)
             estimator.remember(plant.state)
     return Flown(TICK_S * np.arange(ticks), recorder.kept, recorder.messages, timeline, vehicles, controller.name)
-
-
-def _command(controller: Controller, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-    """The command as (n, 4) floats in 0..1; InputError for a vehicle whose command is no number or out of range."""
-    n = len(state.position_m)
-    try:
-        command = np.asarray(controller.command(time_s, state, reference), float)
-    except NanobenchError:
-        raise
-    except Exception as error:  # the controller is anybody's code
-        text = f"controller {controller.name!r} raised {type(error).__name__} at {time_s:.3f} s: {error}"
-        raise UsageError(text) from error
-    if command.shape != (n, 4):
-        raise UsageError(f"controller {controller.name!r} returned shape {command.shape} for {n} vehicles; "
-                         f"it must be ({n}, 4)")
-    # written so that a value that is no number is bad too
-    bad = ~((command >= -COMMAND_SLACK) & (command <= 1.0 + COMMAND_SLACK)).all(axis=1)
-    if bad.any():
-        vehicle = int(np.argmax(bad))
-        raise InputError(f"controller {controller.name!r}",
-                         f"commanded {', '.join(f'{c:.4g}' for c in command[vehicle])} at {time_s:.3f} s for vehicle "
-                         f"{vehicle}", "motor commands are finite PWM ratios from 0 to 1")
-    return np.clip(command, 0.0, 1.0)
 
 
 def _gyro(plant: Plant, noise: np.ndarray) -> np.ndarray:
