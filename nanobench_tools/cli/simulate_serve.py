@@ -60,6 +60,8 @@ _OPTIONS: tuple[Callable, ...] = (
                  "lost; all else is sent again."),
     click.option("--bandwidth", "packets_per_s", type=float, metavar="HZ", help="Served: packets a second that reach "
                  "the client; 690 for nine blocks of 77 Hz, as recorded."),
+    click.option("--hangs", type=Numbers(2), metavar="N,S", help="Served: nothing passes, N times a second for S "
+                 "seconds in the mean; 2,0.06 is as recorded."),
     click.option("--mocap-hz", "mocap_hz", type=float, metavar="HZ", help="Served: poses a second. Default: 100."),
     click.option("--mocap-noise-m", type=float, metavar="M", help="Served: noise of poses. Default: 0.0003."),
     click.option("--mocap-delay-s", type=float, metavar="S", help="Served: from exposure to sending."),
@@ -73,8 +75,8 @@ _OPTIONS: tuple[Callable, ...] = (
     click.option("--seconds", "seconds", type=click.FloatRange(min=0.0), metavar="S", help="Served: end by itself."),
 )
 SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
-                 "loss", "packets_per_s", "mocap_hz", "mocap_noise_m", "mocap_delay_s", "ticks_ppm", "boot_offset_s",
-                 "pace", "bind_anywhere", "seconds")
+                 "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_delay_s", "ticks_ppm",
+                 "boot_offset_s", "pace", "bind_anywhere", "seconds")
 
 
 def serve_options(function: Callable) -> Callable:
@@ -133,9 +135,11 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
     from ..radio.simulated.onboard import Build
     from ..radio.simulated.server import SimulatedCrazyflie
 
+    hangs = given["hangs"] or (0.0, 0.0)
+
     def air(seed: int) -> tuple[RadioOptions, MocapOptions]:
         radio = RadioOptions(**_some(given, latency_s="latency_s", jitter_s="jitter_s", loss="loss",
-                                     packets_per_s="packets_per_s"), seed=seed)
+                                     packets_per_s="packets_per_s"), hangs_per_s=hangs[0], hang_s=hangs[1], seed=seed)
         mocap = MocapOptions(**_some(given, rate_hz="mocap_hz", noise_m="mocap_noise_m", delay_s="mocap_delay_s"),
                              seed=seed)
         return radio, mocap

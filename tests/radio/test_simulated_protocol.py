@@ -212,7 +212,7 @@ def test_the_identity_has_the_published_bits() -> None:
     assert compress((0.0, 0.0, 0.0, 1.0)) == 0xC0000000
 
 
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 15), st.integers(0, 3), st.binary(max_size=30))
 def test_no_packet_breaks_it(port: int, channel: int, data: bytes) -> None:
     made = _FUZZED

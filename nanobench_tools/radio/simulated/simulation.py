@@ -18,8 +18,8 @@ class Simulation:
     def __init__(self, vehicle: Vehicle, start_s: float, radio: RadioOptions, mocap: MocapOptions,
                  drift_ppm: float = 0.0, build: Build | None = None) -> None:
         self.onboard = Onboard(vehicle, build)
-        self.up: Channel[Packet] = Channel(radio, 1, limited=False)
-        self.down: Channel[Packet] = Channel(radio, 2, limited=True)
+        self.up: Channel[Packet] = Channel(radio, 1, False, start_s)
+        self.down: Channel[Packet] = Channel(radio, 2, True, start_s)
         self.mocap = MotionCapture(mocap, start_s)
         self.time_s = self._start_s = start_s
         self._start_ms = self.onboard.tick_ms
