@@ -25,6 +25,8 @@ from .safety_handover import hand_over, land, place_to_hold
 
 HANG_S = 0.25
 """After so long in one call the guardian takes the flight from a controller."""
+LISTEN_S = 0.2
+"""So long before it flies a controller is run without being heard, so that its filters know the vehicle and battery."""
 GROUND = "ground"
 GROUND_M = 0.03
 FLYING, STILL_S = 1 << 4, 4.0
@@ -143,10 +145,12 @@ class Flight:
                     self._enter(phase, due)
                 if phase == LANDING:
                     return self._land()
-                if phase == TAKEOFF:
-                    self._tell(time_s, None)
-                else:
+                if phase != TAKEOFF:
                     stop = self._stream(time_s)
+                elif time_s > self.plan.ends[TAKEOFF] - LISTEN_S:
+                    stop = self._stream(time_s, send=False)
+                else:
+                    self._tell(time_s, None)
             if self._hung is not None:
                 return self._hung
             if stop is not None:
@@ -190,8 +194,8 @@ class Flight:
             self._echo_s = self.clock.now() + ECHO_S
             self.link.ask_echo()
 
-    def _stream(self, time_s: float) -> Stop | None:
-        """One set-point. What the controller does wrong ends the flight in this tick."""
+    def _stream(self, time_s: float, send: bool = True) -> Stop | None:
+        """One set-point, not sent while the controller only listens. What it does wrong ends the flight at once."""
         asked = self.plan.reference(time_s)
         begun = self.clock.now()
         error, packet = "", b""
@@ -212,6 +216,9 @@ class Flight:
             return self._wait_for_guardian()
         if error:
             return first_stop(self.rules, self._now, self._phase)
+        if not send:
+            self._tell(time_s, None)
+            return None
         self.link.send_setpoint(packet)
         self.pacer.sent(self._now.call_s)
         if self._setpoint is not None:

@@ -2,14 +2,16 @@
 same every time.
 
 cflib is given one more link driver, whose other end is the simulated vehicle. Time stands while anybody works: it goes
-on when the flight waits, a millisecond at a time, and at every one cflib's threads have taken in what has come.
+on when the flight waits, a millisecond at a time, and at every one cflib takes in what has come: its incoming packet
+handler runs in the thread that waits, not in its own, whose turn would depend on the machine.
 Computing takes no time here; jitter and deadlines are measured against the real clock only.
 """
 
 from __future__ import annotations
 
-import queue
 import threading
+import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -23,7 +25,7 @@ from .simulated.vehicle import Vehicle
 
 STEP_S = 0.001
 SETTLE_S = 0.5
-"""So long at most cflib may take over what has come, in real time."""
+"""So long at most cflib's parameter thread may take to send its next request, in real time."""
 START_S = 1_800_000_000.0
 URI = "virtual://0"
 
@@ -41,8 +43,8 @@ class VirtualWorld:
         """True: the link is gone, nothing passes in either direction."""
         self.blind = False
         """True: no poses come."""
-        self.inbox: queue.Queue[bytes] = queue.Queue()
-        self.idle = threading.Event()
+        self.inbox: deque[bytes] = deque()
+        self.crazyflie: Any = None
         self._time_s, self._steps = START_S, 0
         self._sink: Sink | None = None
 
@@ -59,15 +61,24 @@ class VirtualWorld:
         simulation = self.simulation
         simulation.run_until(time_s)
         self._time_s = time_s
-        came = [] if self.down else simulation.outgoing(time_s)
-        if came:
-            self.idle.clear()
-            for datagram in came:
-                self.inbox.put(datagram)
-        self.idle.wait(SETTLE_S)
+        came = simulation.outgoing(time_s)
+        if came and not self.down and self.crazyflie is not None:
+            self.inbox.extend(came)
+            self._take_in()
         for datagram in simulation.mocap.due(time_s):
             if self._sink is not None and not self.blind:
                 self._sink(unpack(datagram))
+
+    def _take_in(self) -> None:
+        """cflib's handler until nothing is left, then whoever asks for parameters."""
+        handler = self.crazyflie.incoming
+        handler._stop_event.clear()
+        handler.run()
+        handler._stop_event.clear()
+        asks, until = self.crazyflie.param.param_updater, time.monotonic() + SETTLE_S
+        while (asks is not None and not asks.request_queue.empty() and not asks.wait_lock.locked()
+               and time.monotonic() < until):
+            time.sleep(1e-4)
 
     def post(self, datagram: bytes) -> None:
         """What cflib sends."""
@@ -111,26 +122,30 @@ def _driver(world: VirtualWorld) -> type:
         def __init__(self) -> None:
             super().__init__()
             self.needs_resending = False
+            self._closed = threading.Event()
 
         def connect(self, uri: str, statistics: Any, error: Any) -> None:
             if uri != URI:
                 raise WrongUriType
+            world.inbox.clear()
+            world.crazyflie = error.__self__  # drivers are told whom to complain to: the Crazyflie that opens them
 
         def send_packet(self, packet: Any) -> None:
             world.post(bytes([packet.header]) + bytes(packet.data))
 
         def receive_packet(self, wait: float = 0) -> Any:
-            try:
-                datagram = world.inbox.get_nowait()
-            except queue.Empty:
-                world.idle.set()  # all is taken in: time may go on
-                try:
-                    datagram = world.inbox.get(timeout=max(wait, 0.01))
-                except queue.Empty:
-                    return None
-            return CRTPPacket(header=datagram[0], data=datagram[1:])
+            handler = world.crazyflie.incoming
+            if threading.current_thread() is handler:  # its own thread has nothing to do
+                self._closed.wait(max(wait, 0.01))
+                return None
+            if world.inbox:
+                datagram = world.inbox.popleft()
+                return CRTPPacket(header=datagram[0], data=datagram[1:])
+            handler._stop_event.set()  # back to who waits
+            return None
 
         def close(self) -> None:
-            world.idle.set()
+            self._closed.set()
+            world.crazyflie = None
 
     return VirtualDriver
