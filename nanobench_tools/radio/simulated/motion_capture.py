@@ -52,6 +52,10 @@ class MotionCapture:
         self._waiting.append((at + o.delay_s, pack(at, place, turned)))
         self._count += 1
 
+    def skip_to(self, time_s: float) -> None:
+        """No exposures before a time."""
+        self._count = max(self._count, int((time_s - self._start_s) * self._options.rate_hz) + 1)
+
     def sent_s(self) -> float:
         """When the next datagram leaves; inf without any."""
         return self._waiting[0][0] if self._waiting else np.inf

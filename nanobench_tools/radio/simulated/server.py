@@ -23,7 +23,7 @@ SILENCE_S, CLOSED_S = 1.0, 0.3  # of the host's own clock
 """A client that is silent for so long has gone; the shorter one holds after the zero set-point cflib closes with."""
 WAITING_S = 2.0
 """How long one that asked to connect in vain is remembered."""
-LATE_S = 0.010
+LATE_S, MOST_BEHIND_S = 0.010, 0.5
 _MOST_AT_ONCE = 64
 _CLOSING = bytes(14)
 
@@ -56,6 +56,7 @@ class SimulatedCrazyflie:
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self.turns = self.late = 0
+        self.stood_s = 0.0
         self.broken: Exception | None = None
 
     @property
@@ -108,7 +109,8 @@ class SimulatedCrazyflie:
     def summary(self) -> str:
         """What went over the air and how late the server was, in one line."""
         down, up = self.simulation.down, self.simulation.up
-        return (f"{self.turns} turns, {self.late} more than {1e3 * LATE_S:.0f} ms late; lost on the way up {up.lost}, "
+        return (f"{self.turns} turns, {self.late} more than {1e3 * LATE_S:.0f} ms late, stood still for "
+                f"{self.stood_s:.1f} s; lost on the way up {up.lost}, "
                 f"down {down.lost}, dropped before a full queue {down.full}")
 
     def _now(self) -> float:
@@ -137,6 +139,7 @@ class SimulatedCrazyflie:
         if self._mocap_socket in ready:
             self._subscribe(now)
         self._change_client()
+        self._not_too_far(now)
         simulation.run_until(now)
         for datagram in simulation.outgoing(now):
             if self._client is not None:
@@ -146,6 +149,13 @@ class SimulatedCrazyflie:
         for datagram in poses:
             for viewer in self._viewers:
                 _send(self._mocap_socket, datagram, viewer)
+
+    def _not_too_far(self, now: float) -> None:
+        """A machine that is too busy, or was asleep, lets the world stand still; else it would never catch up."""
+        behind = now - self.simulation.time_s
+        if behind > MOST_BEHIND_S * self._pace:
+            self.simulation.stand_still_until(now)
+            self.stood_s += behind
 
     def _receive(self, now: float) -> None:
         """Datagrams of the client, of those who scan, and of strangers."""

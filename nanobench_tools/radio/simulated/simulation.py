@@ -34,6 +34,12 @@ class Simulation:
         self.down.clear()
         self._start_s, self._start_ms = self.time_s, self.onboard.tick_ms
 
+    def stand_still_until(self, time_s: float) -> None:
+        """The world does not go on between the last ``run_until`` and a time of the host."""
+        self._start_s += time_s - self.time_s
+        self.time_s = time_s
+        self.mocap.skip_to(time_s)
+
     def tick_at(self, time_s: float) -> int:
         """The vehicle's tick at a time of the host."""
         return self._start_ms + int((time_s - self._start_s) * self._rate + 1e-6)
