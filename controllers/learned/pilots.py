@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from controllers.gains import Gain, around, whole
 from identification.learned.libraries import libraries
 from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Reference, VehicleState
@@ -71,12 +74,16 @@ class Mppi:
 
     information = "as flown"
     period_s = PERIOD_S
+    on_board = True
     name = "mppi"
+    start = MppiSettings()
+    tunable: Mapping[str, Gain] = {}
 
-    def __init__(self, model: Model, **settings: float) -> None:
-        whole = ("horizon", "samples", "seed")
-        given: dict[str, Any] = {name: round(v) if name in whole else float(v) for name, v in settings.items()}
-        self.settings = MppiSettings(**given)
+    def __init__(self, model: Model, gains: Mapping[str, float] | None = None, **settings: float) -> None:
+        given: dict[str, Any] = {name: round(v) if name in ("horizon", "samples", "seed") else float(v)
+                                 for name, v in {**settings, **(whole(self.tunable, gains, self.name)
+                                                                if self.tunable else {})}.items()}
+        self.settings = replace(self.start, **given)
         self.model = model
 
     def reset(self, n: int) -> None:
@@ -99,6 +106,18 @@ class Mppi:
         self._plan = libraries().jnp.where(good[:, None, None], plan, self.settings.first)
         self._rotors = np.nan_to_num(np.asarray(rotors, float))
         return sane(np.asarray(action, float))
+
+
+class MppiFar(Mppi):
+    """MPPI that looks 0.5 s ahead and pays for tilt and rate: settings that stay in the air, found by trying three on
+    one plant; ``nanobench tune --controller controllers.learned.pilots:MppiFar`` searches further."""
+
+    name = "mppi_far"
+    start = MppiSettings(horizon=25, samples=512, temperature=0.02, noise=0.1, velocity=0.3, effort=0.0, first=0.82,
+                         step_s=0.02, upright=2.0, turning=0.01)
+    tunable: Mapping[str, Gain] = {"temperature": around(0.02, "1"), "noise": around(0.1, "1"),
+                                   "position": around(1.0, "1/m^2"), "velocity": around(0.3, "s^2/m^2"),
+                                   "upright": around(2.0, "1"), "turning": around(0.01, "s^2/rad^2")}
 
 
 def model_step(model: Model, step_s: float) -> Any:

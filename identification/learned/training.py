@@ -71,7 +71,8 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
           every_s: float = 20.0) -> Trained:
     """Trains, or goes on from the checkpoint at ``path`` (written every ``every_s`` seconds and at the end).
 
-    Raises InputError for a loss that is not a number and for a checkpoint of something else.
+    Raises InputError for a loss that is not a number, for a training that never made validation better than no
+    training, and for a checkpoint of something else.
     """
     with_jax = libraries()
     jax, jnp, eqx, optax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.optax
@@ -130,6 +131,10 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
                     ("weights", weights), ("state", state), ("best", best))} | {"history": history},
                     {**identity, "platform": platform()})
                 written = time.monotonic()
+    untrained = float(judge(eqx.partition(task.network, eqx.is_inexact_array)[0], task.data, valid))
+    if not best_loss < untrained:
+        raise InputError(f"training {task.label}", f"validation ({best_loss:.3g}) never got better than untrained "
+                         f"({untrained:.3g}) in {len(history)} epochs", "no row; try a lower learning rate")
     return Trained(_leaves(best), history, int(np.argmin(history[:, 1])) + 1, time.monotonic() - started, begun)
 
 

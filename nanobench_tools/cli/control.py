@@ -56,9 +56,14 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
               metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
               help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")
+@click.option("--methods", "learned", type=click.Choice(["learned"]),
+              help="Train policies cloned from the onboard PID; fly them and MPPI on learned dynamics and the plant.")
+@click.option("--dagger", type=click.IntRange(min=0, max=10), default=0, show_default=True, metavar="N",
+              help="Learned: rounds in which the onboard PID corrects the policies on the plant.")
 def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...], controllers: tuple[str, ...],
             simulator: Path | None, train: tuple[Path, ...], trajectories: tuple[str, ...], speeds: tuple[float, ...],
-            seconds: float, members: int, radio_delay_s: float, wind_m_s: float, gain_files: tuple[Path, ...]) -> int:
+            seconds: float, members: int, radio_delay_s: float, wind_m_s: float, gain_files: tuple[Path, ...],
+            learned: str | None, dagger: int) -> int:
     """Task 2: how well was it flown, and how would another controller fly it?
 
     real: as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
@@ -69,7 +74,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     from ..protocols import task2
     from .control_plants import Chosen, check_simulated, gate_body, given_gains, mismatch_body, simulated_body
 
-    wanted = tuple(dict.fromkeys(plants or DEFAULT_PLANTS))
+    wanted = tuple(dict.fromkeys(plants or (() if learned else DEFAULT_PLANTS)))
     for name in wanted:
         if name not in PLANTS:
             raise UsageError(f"unknown plant {name!r}; known: {', '.join(PLANTS)}")
@@ -82,7 +87,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     specs = check_simulated([*controllers, *gains] if flies else (), trajectories or list(FAMILIES), speeds, seconds)
     chosen = Chosen.of(options, simulator, train)
     body: dict[str, Any] = {"gate": [], "rows": [], "left_out": []}
-    if {"real", "gate"} & set(wanted):
+    if {"real", "gate"} & set(wanted) or learned:
         flights = options.load()
         audits, _ = options.audit(flights)
         if "real" in wanted:
@@ -99,6 +104,13 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     if "mismatch" in wanted:
         unlike = check_simulated((), trajectories or MODERATE, speeds, seconds)
         found = mismatch_body(options, chosen, controllers, unlike, gains)
+        body["rows"] = [*body["rows"], *found.pop("rows")]
+        body |= found
+    if learned:
+        from .control_learned import learned_body
+
+        paths = check_simulated((), trajectories or (task2.PUBLISHED[0],), speeds or (0.5,), seconds)
+        found = learned_body(options, flights, audits, chosen, paths, members, body.get("gate_summary"), dagger)
         body["rows"] = [*body["rows"], *found.pop("rows")]
         body |= found
     return options.finish("control", body)

@@ -111,6 +111,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             result = fits[row["model"]][1]["result"]
             row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],
                     "nuisances_in_training": list(result["nuisances"])}
+    if learned:
+        from .sysid_learned import draw
+
+        draw(options, rows, learned, predictors, chosen.test)
     best = task1.best_model(rows)
     flies = task1.best_model([row for row in rows if row["model"] in fits])
     _show(options, rows, chosen)

@@ -47,3 +47,17 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
                                  fit, options.quiet, options.say)
     options.failed += failed
     return found
+
+
+def draw(options: Options, rows: Sequence[Mapping[str, Any]], learned: Sequence[Any], predictors: Sequence[Any],
+         test: Sequence[Case]) -> None:
+    """learned.html in ``--out``: errors against the horizon, learning curves, paths of a held-out helix."""
+    if options.out is None or not learned:
+        return
+    from identification.learned.pictures import horizon_figure, learning_figure, path_figure, write_page
+
+    fits = [p for p in predictors if p.name in ("published_physics", "fit_balanced")]
+    path = options.out / "learned.html"
+    write_page(path, [horizon_figure(rows), learning_figure({p.name: p.trained for p in learned}),
+                      path_figure(test, [*fits, *learned])], options.synthetic)
+    options.say(f"pictures in {path}")

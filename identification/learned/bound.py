@@ -1,0 +1,62 @@
+"""How much better could a simulator predict? A flexible model as the bound on what any named physics can improve.
+
+The correcting network of ``own`` is trained on what a simulator says of flights, whole flights held out in turn, and
+corrects those held out. It knows no physics beyond kinematics and sees the state and the inputs only, so what it takes
+away of the error is there to be taken by equations of state and inputs; what it leaves is noise, moments nobody logged,
+or more than these flights teach. It bounds from one side: equations that generalise better can do more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.methods import Prediction, Predictor, Windows
+from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES
+
+from .own import GROUPS, SETTINGS, Flown, train_own
+from .training import Settings
+
+QUICK = replace(SETTINGS, epochs=25)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Mean errors {quantity: {"1", "10", "50", "sum"}} of flights held out: by the simulator, and by the simulator with
+    a flexible correction; never above the simulator's."""
+
+    simulator: dict[str, dict[str, float]]
+    flexible: dict[str, dict[str, float]]
+    flights: int
+    windows: int
+
+    def share(self, after: dict[str, dict[str, float]], horizon: str = "50") -> dict[str, float]:
+        """Of what the flexible model takes away after ``horizon`` steps, the share that ``after`` takes away too, by
+        quantity; nan where the flexible model takes nothing away."""
+        found = {}
+        for name, before in self.simulator.items():
+            possible = before[horizon] - self.flexible[name][horizon]
+            gained = before[horizon] - after[name][horizon]
+            found[name] = gained / possible if possible > 0.0 else float("nan")
+        return found
+
+
+def flexible_bound(simulator: Predictor, flights: Sequence[tuple[str, Windows, Prediction]],
+                   settings: Settings = QUICK, quiet: bool = True) -> Bound:
+    """The bound of a simulator as a predictor, from flights (name, windows, what came), which it was not fitted to (or
+    was: then the bound says what is left in them). Raises InputError for fewer than two flights, MissingExtraError
+    without JAX."""
+    names = list(dict.fromkeys(name for name, _, _ in flights))
+    if len(names) < 2:
+        raise InputError("flights", f"{len(names)} to bound a simulator with: none can be held out", "give two or more")
+    count = min(GROUPS, len(names))
+    flown = [Flown(name, windows, came, simulator.predict(windows)) for name, windows, came in flights]
+    groups = [[f for f in flown if names.index(f.name) % count == k] for k in range(count)]
+    table = train_own("flexible bound", simulator, groups, False, settings, None, quiet)[0].trained["held_out"]
+    keys = (*map(str, HORIZONS), "sum")
+    before, after = ({q: {k: table[q][which][k] for k in keys} for q in QUANTITIES}
+                     for which in ("physics", "corrected"))
+    return Bound(before, after, len(names), int(np.sum([len(f.windows) for f in flown])))

@@ -1,0 +1,145 @@
+"""``nanobench control --methods learned``: cloned policies and MPPI, on learned dynamics and on the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .options import Options, one_line
+from .show import data_word
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+    from ..practice.references import PathSpec
+    from .control_plants import Chosen
+
+ON_DYNAMICS = ("bc_mlp", "bc_lstm", "mppi")
+MPPI_FLIGHTS = 4
+"""MPPI plans 128 rollouts at every tick of a flight: only so many of the published reference are flown."""
+COLUMNS = (("rmse_m", "RMSE m", 4), ("ade_m", "ADE m", 4), ("velocity_rmse_m_s", "velocity m/s", 4),
+           ("heading_deg", "heading deg", 2), ("divergence_percent", "> 0.5 m %", 2), ("valid_percent", "flown %", 1),
+           ("setpoint_rmse_m", "to setpoint m", 4))
+
+
+def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
+                 specs: Sequence[PathSpec], members: int, summary: Mapping[str, Any] | None,
+                 rounds: int) -> dict[str, Any]:
+    """{rows, learned}: what was trained and on what, rows on learned dynamics (plant ``learned``) with the published
+    numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher."""
+    from controllers.learned.demonstrations import demonstrations, shown
+    from controllers.learned.policies import KINDS, trained
+    from identification.learned.libraries import libraries
+
+    from .sysid_learned import checkpoint_folder
+
+    libraries()
+    found = shown(demonstrations(flights, audits), options.seed)
+    folder = checkpoint_folder(options)
+    networks = {kind: trained(kind, found, None, folder, options.quiet) for kind in KINDS}
+    options.say(f"policies learn from {len(found.train)} flights of the onboard PID, {len(found.valid)} validate")
+    rows = dynamics_rows(options, found, networks)
+    plain = dict(networks)
+    if rounds:
+        from controllers.learned.fly import corrected
+
+        for kind in ("bc_mlp", "bc_lstm"):
+            networks[f"{kind}_dagger"] = corrected(kind, found, plain[kind], specs, chosen.simulator, rounds, 6,
+                                                   options.seed, chosen.draws, folder, options.quiet)
+    _draw(options, found, plain)
+    rows += plant_rows(options, networks, chosen, specs, members, summary)
+    return {"rows": rows, "learned": {
+        **{name: network.trained for name, network in networks.items()},
+        "train": [d.name for d in found.train], "valid": [d.name for d in found.valid],
+        "test": [d.name for d in found.test]}}
+
+
+def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
+    """learned_commands.html in ``--out``."""
+    if options.out is None or not shown.test:
+        return
+    from controllers.learned.policies import commands
+    from identification.learned.pictures import command_figure, learning_figure, write_page
+
+    flight = next((d for d in shown.test if d.controller == "pid"), shown.test[0])
+    said = {kind: commands(networks[kind], flight) for kind in ("bc_mlp", "bc_lstm")}
+    write_page(options.out / "learned_commands.html",
+               [command_figure(flight.action[flight.longest], said, flight.name),
+                learning_figure({kind: network.trained for kind, network in networks.items()})], options.synthetic)
+
+
+def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of flights on learned dynamics: the published reference by who flew it, and all test flights."""
+    from controllers.learned.demonstrations import TEACHER
+    from controllers.learned.rollouts import rolled, score
+
+    from ..protocols.published import beside
+    from ..protocols.tables import summaries
+    from ..protocols.task2 import PUBLISHED
+
+    rows = []
+    reference = " ".join(PUBLISHED)
+    published = [d for d in shown.test if d.reference == reference]
+    for pilot in ON_DYNAMICS:
+        slow = pilot == "mppi"
+        flights = published[:MPPI_FLIGHTS] if slow else [*published,
+                                                         *(d for d in shown.test if d.reference != reference)]
+        scored = [(d, score(states, d)) for d, states in zip(flights, rolled(pilot, dict(networks), flights),
+                                                             strict=True)]
+        own = [(d, s) for d, s in scored if d.reference == reference]
+        for label, members in ((reference, [s for _, s in own]),
+                               (f"{reference}, flown by {TEACHER}", [s for d, s in own if d.controller == TEACHER]),
+                               ("all", [] if slow else [s for _, s in scored])):
+            if members:
+                statistics = summaries(members, options.seed)
+                row = {"plant": "learned", "controller": pilot, "reference": label, "speed_m_s": None,
+                       "information": "as flown", "n": len(members), "statistics": statistics,
+                       "metrics": {name: value["mean"] for name, value in statistics.items()}}
+                rows.append(beside(row, "task2", "controllers", pilot) if label == reference else row)
+    _show(options, rows)
+    return rows
+
+
+def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, specs: Sequence[PathSpec], members: int,
+               summary: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Rows of the learned controllers on the ensemble of plants, with the gate's error bar."""
+    from controllers.learned.fly import PILOTS, fly_learned
+
+    from ..harness import make_item
+    from ..protocols.simulated import tabulate
+    from .control_plants import error_bar
+    from .control_tables import show_simulated
+
+    bar = error_bar(options, chosen, summary)
+    names = [*PILOTS, *(name for name in networks if name.endswith("_dagger"))]
+    items = [make_item(fly_learned, {"name": name, "networks": dict(networks), "specs": list(specs),
+                                     "simulator": chosen.simulator, "plants": members, "seed": options.seed,
+                                     "draws": chosen.draws}, f"simulated {name}", file=name) for name in names]
+    values = options.run(items, "simulated").values
+    rows = [row for item in items if item.key in values for row in tabulate([values[item.key]], specs, bar)]
+    for row in rows:
+        row["radio_delay_s"], row["wind_m_s"] = 0.0, 0.0
+    show_simulated(options, rows, bar, 0.0, 0.0)
+    return rows
+
+
+def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    title = (f"Task 2, learned controllers on learned dynamics: {data_word(options)} flights held out, scored against "
+             "the logged path until 2 m away, mean ± SD over n flights")
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("reference", "controller", "n"):
+        table.add_column(head, no_wrap=True)
+    for _, heading, _ in COLUMNS:
+        table.add_column(heading, justify="right")
+    for row in rows:
+        lines = [(row["reference"], str(row["n"]), row["statistics"])]
+        if published := row.get("published"):
+            lines.append(("(published)", str(row["published_n"]), published))
+        for reference, n, found in lines:
+            table.add_row(one_line(reference), row["controller"], n,
+                          *(f"{found[m]['mean']:.{digits}f} ± {found[m]['std']:.{digits}f}" if m in found else ""
+                            for m, _, digits in COLUMNS))
+    options.show(table)
