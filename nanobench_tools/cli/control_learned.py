@@ -95,7 +95,7 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
                 row = {"plant": "learned", "controller": pilot, "reference": label, "speed_m_s": None,
                        "information": "as flown", "n": len(members), "statistics": statistics,
                        "metrics": {name: value["mean"] for name, value in statistics.items()}}
-                rows.append(beside(row, "task2", "controllers", pilot) if label == reference else row)
+                rows.append(beside(row, "task2", "learned", pilot) if label == reference else row)
     _show(options, rows)
     return rows
 
