@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 CHUNK = 8
 """Recordings that fly side by side in one item: as many as fill a vector."""
+TOGETHER = 5
+"""Families of paths that fly side by side in one item: vehicles in company cost less."""
 SHIPPED_GATE = "recorded_vehicle_gate.toml"
 
 
@@ -148,9 +151,11 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
         if options.out is not None:
             _write_paths(options.out, by_name, values.get(item.key, {}).get("paths", {}))
     rows.sort(key=lambda row: row["flight"])
+    flown = {name: path for item in items for name, path in values.get(item.key, {}).get("paths", {}).items()}
+    shown = gate.pictured(rows, cases, flown)
     found = gate.summary(rows)
     _show_gate(options, rows, found)
-    return {"gate": rows, "gate_summary": found, "gate_plant": chosen.origin,
+    return {"gate": rows, "gate_flights": shown, "gate_summary": found, "gate_plant": chosen.origin,
             "gate_left_out": [{"flight": name, "reason": why} for name, why in sorted(reasons.items())],
             "gate_note": _gate_note(found, chosen)}
 
@@ -198,19 +203,20 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
                    summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
                    gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, flights, error_bar, simulated_plant}: every controller (all registered ones without ``names``) on the
-    ensemble, and with its ``gains`` too where some are given. One item per controller and family."""
+    ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER families."""
     from controllers.simulated import fly_controller
 
     from ..harness import make_item
     from ..protocols.simulated import tabulate
 
     bar = error_bar(options, chosen, summary)
-    families = [[spec for spec in specs if spec.family == name] for name in dict.fromkeys(s.family for s in specs)]
+    own = [[spec for spec in specs if spec.family == name] for name in dict.fromkeys(s.family for s in specs)]
+    families = [list(chain(*own[i:i + TOGETHER])) for i in range(0, len(own), TOGETHER)]
     items = {(name, tuned is not None, k): make_item(
         fly_controller, {"name": name, "specs": same, "simulator": chosen.simulator, "plants": members,
                          "seed": options.seed, "draws": chosen.draws, "disturbed": k == 0, "radio_s": radio_s,
                          "wind_m_s": wind_m_s, "gains": tuned},
-        f"simulated {name}{' tuned' if tuned is not None else ''} {same[0].family}", file=name)
+        f"simulated {name}{' tuned' if tuned is not None else ''} {same[0].family} to {same[-1].family}", file=name)
         for name, tuned in _versions(names, gains) for k, same in enumerate(families)}
     values = options.run(list(items.values()), "simulated").values
     rows, flights = [], []

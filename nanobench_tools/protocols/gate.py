@@ -39,6 +39,7 @@ ROSE_M = 0.3
 TICK_S = 0.01
 MOST_LAG_S = 1.0
 BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
+SHOWN_S = 0.1
 STILL_M = 2e-4
 """Per 10 ms: a setpoint that moves less stands still."""
 PLANNED_M_S = 1.6
@@ -149,6 +150,26 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
            "pwm_rms": {f"{low:g}-{high:g} Hz": [_band(u, low, high) for u in (flown, motor)] for low, high in BANDS_HZ}}
     reason = reason_of(row)
     return {**row, "pass": not reason, "reason": reason}
+
+
+def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
+             flown: Mapping[str, Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
+    """Of each controller the flight with the median gap and the one with the largest, at 10 Hz: {flight, controller,
+    time_s, reference_m, real_m, simulated_m}. ``flown``: [s, x, y, z, ...] by name of the flight."""
+    found, by_name = [], {case.flight.name: case for case in cases}
+    for name in FLOWN:
+        mine = sorted((row for row in rows if row["controller"] == name and row["flight"] in flown),
+                      key=lambda row: row["path_gap_m"])
+        for row in [mine[i] for i in sorted({len(mine) // 2, len(mine) - 1})] if mine else []:
+            path = np.array(flown[row["flight"]], float)
+            path = path[::max(1, round(SHOWN_S / (path[1, 0] - path[0, 0])))]
+            t, flight = path[:, 0], by_name[row["flight"]].flight
+            real = flight["mocap"].interpolate(("px", "py", "pz"), t)
+            asked = flight["setpoint"].interpolate(("x", "y", "z"), t)
+            found.append({"flight": row["flight"], "controller": name, "time_s": np.round(t - t[0], 2).tolist(),
+                          **{key: np.round(value, 4).tolist() for key, value in (
+                              ("reference_m", asked), ("real_m", real), ("simulated_m", path[:, 1:4]))}})
+    return found
 
 
 def reason_of(row: Mapping[str, Any]) -> str:
