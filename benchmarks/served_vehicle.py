@@ -177,15 +177,17 @@ def many(vehicles: int, seconds: float) -> None:
                 pilot.hear(now)
     finally:
         server.send_signal(2)
-        _, said = server.communicate(timeout=30)
+        _, said = server.communicate(timeout=120)
     used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
     turns = [tuple(map(int, found)) for found in re.findall(r"(\d+) turns, (\d+) more", said)]
+    stood = sum(map(float, re.findall(r"stood still for ([0-9.]+) s", said)))
     total, late = sum(t for t, _ in turns), sum(n for _, n in turns)
     rate = sum(p.logged for p in pilots) / seconds / vehicles / len(BLOCKS)
     poses = sum(p.poses for p in pilots) / seconds / vehicles
     print(f"{vehicles} vehicles in one process on {os.cpu_count()} cores, {seconds:.0f} s in real time: {late} of "
           f"{total} turns late ({100.0 * late / max(total, 1):.2f} %), {rate:.1f} Hz a block, {poses:.1f} poses/s "
-          f"each, {used:.1f} s of processor time with starting; load of the machine {os.getloadavg()[0]:.1f}")
+          f"each, stood still for {stood:.1f} s in all, {used:.1f} s of processor time with starting; load of the "
+          f"machine {os.getloadavg()[0]:.1f}")
 
 
 def main() -> None:
