@@ -69,7 +69,7 @@ def search(tunable: Mapping[str, Gain], run: Callable[[list[dict[str, float]]], 
     names = list(tunable)
     low, high = (np.log([getattr(tunable[n], end) for n in names]) for end in ("low", "high"))
     start = {n: tunable[n].value for n in names}
-    trials = [{"gains": start, "objective": run([start])[0]}]
+    trials: list[dict[str, Any]] = [{"gains": start, "objective": run([start])[0]}]
     middle = (np.log([tunable[n].value for n in names]) - low) / (high - low)
     # its seed 0 would mean the clock
     found = cma.CMAEvolutionStrategy(middle, STEP, {"bounds": [0.0, 1.0], "seed": seed + 1, "verbose": -9})

@@ -51,7 +51,7 @@ def race(body: Mapping[str, Any], simulated: Sequence[Mapping[str, Any]]) -> dic
 
 def speeds(simulated: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Median over the families flown at a speed, for every controller; least and largest family as a bar."""
-    panels = []
+    panels: list[dict[str, Any]] = []
     rows = [row for row in simulated if row.get("speed_m_s")]
     families = _in_all(rows)
     for key, title in PANELS:
