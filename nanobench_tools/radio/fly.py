@@ -144,7 +144,8 @@ class Flight:
                 if phase != self._phase:
                     self._enter(phase, due)
                 if phase == LANDING:
-                    return self._land()
+                    self._land()
+                    return None
                 if phase != TAKEOFF:
                     stop = self._stream(time_s)
                 elif time_s > self.plan.ends[TAKEOFF] - LISTEN_S:

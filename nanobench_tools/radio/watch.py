@@ -7,12 +7,17 @@ import time
 from collections import deque
 from collections.abc import Callable
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .fly_link import Link
 from .fly_loop import Beat
 from .fly_state import Believed
+
+if TYPE_CHECKING:
+    from rich.live import Live
+    from rich.table import Table
 
 BARS = "▁▂▃▄▅▆▇█"
 WIDTH, EVERY_S, SHOWN_HZ = 60, 0.2, 5.0
@@ -34,7 +39,7 @@ class Watch:
         self._on = not quiet and sys.stderr.isatty()
         self._errors: deque[float] = deque(maxlen=WIDTH)
         self._next_s, self._phase, self._time_s = 0.0, "", 0.0
-        self._live = None
+        self._live: Live | None = None
 
     def __enter__(self) -> Watch:
         if self._on:
@@ -57,13 +62,13 @@ class Watch:
         if self._live is None or time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + EVERY_S
-        away = asked_m is None or believed is None
-        self._errors.append(float("nan") if away else float(np.linalg.norm(believed.position_m - asked_m)))
+        here = believed is not None and asked_m is not None
+        self._errors.append(float(np.linalg.norm(believed.position_m - asked_m)) if here else float("nan"))
 
     def note(self, text: str) -> None:
         self._phase = text
 
-    def render(self) -> object:
+    def render(self) -> Table:
         """What stands in the terminal now."""
         from rich.table import Table
 

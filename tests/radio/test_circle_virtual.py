@@ -1,0 +1,137 @@
+"""The circle: fly a simulated Crazyflie through cflib, record, audit, score - no edit by hand in between.
+
+On the simulation's own clock, so that the numbers are the same on any machine; through sockets and in real time it is
+``test_circle_sockets.py``, with all controllers and hidden effects ``benchmarks/fly_loop.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cflib")
+pytest.importorskip("casadi")
+
+from controllers.served_vehicle import served
+from nanobench_tools.audit import audit
+from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.main import main
+from nanobench_tools.radio.blocks import default_blocks
+from nanobench_tools.radio.fly_plan import chosen_path
+from nanobench_tools.radio.fly_session import Request, fly_session
+from nanobench_tools.radio.fly_virtual import VirtualWorld
+from nanobench_tools.radio.packets import read_packets
+from nanobench_tools.radio.record_export import export
+from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.simulated.channel import RadioOptions
+from nanobench_tools.radio.simulated.motion_capture import MocapOptions
+from nanobench_tools.sources.discover import load_recordings
+
+RADIO = RadioOptions(latency_s=0.010, loss=0.02)
+ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
+"""Noise as the recordings have it."""
+FILTER_S = np.sqrt(2.0) / (2.0 * np.pi * 80.0) + 0.001
+"""What the gyro itself is late by: the firmware's low pass (two poles, 80 Hz), and the loop that logs after it."""
+CONTROLLERS = ("onboard_pid", "mpc_daqp")
+
+
+def fly(name: str, folder: Path | None, world: VirtualWorld, seconds: float = 6.0, **limits):
+    with world.served() as uri:
+        return fly_session(Request(chosen_path("figure_eight", 1.0, None, seconds), pilot_for(name, None, None),
+                                   Limits(**limits), uri, world, default_blocks(), record_to=folder, clock=world))
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    """Folder, and controller -> (result, world, audit)."""
+    folder = tmp_path_factory.mktemp("flown")
+    results = {}
+    for name in CONTROLLERS:
+        world = VirtualWorld(served(), RADIO, ROOM)
+        results[name] = fly(name, folder, world), world
+    audits = {str(a.controller): a for a in map(audit, load_recordings([folder]).flights)}
+    return folder, {name: (*found, audits[name]) for name, found in results.items()}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_it_flies_lands_and_the_audit_finds_no_fault(flights, name):
+    result, world, found = flights[1][name]
+    assert result.outcome.stop is None
+    assert world.simulation.onboard.vehicle.true_pose()[0][2] < 0.01
+    assert {fault.kind for fault in found.faults} <= {"interpolated"}
+    assert found.flight == result.recording.csv.stem
+    for stream, count in result.recording.counts.items():
+        if stream not in ("mocap", "battery"):
+            assert 0.94 < count / result.recording.counts["mocap"] < 1.0  # 2 % are lost, and none is made up
+
+
+def test_the_audit_finds_the_clock_of_the_recording(flights):
+    for name in CONTROLLERS:
+        assert abs(flights[1][name][2].clock["imu"].offset_s - FILTER_S) < 0.002
+    alignment = flights[1]["onboard_pid"][0].recording.alignment
+    assert alignment.down_s == pytest.approx(0.010, abs=0.001)
+    assert abs(alignment.rate - 1.0) < 2e-5
+
+
+def test_stamps_of_arrival_are_late_by_the_link_and_the_audit_says_so(flights, tmp_path):
+    raw = next(flights[0].glob(".raw/*onboard-pid*.packets"))
+    late = audit(load_recordings([export(raw, tmp_path, "arrival").csv]).flights[0]).clock["imu"]
+    assert abs(late.offset_s - FILTER_S - 0.010) < 0.002
+
+
+def test_an_interrupted_recording_is_exported_again(flights, tmp_path):
+    raw = next(flights[0].glob(".raw/*onboard-pid*.packets"))
+    cut = tmp_path / "cut.packets"
+    cut.write_bytes(raw.read_bytes()[:-150_001])
+    assert main(["record", "--export", str(cut), "--out", str(tmp_path), "--quiet"]) == 0
+    whole, part = (load_recordings([p]).flights[0] for p in (flights[1]["onboard_pid"][0].recording.csv,
+                                                            tmp_path / "cut.csv"))
+    n = len(part["imu"]) - 5
+    assert n > 1000
+    np.testing.assert_allclose(part["imu"].values[:n], whole["imu"].values[:n], atol=0.02)
+    assert (tmp_path / ".raw" / "cut" / "imu.parquet").exists()
+
+
+def test_control_scores_them_and_mpc_is_a_third_better(flights, tmp_path):
+    out = tmp_path / "control.json"
+    assert main(["control", "--data", str(flights[0]), "--plant", "real", "--protocol", "clean", "--jobs", "1",
+                 "--json", str(out), "--quiet"]) == 0
+    rmse = {row["controller"]: row["metrics"]["rmse_m"] for row in json.loads(out.read_text())["rows"]}
+    assert rmse["mpc_daqp"] < 0.7 * rmse["onboard_pid"]
+
+
+def test_the_raw_recording_has_what_was_sent_and_the_sheet_who_flew(flights):
+    raw = read_packets(next(flights[0].glob(".raw/*mpc*.packets")))
+    assert raw.sheet["synthetic"] is True
+    assert raw.sheet["controller"] == "mpc_daqp"
+    assert raw.sheet["flight"]["stopped"] is None
+    assert [name for name, _ in raw.sheet["flight"]["phases"]][1:4] == ["take-off", "hover", "approach"]
+
+
+def in_path(world: VirtualWorld, seconds: float, what) -> None:
+    """Injects a fault once the vehicle has been above 0.8 m for so long."""
+    above = []
+    step = world._step
+
+    def watched(time_s: float) -> None:
+        step(time_s)
+        if world.simulation.onboard.vehicle.true_pose()[0][2] > 0.8:
+            above.append(time_s)
+        if above and time_s > above[0] + seconds:
+            what()
+
+    world._step = watched
+
+
+def test_a_link_that_goes_in_the_air_leaves_the_vehicle_to_its_own_watchdog():
+    world = VirtualWorld(served(), RadioOptions(), ROOM)
+    in_path(world, 3.0, lambda: setattr(world, "down", True))
+    result = fly("onboard_pid", None, world)
+    assert result.outcome.stop.rule == "lost link"
+    world.sleep_until(world.now() + 3.0)
+    onboard = world.simulation.onboard
+    assert onboard.vehicle.true_pose()[0][2] < 0.05
+    assert not onboard.supervisor.motors_allowed  # it fell from a metre: that is what this firmware does
