@@ -32,7 +32,7 @@ GROUND_M = 0.03
 FLYING, STILL_S = 1 << 4, 4.0
 """Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
 ECHO_S = 0.1
-LIFT_S, LIFT_AGAIN_S = 1.6, 0.5
+LIFT_S, LIFT_AGAIN_S = 2.4, 0.8
 """A vehicle that stands on the ground so long after the command to take off does not fly; it is told again before."""
 
 
