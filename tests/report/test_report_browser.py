@@ -8,6 +8,7 @@ import os
 import shutil
 
 import pytest
+from test_control_pictures import BODY as control_body
 
 from nanobench_tools.report import write_report
 
@@ -219,3 +220,18 @@ def test_what_a_finger_has_to_hit_is_large_enough(opened):
         .map(e => [e.textContent.trim(), e.getBoundingClientRect()]).filter(([_, r]) => r.height < 40 || r.width < 40)
         .map(([name]) => name)""")
     assert small == []
+
+
+def test_the_slider_of_simulated_flights_moves_their_marks(browser, tmp_path):
+    path = write_report(tmp_path, {"control": control_body}, [], {}, synthetic=False)
+    phone = Page(browser, path, PHONE)
+    mark = "document.getElementById('plot-race').data[4].x[0]"
+    before = phone.page.evaluate(mark)
+    phone.page.evaluate("(() => { const s = document.querySelector('#fig-race input'); s.value = 19;"
+                        " s.dispatchEvent(new Event('input')); })()")
+    assert phone.page.evaluate(mark) != before
+    assert phone.page.evaluate(mark) == pytest.approx(control_body["flights"][0]["flown_m"][38][0], abs=2e-3)
+    assert phone.page.query_selector("#plot-gateflights .main-svg") is not None
+    assert phone.overflow() <= 0
+    assert phone.trouble == []
+    phone.context.close()

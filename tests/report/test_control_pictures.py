@@ -1,0 +1,58 @@
+"""Pictures of Task 2: what is drawn of made-up results."""
+
+import numpy as np
+import pytest
+
+from nanobench_tools.report import control
+
+TIMES = (0.05 * np.arange(40)).tolist()
+GOAL = np.column_stack([np.cos(TIMES), np.sin(TIMES), np.ones(40)])
+
+
+def flight(name, reference, speed, off):
+    return {"controller": name, "reference": reference, "speed_m_s": speed, "time_s": TIMES,
+            "reference_m": GOAL.tolist(), "flown_m": (GOAL + np.array([0.0, 0.0, off])).tolist(), "error_m": [off] * 40}
+
+
+def row(name, reference, speed, rmse, lost=0.0):
+    return {"plant": "simulated", "controller": name, "reference": reference, "speed_m_s": speed, "information": "lead",
+            "n": 4, "metrics": {"rmse_m": rmse, "contour_rmse_m": 0.5 * rmse, "worst_decile_m": 2.0 * rmse,
+                                "lost_percent": lost}}
+
+
+ROWS = [row(name, reference, speed, size * speed) for name, size in (("good", 0.02), ("bad", 0.2))
+        for reference in ("circle", "star") for speed in (0.5, 1.0)]
+BODY = {"rows": [*ROWS, row("good", "oval", 0.5, 9.0)],
+        "error_bar": {"rmse_share": 0.03, "rmse_share_p90": 0.1, "n": 5},
+        "flights": [flight(name, "circle", speed, off) for name, off in (("good", 0.01), ("bad", 0.3))
+                    for speed in (0.5, 1.0)],
+        "gate_flights": [{"flight": "one <b>", "controller": "pid", "time_s": TIMES, "reference_m": GOAL.tolist(),
+                          "real_m": (GOAL + 0.1).tolist(), "simulated_m": (GOAL + 0.12).tolist()}]}
+
+
+def test_the_race_is_at_the_highest_speed_and_every_second_sample():
+    (one,) = control.pictures(BODY)["race"]["sets"]
+    assert one["name"] == "circle, 1 m/s"
+    assert [f["name"] for f in one["flights"]] == ["good", "bad"]
+    assert one["flights"][1]["error"] == [0.3] * 20
+    assert len(one["time_s"]) == len(one["reference"]["x"]) == 20
+
+
+def test_error_against_speed_compares_the_same_families_and_the_ranking_has_the_gates_bar():
+    found = control.pictures(BODY)
+    assert found["speeds"]["families"] == ["circle", "star"]  # the oval was flown at one speed
+    line = found["speeds"]["panels"][0]["lines"][0]
+    assert (line["name"], line["x"]) == ("good", [0.5, 1.0])
+    assert line["y"] == pytest.approx([0.01, 0.02])
+    first = found["ranking"]["rows"][0]
+    assert first["name"] == "good"
+    assert first["off"] == pytest.approx(0.1 * first["cm"])
+
+
+def test_the_gap_of_a_real_flight_is_its_distance():
+    (one,) = control.pictures(BODY)["gateflights"]["sets"]
+    assert one["flights"][0]["error"][0] == pytest.approx(0.1 * np.sqrt(3.0), abs=1e-4)
+
+
+def test_without_results_every_picture_says_why():
+    assert all("absent" in picture for picture in control.pictures(None).values())
