@@ -27,6 +27,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")  # before NumPy is loaded: every core has a test process of its own
+os.environ.setdefault("NUMBA_USE_LLVMLITE_MEMORY_MANAGER", "1")  # else LLVM may abort after JAX has mapped its memory
 
 
 settings.register_profile("repeatable", derandomize=True)

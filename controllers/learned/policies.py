@@ -153,8 +153,9 @@ def trained(kind: str, shown: Shown, settings: Settings | None = None, folder: P
     rows = np.concatenate([d.observed for d in shown.train])
     mean, spread = rows.mean(axis=0), np.maximum(rows.std(axis=0), 1e-3)
     task = task_of(kind, shown, settings.seed, mean, spread, extra)
-    found = train(replace(task, label=name or kind), settings,
-                  None if folder is None else Path(folder) / f"{name or kind}.safetensors", quiet)
+    label = name or kind
+    path = None if folder is None else Path(folder) / f"{label}.safetensors"
+    found = train(replace(task, label=label), settings, path, quiet).worth_a_row(label)
     return Network(kind, tuple(found.leaves), mean, spread,
                    {"epochs": len(found.history), "best_epoch": found.best,
                     "validation_loss": float(found.history[:, 1].min()), "flights": len(shown.train),

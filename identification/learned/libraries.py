@@ -12,6 +12,15 @@ from nanobench_tools.errors import MissingExtraError
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 
+def share_process() -> None:
+    """Lets Numba and JAX live in one process. JAX maps so much memory that code which Numba loads afterwards may land
+    more than 2 GB from its data, at which LLVM aborts; with llvmlite's own memory manager it stays together. Has to be
+    called before Numba compiles or loads anything."""
+    os.environ.setdefault("NUMBA_USE_LLVMLITE_MEMORY_MANAGER", "1")
+    if "numba" in sys.modules:
+        sys.modules["numba"].core.config.USE_LLVMLITE_MEMORY_MANAGER = True
+
+
 @functools.cache
 def libraries() -> SimpleNamespace:
     """{jax, jnp, lax, eqx, optax, safetensors}. MissingExtraError, one line that says what to install, without them.
@@ -19,6 +28,7 @@ def libraries() -> SimpleNamespace:
     JAX takes an accelerator when it sees one. On a CPU it is held to one thread (the networks are too small to gain
     from more, and items run side by side), unless XLA_FLAGS says otherwise or JAX was loaded before.
     """
+    share_process()
     if "jax" not in sys.modules:
         os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
         os.environ.setdefault("JAX_PLATFORMS", "")

@@ -111,7 +111,7 @@ def train_row(kind: str, voltage: bool, cases: Sequence[Case] | Rows, settings: 
     rows = cases if isinstance(cases, Rows) else rows_of(cases)
     task, scaling = task_of(kind, voltage, rows, settings.seed)
     path = None if folder is None else Path(folder) / f"{task.label}.safetensors"
-    found = train(task, settings, path, quiet)
+    found = train(task, settings, path, quiet).worth_a_row(task.label)
     about = {"epochs": len(found.history), "best_epoch": found.best,
              "validation_loss": float(found.history[:, 1].min()),
              "data_sha256": rows.sha256, "flights": len(rows.names), "windows": len(rows.train),

@@ -58,21 +58,31 @@ class Task:
 @dataclass(frozen=True)
 class Trained:
     """leaves: arrays of the network with the least validation loss, which was that of epoch ``best``; history (epochs,
-    2): loss and validation loss; seconds: of this call; begun: epochs that an earlier one had done."""
+    2): loss and validation loss; seconds: of this call; begun: epochs that an earlier one had done; untrained: the
+    validation loss before the first."""
 
     leaves: list[np.ndarray]
     history: np.ndarray
     best: int
     seconds: float
     begun: int
+    untrained: float
+
+    def worth_a_row(self, label: str) -> Trained:
+        """Itself. InputError when training never made validation better than none: that is no row."""
+        best = float(self.history[:, 1].min())
+        if not best < self.untrained:
+            raise InputError(f"training {label}", f"validation ({best:.3g}) never got better than untrained "
+                             f"({self.untrained:.3g}) in {len(self.history)} epochs",
+                             "no row; try a lower learning rate")
+        return self
 
 
 def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool = True,
           every_s: float = 20.0) -> Trained:
     """Trains, or goes on from the checkpoint at ``path`` (written every ``every_s`` seconds and at the end).
 
-    Raises InputError for a loss that is not a number, for a training that never made validation better than no
-    training, and for a checkpoint of something else.
+    Raises InputError for a loss that is not a number and for a checkpoint of something else.
     """
     with_jax = libraries()
     jax, jnp, eqx, optax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.optax
@@ -132,10 +142,8 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
                     {**identity, "platform": platform()})
                 written = time.monotonic()
     untrained = float(judge(eqx.partition(task.network, eqx.is_inexact_array)[0], task.data, valid))
-    if not best_loss < untrained:
-        raise InputError(f"training {task.label}", f"validation ({best_loss:.3g}) never got better than untrained "
-                         f"({untrained:.3g}) in {len(history)} epochs", "no row; try a lower learning rate")
-    return Trained(_leaves(best), history, int(np.argmin(history[:, 1])) + 1, time.monotonic() - started, begun)
+    return Trained(_leaves(best), history, int(np.argmin(history[:, 1])) + 1, time.monotonic() - started, begun,
+                   untrained)
 
 
 def _leaves(tree: Any) -> list[np.ndarray]:

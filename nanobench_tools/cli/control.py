@@ -74,6 +74,10 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     from ..protocols import task2
     from .control_plants import Chosen, check_simulated, gate_body, given_gains, mismatch_body, simulated_body
 
+    if learned:
+        from identification.learned.libraries import share_process
+
+        share_process()
     wanted = tuple(dict.fromkeys(plants or (() if learned else DEFAULT_PLANTS)))
     for name in wanted:
         if name not in PLANTS:

@@ -50,6 +50,10 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     five families and tests on the others, seen and unseen families apart. Models of physical terms are fitted to the
     training flights, one effect more at a time; the best of class "state" is written as simulator.toml into --out.
     """
+    if learned:
+        from identification.learned.libraries import share_process
+
+        share_process()
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
     if train and train_family:
