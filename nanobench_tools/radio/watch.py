@@ -62,8 +62,10 @@ class Watch:
         if self._live is None or time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + EVERY_S
-        here = believed is not None and asked_m is not None
-        self._errors.append(float(np.linalg.norm(believed.position_m - asked_m)) if here else float("nan"))
+        error = float("nan")
+        if believed is not None and asked_m is not None:
+            error = float(np.linalg.norm(believed.position_m - asked_m))
+        self._errors.append(error)
 
     def note(self, text: str) -> None:
         self._phase = text
