@@ -64,7 +64,7 @@ _OPTIONS: tuple[Callable, ...] = (
     click.option("--bandwidth", "packets_per_s", type=float, metavar="HZ", help="Served: packets a second that reach "
                  "the client; 690 for nine blocks of 77 Hz, as recorded."),
     click.option("--hangs", type=Numbers(2), metavar="N,S", help="Served: nothing passes, N times a second for S "
-                 "seconds in the mean; 2,0.06 is as recorded."),
+                 "seconds in the mean, such as 2,0.06."),
     click.option("--mocap-hz", "mocap_hz", type=float, metavar="HZ", help="Served: poses a second. Default: 100."),
     click.option("--mocap-noise-m", type=float, metavar="M", help="Served: noise of poses. Default: 0.0003."),
     click.option("--mocap-delay-s", type=float, metavar="S", help="Served: from exposure to sending."),

@@ -31,8 +31,8 @@ T = TypeVar("T")
 class RadioOptions:
     """latency_s one way; jitter_s: mean of an exponential delay on top; loss 0..1 of packets; packets_per_s that the
     way down carries (None: no limit); hangs_per_s and hang_s: how often, and how long in the mean, nothing passes in
-    either direction (the recordings' time error looks like 2 a second of 0.06 s); seed. Raises InputError for what
-    cannot be."""
+    either direction (2 and 0.06 make the share of time that ``retiming.delivery`` takes for hangs); seed. Raises
+    InputError for what cannot be."""
 
     latency_s: float = 0.0
     jitter_s: float = 0.0
