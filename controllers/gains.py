@@ -60,6 +60,11 @@ def read_gains(path: Path) -> tuple[str, dict[str, float]]:
     return name, {key: float(value) for key, value in gains.items()}
 
 
+def said_better(path: Path) -> bool:
+    """Whether the file, which ``read_gains`` takes, says that its gains were shown to be better."""
+    return bool(tomllib.loads(path.read_text(encoding="utf-8")).get("better", True))
+
+
 def dumps(controller: str, gains: Mapping[str, float], tunable: Mapping[str, Gain], said: Mapping[str, Any]) -> str:
     """TOML of gains; ``said``: strings, numbers and lists of them on how they were found."""
     head = {"schema": SCHEMA, "controller": controller, **said}

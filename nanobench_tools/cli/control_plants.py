@@ -94,13 +94,15 @@ def shipped_gate() -> dict[str, Any]:
 
 def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, float]]:
     """{controller: gains} of files that ``tune`` wrote."""
-    from controllers.gains import read_gains
+    from controllers.gains import read_gains, said_better
 
     found: dict[str, dict[str, float]] = {}
     for path in files:
         name, gains = read_gains(path)
         if name in found:
             raise UsageError(f"--gains {path}: gains of {name} are given twice")
+        if not said_better(path):
+            options.say(f"--gains {path}: these were not shown to be better than {name}'s own")
         found[name] = gains
     return found
 
