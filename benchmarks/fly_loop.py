@@ -10,7 +10,6 @@ is printed beside them.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import os
 import subprocess
@@ -27,7 +26,7 @@ CONTROLLERS = ("onboard_pid", "onboard_mellinger", "geometric", "mpc_daqp")
 HIDDEN = {
     "nothing": lambda model: model,
     "weak motor": lambda model: model.with_term("motor_imbalance", g=(0.88, 1.04, 1.04, 1.04)),
-    "payload of 4 g": lambda model: model.with_term("mass", m=model.parameters["mass.m"] + 0.004),
+    "payload of 2 g": lambda model: model.with_term("mass", m=model.vehicle.mass_kg + 0.002),
 }
 SERVE = """
 import sys, time
@@ -113,11 +112,10 @@ def circle(seeds: int, seconds: float) -> None:
                 clock, faults = found.clock["imu"], sorted({f.kind for f in found.faults} - {"interpolated"})
                 print(f"seed {seed} {flight.metadata['controller']}: gyro {1e3 * clock.offset_s:+.1f} ms late, of "
                       f"which its filter is 3.8; faults {', '.join(faults) or 'none'}", flush=True)
-        with contextlib.redirect_stderr(None):
-            main(["control", "--data", place, "--plant", "real", "--protocol", "clean", "--jobs", "1"])
+        main(["control", "--data", place, "--plant", "real", "--protocol", "clean", "--jobs", "1"])
 
 
-def hidden(flights: int, seconds: float) -> None:
+def hidden(effects: list[str], flights: int, seconds: float) -> None:
     """SYNTHETIC: what ``diagnose`` says of recordings of a vehicle that has more in it than the simulator."""
     from controllers.ensemble import shipped_simulator
     from nanobench_tools.cli.main import main
@@ -127,14 +125,15 @@ def hidden(flights: int, seconds: float) -> None:
     with tempfile.TemporaryDirectory() as place:
         simulator = Path(place) / "believed.toml"
         simulator.write_text(shipped_simulator())
-        for what, change in HIDDEN.items():
+        for what in effects:
             folder, out = Path(place) / what.replace(" ", "_"), Path(place) / "verdict" / what.replace(" ", "_")
             for seed in range(flights):
-                fly_virtual("onboard_pid", folder, seed, seconds, change(nominal))
+                fly_virtual("onboard_pid", folder, seed, seconds, HIDDEN[what](nominal))
             main(["diagnose", "--data", str(folder), "--simulator", str(simulator), "--out", str(out), "--jobs", "1",
                   "--quiet"])
             verdict = json.loads((out / "verdict.json").read_text())
-            named = [f"{f['term']} {f['parameters']}" for f in verdict["findings"]]
+            named = [", ".join([f["term"], *(f"{n} {p['value']:.4g} {p['ci95']}" for n, p in f["parameters"].items())])
+                     for f in verdict["findings"]]
             print(f"{what}, {flights} flights: {verdict['outcome']}; {'; '.join(named) or 'nothing named'}", flush=True)
 
 
@@ -143,6 +142,7 @@ if __name__ == "__main__":
     asked.add_argument("--minutes", type=float, default=5.0)
     asked.add_argument("--circle", action="store_true")
     asked.add_argument("--hidden", action="store_true")
+    asked.add_argument("--effect", choices=list(HIDDEN), action="append", help="of --hidden; default: all")
     asked.add_argument("--seeds", type=int, default=3)
     asked.add_argument("--seconds", type=float, default=12.0, help="of path, on the simulation's own clock")
     given = asked.parse_args()
@@ -150,7 +150,7 @@ if __name__ == "__main__":
     if given.circle:
         circle(given.seeds, given.seconds)
     if given.hidden:
-        hidden(given.seeds, given.seconds)
+        hidden(given.effect or list(HIDDEN), given.seeds, given.seconds)
     if not (given.circle or given.hidden):
         loop(given.minutes)
     print(f"took {time.time() - started:.0f} s, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")

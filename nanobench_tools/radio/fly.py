@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import FrameType
 from typing import Any, Protocol
 
 import numpy as np
 
 from . import fly_setpoints, safety
 from .fly_clock import Clock
+from .fly_interrupts import Hung, Interrupts
 from .fly_link import Link
 from .fly_loop import Beat, Guardian, Pacer, undisturbed
 from .fly_pilot import PERIOD_S, Pilot, finite
@@ -36,10 +34,6 @@ LIFT_S, LIFT_AGAIN_S = 2.4, 0.8
 """A vehicle that stands on the ground so long after the command to take off does not fly; it is told again before."""
 
 
-class Hung(BaseException):
-    """Raised into a call that the guardian has given up on."""
-
-
 class Listener(Protocol):
     """Is told what happens: the recorder, the display. ``tick`` every tick, from the loop: keep it short."""
 
@@ -56,35 +50,6 @@ class Outcome:
     stop: Stop | None = None
     beat: Beat | None = None
     phases: list[tuple[str, float]] = field(default_factory=list)
-
-
-class Interrupts:
-    """Ctrl-C and SIGTERM ask for the end; the third Ctrl-C gives up at once (the vehicle's watchdog is left)."""
-
-    def __init__(self) -> None:
-        self.asked = ""
-        self.hung = False
-        self._count = 0
-
-    @contextmanager
-    def caught(self) -> Iterator[Interrupts]:
-        if threading.current_thread() is not threading.main_thread():
-            yield self
-            return
-        before = {which: signal.signal(which, self._note) for which in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield self
-        finally:
-            for which, handler in before.items():
-                signal.signal(which, handler)
-
-    def _note(self, which: int, frame: FrameType | None) -> None:
-        if self.hung:
-            raise Hung
-        self.asked = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
-        self._count += 1
-        if self._count >= 3:
-            raise KeyboardInterrupt
 
 
 class Flight:

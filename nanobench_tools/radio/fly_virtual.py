@@ -9,6 +9,7 @@ Computing takes no time here; jitter and deadlines are measured against the real
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections import deque
@@ -26,7 +27,8 @@ from .simulated.vehicle import Vehicle
 STEP_S = 0.001
 SETTLE_S = 0.5
 """So long at most cflib's parameter thread may take to send its next request, in real time."""
-START_S = 1_800_000_000.0
+START_S, APART_S = 1_800_000_000.0, 3600.0
+"""Worlds begin an hour apart, in the order in which they are made: sheets belong to recordings by time."""
 URI = "virtual://0"
 
 
@@ -36,16 +38,18 @@ class VirtualWorld:
     name = "virtual"
     real = False
     synthetic = True
+    _worlds = itertools.count()
 
     def __init__(self, vehicle: Vehicle, radio: RadioOptions | None = None, mocap: MocapOptions | None = None) -> None:
-        self.simulation = Simulation(vehicle, START_S, radio or RadioOptions(), mocap or MocapOptions())
+        self._start_s = START_S + APART_S * next(self._worlds)
+        self.simulation = Simulation(vehicle, self._start_s, radio or RadioOptions(), mocap or MocapOptions())
         self.down = False
         """True: the link is gone, nothing passes in either direction."""
         self.blind = False
         """True: no poses come."""
         self.inbox: deque[bytes] = deque()
         self.crazyflie: Any = None
-        self._time_s, self._steps = START_S, 0
+        self._time_s, self._steps = self._start_s, 0
         self._sink: Sink | None = None
 
     def now(self) -> float:
@@ -55,7 +59,7 @@ class VirtualWorld:
         """Lets the world go on until then, in whole steps."""
         while self._time_s < time_s - 1e-6:
             self._steps += 1
-            self._step(START_S + STEP_S * self._steps)
+            self._step(self._start_s + STEP_S * self._steps)
 
     def _step(self, time_s: float) -> None:
         simulation = self.simulation
