@@ -33,6 +33,8 @@ AGAINST = 0.2
 """Two names whose sum turns the vehicle by this share of either are made for each other."""
 ACTS = 0.05
 """A name that turns the vehicle by this share of what is left turns it at all."""
+OVERSHADOWED = 0.5
+"""The same, of what stays when other names were withdrawn."""
 LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
 """Squared standard deviations: what is left beside a name, and what is left that nothing names."""
 LEAST_FORCE_M_S2 = 0.045
@@ -131,6 +133,14 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         kept, final, more = _still(known, here, space, kept, _refit(known, here, kept, start))
         here = space if any(t in MAPS for t, _ in more) else here
         withdrawn += more
+        over = _overshadowed(moments, known, replace(named, accepted=tuple(kept), space=here, fit=final), space)
+        if over:
+            withdrawn += over
+            gone = [t for t, _ in over]
+            kept = [h for h in kept if h.term not in gone]
+            start = rested(final.model, gone, here, space)
+            here = space if any(t in MAPS for t in gone) else here
+            final = _refit(known, here, kept, start)
     findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
     idle = [f.hypothesis.term for f in findings if not _moved(f, final.model, space)]
     if idle:
@@ -273,6 +283,22 @@ def _passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts:
         return ""
     share = (each[inside].sum() / each.sum() - inside.mean()) / max(1.0 - inside.mean(), 1e-9)
     return f"most of what {h.term} turns is in {bursts.hint}" if share > IN_BURSTS else ""
+
+
+def _overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
+    """Names, of those left when others went, that act along the axes of a force of place, time or period more than
+    half as large as what they do themselves."""
+    found = [s for s in structures(moments, force_left(known, named.fit)) if s.kind in ("place", "time", "period")]
+    gone = []
+    for h in (h for h in named.accepted if not h.own) if found else ():
+        moved = moments.wrench.model(named.fit.model)[0] - moments.wrench.model(_rested(named, [h.term], home))[0]
+        along = dict(zip("xyz", np.sqrt(np.mean(moved**2, axis=0)), strict=True))
+        size = float(np.sqrt(sum(v**2 for v in along.values())))
+        mine = {axis for axis, v in along.items() if v > 0.45 * size} if size > LEAST_FORCE_M_S2 else set()
+        beside = [s for s in found if mine & set(s.axes) and s.rms_m_s2 > OVERSHADOWED * size]
+        if beside:
+            gone.append((h.term, f"{h.term} is there beside {beside[0].hint}, which is as large"))
+    return gone
 
 
 def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:

@@ -75,7 +75,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
         decision, proof = _without_idle_yaw(moments, decision, proof, simulator, seed)
         axes = [axis for f in decision.findings for axis in f.axes]
         turns = all(axis.startswith("torque") for axis in axes) and not all(axis == YAW for axis in axes)
-        stands = proof.better or (turns and proof.better_along(seed)) or not (decision.findings and proof.held_out)
+        pushes = all(axis.startswith("force") for axis in axes)
+        stands = (proof.better or (turns and proof.better_along(seed)) or (pushes and proof.better_pushed(seed))
+                  or not (decision.findings and proof.held_out))
     except InputError:  # what was named together is no possible vehicle
         stands = False
     if not stands:

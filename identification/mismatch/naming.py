@@ -28,6 +28,11 @@ are not told apart."""
 REDUNDANT = 0.4
 """Beside the best, another explanation of the same thing has less than this share of its own left."""
 MOST = 5
+SLOPPY = 0.005
+"""Of what is explained already, in the channels where a further name acts: gains are known to a few per cent, and a
+name for their errors is none."""
+REST = 0.02
+"""What is left of a name is not named after another that can hardly be told from it, up to this share."""
 CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
 """What may have been changed between two flights."""
 CHANGED = 0.3
@@ -120,7 +125,7 @@ class _Search:
         self.moments, self.space, self.home, self.known = moments, space, space, Slopes(moments)
         self.known.anchor = space.model
         self.other = space_of_other_map(simulator, moments.wrench.battery_V)
-        self.current = fit(self.known, space.model, [])
+        self.nothing = self.current = fit(self.known, space.model, [])
         self.accepted: list[Hypothesis] = []
         self.alike: dict[str, tuple[str, ...]] = {}
         self.rejected: dict[str, str] = {}
@@ -189,7 +194,7 @@ class _Search:
         allowed: list[Hypothesis] = []
         feign: list[str] = []
         for h in tried:
-            if h.gain < LEAST_GAIN:
+            if h.gain < LEAST_GAIN + self._errors_of_others(h) or self._rest_of_another(h):
                 continue
             if h.term in PUSHES and self._turning(h) > 0.5:
                 continue
@@ -207,6 +212,23 @@ class _Search:
             return None
         close = [h for h in allowed if allowed[0].gain - h.gain < self._margin(allowed[0])]
         return min(close, key=lambda h: (len(h.fit.free), -h.gain))
+
+    def _rest_of_another(self, h: Hypothesis) -> bool:
+        return any(h.term in self.alike[a.term] and h.gain < REST * a.gain for a in self.accepted)
+
+    def _errors_of_others(self, h: Hypothesis) -> float:
+        """What the errors of the names before may explain where ``h`` acts."""
+        if not self.accepted:
+            return 0.0
+        owner = self.moments.owner
+
+        def by_channel(left: np.ndarray) -> np.ndarray:
+            return np.array([float(left[owner == c] @ left[owner == c]) for c in range(6)])
+
+        here = by_channel(self.current.left)
+        explained = np.maximum(by_channel(self.nothing.left) - here, 0.0)
+        gone = np.maximum(here - by_channel(h.fit.left), 0.0)
+        return SLOPPY * float(explained @ gone) / max(float(gone.sum()), 1e-9)
 
     def _turning(self, h: Hypothesis) -> float:
         """Share of what a hypothesis takes away that lies in the torques."""

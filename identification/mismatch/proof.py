@@ -54,8 +54,16 @@ class Proof:
     @property
     def better(self) -> bool:
         """At h = 50 or 10 something improves with an interval above nothing, and nothing gets worse by more than it."""
-        change = 1.0 - self.after.mean(0)[1:] / np.maximum(self.before.mean(0)[1:], 1e-12)
+        return self._better_in(slice(None))
+
+    def _better_in(self, quantities: slice) -> bool:
+        change = 1.0 - self.after.mean(0)[1:, quantities] / np.maximum(self.before.mean(0)[1:, quantities], 1e-12)
         return any(low > 0.0 for h, (low, _) in self.interval.items() if h > 1) and change.max() > -change.min()
+
+    def better_pushed(self, seed: int = 0) -> bool:
+        """The same of position and velocity alone, and along the measured states too: what a force is judged by, which
+        turns the vehicle only by where the centre of mass happens to lie in these flights."""
+        return self._better_in(slice(0, 2)) and self.better_along(seed)
 
     def better_along(self, seed: int = 0) -> bool:
         """The residual along the measured states of flights that were left out gets smaller, with an interval above

@@ -15,7 +15,8 @@ from .fitting import Fit
 from .moments import Moments
 
 ABSOLUTE = {"command_delay.delay_s": 0.006, "motor_lag.tau_up_s": 0.012, "motor_lag.tau_down_s": 0.012,
-            "motor_imbalance.g": 0.01, "frame_tilt.roll_rad": 0.006, "frame_tilt.pitch_rad": 0.006}
+            "motor_imbalance.g": 0.01, "com_offset.r_m": 1e-4, "frame_tilt.roll_rad": 0.006,
+            "frame_tilt.pitch_rad": 0.006}
 """In the unit of the parameter."""
 RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
 """Of the value before."""
@@ -25,7 +26,8 @@ the vehicle turns, the gain from command to torque is hardly known."""
 MOST_GAIN, MOST_DAMPING_1_S = 0.35, 8.0
 """However much the gyro shakes, more is not feigned."""
 ASKED = 0.6
-"""Of this where set-points were logged, which no shaking reaches, and the vehicle leans after them: about x and y."""
+"""Of this where set-points were logged, which no shaking reaches, and the vehicle leans after them (about x and y); and
+where the commands explain some of the turning, as they do not on a vehicle whose lag is not known."""
 IMPLAUSIBLE = {"inertia.inertia_kg_m2": 3.0, "yaw_torque.k_m": 5.0}
 """A gain that is off by this factor is no vehicle, but a residual that something else made."""
 DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
@@ -106,7 +108,8 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
         return RELATIVE[base] * abs(values[name])
     if base in GAIN:
         share = _shake(best or before, moments, name)
-        known = ASKED if _axis(name) < 2 and moments.wrench.of("asked_rad_s2", moments.wrench.torque_at).any() else 1.0
+        told = moments.wrench.of("asked_rad_s2", moments.wrench.torque_at).any() and share < 1.0 and _axis(name) < 2
+        known = ASKED if told else 1.0
         return known * min(GAIN[base] * max(share, 0.1), MOST_GAIN) * abs(values[name])
     if base == "angular_damping.d_r":
         inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
