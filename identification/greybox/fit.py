@@ -66,7 +66,7 @@ class GreyBox:
         if self.adapt not in ADAPTS:
             raise UsageError(f"adapt is {self.adapt!r}; it can be {', '.join(ADAPTS)}")
         if not isinstance(self.terms, Mapping):
-            self.terms = {name: _typical(name) for name in self.terms}
+            self.terms = {name: _typical(name, self.vehicle.rotors) for name in self.terms}
 
     @property
     def information(self) -> str:
@@ -210,12 +210,12 @@ def _share(cuts: Sequence[Cut]) -> float:
     return min(1.0, EVERY_S * max(c.thin for c in cuts) / INDEPENDENT_S)
 
 
-def _typical(name: str) -> dict[str, Any]:
+def _typical(name: str, rotors: int) -> dict[str, Any]:
     """Where a fit of a term starts: its typical values."""
     found: dict[str, Any] = {}
     for parameter in find_term(name).parameters:
         if not parameter.optional:
-            many = parameter.length or 0
+            many = parameter.length_on(rotors) or 0
             found[parameter.name] = parameter.typical if not many or isinstance(parameter.typical, tuple) else (
                 parameter.typical,) * many
     return found

@@ -46,9 +46,9 @@ class Chosen:
         if simulator is not None:
             from controllers.plant import closed_loop_model
 
-            from ..physics.simulator import loads, read_simulator
+            from ..physics.simulator import loads, read_quadrotor
 
-            read_simulator(simulator)  # says which line is wrong
+            read_quadrotor(simulator, "the firmware behind the plant")  # says which line is wrong
             text = simulator.read_text(encoding="utf-8")
             closed_loop_model(loads(text, str(simulator)))
             return cls(text, None, (), str(simulator))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 CORRECTED = "simulator_corrected.toml"
 BELIEVED = "simulator_believed.toml"
 EQUIVALENT = "simulator_equivalent.toml"
+QUADROTOR = 4
 CODE = "simulators_corrected"
 """Folder of the corrected simulator as CasADi functions and as C."""
 
@@ -84,7 +85,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
 
         look = _read(options)
         model = model or _beliefs(options, simulated, mass_kg)
-        recordings = look("thrust_voltage" in model)
+        recordings = look("thrust_voltage" in model, model.vehicle)
         if not recordings.tracks and (code := _from_trim(options, model)) is not None:
             return code
         verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
@@ -119,8 +120,9 @@ def _from_trim(options: Options, model: Model) -> int | None:
 
     from .diagnose_normal import diagnose_trim
 
-    if not any(missing(flight) for flight in options.flights):
-        return None
+    rotors = model.vehicle.rotors
+    if rotors != QUADROTOR or not any(missing(flight, rotors=rotors) for flight in options.flights):
+        return None  # the trim of four motors is all that is known
     return diagnose_trim(options, model)
 
 
@@ -138,11 +140,12 @@ def _of_callable(options: Options, simulator: str, mass_kg: float) -> tuple[Reco
     from ..physics.adapters.given import load_simulator
 
     vehicle, function = _vehicle(mass_kg), load_simulator(simulator)
+    flown = getattr(function, "vehicle", None) or vehicle
     look = _read(options)
-    recordings = look(False)
+    recordings = look(False, flown)
     unlogged = any("battery" in missing(flight) for flight in options.flights)
     if unlogged and recordings.tracks and needs_battery(function, recordings.tracks[0], simulator):
-        recordings = look(True)
+        recordings = look(True, flown)
     return recordings, diagnose_callable(recordings, function, simulator, vehicle=vehicle, seed=options.seed,
                                          progress=options.say)
 
@@ -157,15 +160,16 @@ def _vehicle(mass_kg: float) -> Vehicle:
     return Vehicle(mass_kg=mass_kg)
 
 
-def _read(options: Options) -> Callable[[bool], Recordings]:
-    """Reads and audits ``--data``; what comes back looks it over, with or without a need of the battery's voltage."""
+def _read(options: Options) -> Callable[[bool, Vehicle], Recordings]:
+    """Reads and audits ``--data``; what comes back looks it over, with or without a need of the battery's voltage, as
+    flights of a vehicle."""
     from identification.mismatch.recordings import look_over
 
     flights = options.load()
     audits, _ = options.audit(flights)
     moved = replace(options, clock="retimed").see_on_clock(flights, audits)
     kept = [f for f in flights if f.name in audits]
-    return lambda with_battery: look_over(kept, audits, moved.flights, moved.audits, with_battery)
+    return lambda with_battery, vehicle: look_over(kept, audits, moved.flights, moved.audits, with_battery, vehicle)
 
 
 def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Model:
@@ -176,7 +180,7 @@ def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Mod
 
     vehicle = _vehicle(mass_kg)
     theirs = replace(options, data=tuple(simulated), flights=[])
-    recordings = _read(theirs)(True)
+    recordings = _read(theirs)(True, vehicle)
     if not theirs.synthetic and options.synthetic:
         raise UsageError("--simulated holds recordings that are REAL and --data SYNTHETIC ones: are they swapped?")
     model = beliefs(recordings, vehicle, options.say)

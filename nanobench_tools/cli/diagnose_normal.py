@@ -26,12 +26,12 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
     from identification.mismatch.steady_simulator import corrected, simulator_of
 
     from ..audit import find_copies
-    from ..physics.simulator import read_simulator, write_simulator
+    from ..physics.simulator import read_quadrotor, write_simulator
 
     for path in normal:
         if not path.exists():
             raise InputError(f"--normal {path}", "does not exist")
-    model = None if simulator is None else read_simulator(simulator)
+    model = None if simulator is None else read_quadrotor(simulator, "the trim of --normal")
     here, usual = options.load(), options.load(normal)
     flights, known = _apart(here, usual)
     copies = copies_between({"the normal flights": known, "these flights": flights}, find_copies([*known, *flights]))

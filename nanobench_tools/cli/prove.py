@@ -135,11 +135,11 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     from identification.prove.labels import read_labels
 
     from ..audit import find_copies
-    from ..physics.simulator import read_simulator
+    from ..physics.simulator import read_quadrotor
 
     if not labels.is_file():
         raise InputError(f"--labels {labels}", "does not exist")
-    model = None if simulator is None else read_simulator(simulator)
+    model = None if simulator is None else read_quadrotor(simulator, "the trim of --real")
     groups, usual, elsewhere = real_folders(options, place, normal)
     if not usual:
         raise InputError(f"--real {place}", "no normal flight could be read", "--normal names the folder")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ..errors import InputError
 from . import symbolic
-from .model import STATE, Model
+from .model import Model
 from .ops import import_casadi
 
-STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("1",) * 4 + ("rad/s",) * 3 + ("N",) * 4
+RIGID_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("1",) * 4 + ("rad/s",) * 3
 
 
 def write_c(model: Model, folder: Path | str, name: str = "model", row_hz: float | None = None) -> tuple[Path, Path]:
@@ -41,14 +41,17 @@ def write_c(model: Model, folder: Path | str, name: str = "model", row_hz: float
 
 
 def _comment(model: Model, name: str, row_hz: float) -> str:
+    n = model.rotors
+    units = RIGID_UNITS + ("N",) * n
     state = "\n".join(f" *   x[{i}] {key} [{unit}]"
-                      for i, (key, unit) in enumerate(zip(STATE, STATE_UNITS, strict=True)))
+                      for i, (key, unit) in enumerate(zip(model.state, units, strict=True)))
     inputs = "\n".join(f" *   u[{i}] {key}" for i, key in enumerate(model.inputs))
     parameters = "\n".join(f" *   p[{i}] {key} [{unit}]"
                            for i, (key, unit) in enumerate(zip(model.names, model.units, strict=True)))
     row_s = f"{1.0 / row_hz:.9g} s"
-    delay = "" if "command_delay" not in model else """
- * u[0..3] are the commands u[9] = floor(delay / row) rows ago, u[5..8] those one row earlier."""
+    delay = "" if "command_delay" not in model else f"""
+ * u[0..{n - 1}] are the commands u[{2 * n + 1}] = floor(delay / row) rows ago, u[{n + 1}..{2 * n}] those one row
+ * earlier."""
     return f"""/* {name}_derivative(x, u, p) -> dx/dt and {name}_step(x, u, p) -> x one row of {row_s} later.
  * World frame z up, body x forward, y left, z up, quaternion x, y, z, w body to world; doubles, contiguous:
  *   const double *arg[3] = {{x, u, p}}; double *res[1] = {{out}}; iw and w as {name}_step_work says; returns 0.

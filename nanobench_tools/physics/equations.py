@@ -38,7 +38,7 @@ class Equations:
         self.wind = self._run(Stage.WIND, [0.0, 0.0, 0.0], self._still)
         self.tau_s: tuple[Any, Any] | None = self._run(Stage.LAG, None, self._still)
         """(tau_up, tau_down) s, or None without motor_lag."""
-        gain = self._run(Stage.THRUST_SCALE, [1.0] * 4, self._still)
+        gain = self._run(Stage.THRUST_SCALE, [1.0] * model.rotors, self._still)
         self._gain = self._run(Stage.MOTOR_GAIN, gain, self._still)
 
     def _run(self, stage: Stage, value: Any, at: Situation) -> Any:
@@ -48,8 +48,9 @@ class Equations:
 
     def command(self, inputs: Components) -> list:
         """A row of inputs (see ``Model.inputs``) -> thrust asked of each motor [N], constant over the row."""
-        motor = list(inputs[:4])
-        at = replace(self._still, battery_V=inputs[4], before=inputs[5:9], whole_rows=inputs[9] if inputs[9:] else 0.0)
+        n = self.model.rotors
+        motor, earlier = list(inputs[:n]), inputs[n + 1:]
+        at = replace(self._still, battery_V=inputs[n], before=earlier[:n], whole_rows=earlier[n] if earlier else 0.0)
         for stage in (Stage.INPUT_DELAY, Stage.INPUT_LIMIT, Stage.THRUST_MAP, Stage.THRUST_LIMIT, Stage.THRUST_SCALE,
                       Stage.MOTOR_GAIN):
             motor = self._run(stage, motor, at)
@@ -80,10 +81,10 @@ class Equations:
         return [*velocity, *acceleration, *_quaternion_rate(state[QUATERNION], rate), *turning]
 
     def derivative(self, state: Components, inputs: Components) -> list:
-        """Time derivative of the 17 states. Without lag the command acts at once and rotor states stand still."""
+        """Time derivative of all states. Without lag the command acts at once and rotor states stand still."""
         command, thrust = self.command(inputs), state[ROTOR]
         if self.tau_s is None:
-            return [*self.body(state[:13], command), *([0.0] * 4)]
+            return [*self.body(state[:13], command), *([0.0] * self.model.rotors)]
         acting, slope = rotor.derivative(thrust, command, *self.tau_s, self.ops)
         return [*self.body(state[:13], acting), *slope]
 
@@ -95,7 +96,7 @@ class Equations:
         return rotor.stage_thrusts(thrust, command, *self.tau_s, self.row_s, self.ops)[2]
 
     def step(self, state: Components, inputs: Components, substeps: int = 1) -> list:
-        """The 17 states one row later: ``substeps`` steps of Runge-Kutta 4.
+        """The states one row later: ``substeps`` steps of Runge-Kutta 4.
 
         The quaternion is integrated in R^4, where the equation keeps its length, and normalised after each step; a
         projection onto the manifold keeps the order (Hairer, Lubich, Wanner 2006, Geometric Numerical Integration,

@@ -15,14 +15,21 @@ from . import rules
 from .term import Parameter, Term
 from .vehicle import Vehicle
 
-STATE = tuple(f"{name}_{axis}" for name in ("position", "velocity") for axis in "xyz") + tuple(
-    f"quaternion_{axis}" for axis in "xyzw") + tuple(f"rate_{axis}" for axis in "xyz") + tuple(
-    f"thrust_{motor}" for motor in (1, 2, 3, 4))
-"""Names of the 17 states: position m and velocity m/s in the world, quaternion body to world, body rate rad/s, lagged
-thrust of each rotor N."""
-POSITION, VELOCITY, QUATERNION, RATE, ROTOR = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 17)
+POSITION, VELOCITY, QUATERNION, RATE, ROTOR = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, None)
 RIGID = 13
 """States without the rotors."""
+
+
+def state_names(rotors: int) -> tuple[str, ...]:
+    """Names of the 13 + rotors states: position m and velocity m/s in the world, quaternion body to world, body rate
+    rad/s, lagged thrust of each rotor N."""
+    return (*(f"{name}_{axis}" for name in ("position", "velocity") for axis in "xyz"),
+            *(f"quaternion_{axis}" for axis in "xyzw"), *(f"rate_{axis}" for axis in "xyz"),
+            *(f"thrust_{motor}" for motor in range(1, rotors + 1)))
+
+
+STATE = state_names(4)
+"""Of a quadrotor."""
 
 
 class Slot(NamedTuple):
@@ -113,9 +120,19 @@ class Model:
     def inputs(self) -> tuple[str, ...]:
         """Names of one row of inputs; a model with command_delay also needs the row before and the shift in rows."""
         unit = "ratio" if self.vehicle.input == "pwm" else "rad_s"
-        now = (*(f"motor_{unit}_{i}" for i in (1, 2, 3, 4)), "battery_V")
-        before = (*(f"before_{unit}_{i}" for i in (1, 2, 3, 4)), "whole_rows") if "command_delay" in self else ()
+        motors = range(1, self.rotors + 1)
+        now = (*(f"motor_{unit}_{i}" for i in motors), "battery_V")
+        before = (*(f"before_{unit}_{i}" for i in motors), "whole_rows") if "command_delay" in self else ()
         return now + before
+
+    @property
+    def rotors(self) -> int:
+        return self.vehicle.rotors
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """Names of the states, see ``state_names``."""
+        return state_names(self.rotors)
 
     def index(self, name: str) -> int:
         """Place of a flat name; raises KeyError."""
@@ -195,12 +212,13 @@ def neutral(term: Term, vehicle: Vehicle) -> dict[str, Any] | None:
         if isinstance(value, str):
             found[parameter.name] = getattr(vehicle, value)
         else:
-            found[parameter.name] = value if parameter.length == 0 else (value,) * (parameter.length or 1)
+            many = parameter.length_on(vehicle.rotors)
+            found[parameter.name] = value if many == 0 else (value,) * (many or 1)
     return found
 
 
 def _problems(vehicle: Vehicle, terms: rules.Terms) -> Iterable[rules.Problem]:
     yield from rules.vehicle_problems(asdict(vehicle))
     for number, (term, values) in enumerate(terms):
-        yield from rules.term_problems(number, term, values)
+        yield from rules.term_problems(number, term, values, vehicle.rotors)
     yield from rules.model_problems(vehicle.input, terms)

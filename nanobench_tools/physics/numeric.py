@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError
 from .equations import Equations
 from .inputs import components, parameter_values, rows, substeps, warmed
-from .model import QUATERNION, RIGID, ROTOR, STATE, Model
+from .model import QUATERNION, RIGID, ROTOR, Model
 from .ops import NUMPY
 
 
@@ -24,14 +24,14 @@ def _stacked(found: list, n: int) -> np.ndarray:
 
 def derivative(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray | None = None, *,
                row_hz: float | None = None) -> np.ndarray:
-    """states (n, 17), inputs (n, I) -> time derivatives (n, 17)."""
+    """states (n, 13 + rotors), inputs (n, I) -> their time derivatives."""
     made = equations(model, 1.0 / (row_hz or model.vehicle.rate_hz), parameters)
     return _stacked(made.derivative(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T)), len(states))
 
 
 def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray | None = None, *,
          row_hz: float | None = None) -> np.ndarray:
-    """states (n, 17), inputs (n, I) -> states one row later (n, 17)."""
+    """states (n, 13 + rotors), inputs (n, I) -> states one row later."""
     row_hz = row_hz or model.vehicle.rate_hz
     made = equations(model, 1.0 / row_hz, parameters)
     found = made.step(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T), substeps(model, row_hz))
@@ -39,24 +39,26 @@ def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.nd
 
 
 def start_states(model: Model, start: np.ndarray, warm: Callable[[], np.ndarray]) -> np.ndarray:
-    """start (n, 13) or (n, 17) -> (17, n) with unit quaternions; rotor states that are not given are ``warm()``."""
+    """start (n, 13) or (n, S), S = 13 + rotors -> (S, n) with unit quaternions; rotor states that are not given are
+    ``warm()``."""
     start = np.asarray(start, float)
-    if start.ndim != 2 or start.shape[1] not in (RIGID, len(STATE)):
-        raise InputError("start", f"shape {start.shape}", f"give (windows, {RIGID}) or (windows, {len(STATE)})")
-    states = np.empty((len(STATE), len(start)))
+    size = RIGID + model.rotors
+    if start.ndim != 2 or start.shape[1] not in (RIGID, size):
+        raise InputError("start", f"shape {start.shape}", f"give (windows, {RIGID}) or (windows, {size})")
+    states = np.empty((size, len(start)))
     states[:RIGID] = start[:, :RIGID].T
     states[QUATERNION] /= np.sqrt(np.sum(states[QUATERNION] ** 2, axis=0))
-    states[ROTOR] = start[:, ROTOR].T if start.shape[1] == len(STATE) else warm()
+    states[ROTOR] = start[:, ROTOR].T if start.shape[1] == size else warm()
     return states
 
 
 def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,
             past: tuple[np.ndarray, np.ndarray] | None = None, *, row_hz: float | None = None,
             parameters: np.ndarray | None = None) -> np.ndarray:
-    """The same as ``rollout.rollout``, in plain NumPy: states (n, H + 1, 17)."""
+    """The same as ``rollout.rollout``, in plain NumPy: states (n, H + 1, 13 + rotors)."""
     row_hz = row_hz or model.vehicle.rate_hz
     window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=parameters)
-    states = np.empty((len(window) + 1, len(STATE), len(start)))
+    states = np.empty((len(window) + 1, RIGID + model.rotors, len(start)))
     states[0] = start_states(model, start, lambda: warmed(model, window, before, row_hz=row_hz, parameters=parameters))
     made, count = equations(model, 1.0 / row_hz, parameters), substeps(model, row_hz)
     for j, row in enumerate(window):

@@ -54,11 +54,11 @@ def _warmed(model: Model, window: np.ndarray, past: np.ndarray, row_hz: float, p
 def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,
             past: tuple[np.ndarray, np.ndarray] | None = None, *, row_hz: float | None = None,
             parameters: np.ndarray | None = None, threads: int = 1) -> np.ndarray:
-    """States (n, H + 1, 17) of n windows of H rows, the start first; see ``model.STATE`` for the order.
+    """States (n, H + 1, 13 + rotors) of n windows of H rows, the start first; see ``Model.state`` for the order.
 
-    start (n, 13) position, velocity, quaternion, rate, or (n, 17) with the rotor states, which are otherwise warmed up;
-    motor (n, H, 4) PWM ratio or rad/s and battery_V (n, H), held over a row; ``past`` (motor, battery) the same of the
-    rows before the start, for the warm-up and for a delay; row_hz of the rows, by default the model's rate_hz;
+    start (n, 13) position, velocity, quaternion, rate, or with the rotor states too, which are otherwise warmed up;
+    motor (n, H, rotors) PWM ratio or rad/s and battery_V (n, H), held over a row; ``past`` (motor, battery) the same
+    of the rows before the start, for the warm-up and for a delay; row_hz of the rows, by default the model's rate_hz;
     parameters (P,) or (n, P) in place of the model's. Raises InputError for shapes that do not fit.
     """
     row_hz = row_hz or model.vehicle.rate_hz

@@ -29,7 +29,7 @@ def shares(tau_s: Any, step_s: float, ops: Ops) -> tuple[Any, Any, Any]:
 
 def stage_thrusts(thrust: Sequence[Any], command: Sequence[Any], tau_up_s: Any, tau_down_s: Any, step_s: float,
                   ops: Ops) -> tuple[list, list, list]:
-    """Thrusts [N] of the four rotors at the first, middle and last stage; the last is the state after the step."""
+    """Thrusts [N] of the rotors at the first, middle and last stage; the last is the state after the step."""
     up, down = shares(tau_up_s, step_s, ops), shares(tau_down_s, step_s, ops)
     stages: tuple[list, list, list] = ([], [], [])
     for now, goal in zip(thrust, command, strict=True):

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any, NamedTuple
 
 from .term import Parameter, Stage, Term
-from .vehicle import BOUNDS, INPUTS, UNITS
+from .vehicle import BOUNDS, FEWEST, INPUTS, MOST, UNITS
 
 Terms = Sequence[tuple[Term, Mapping[str, Any]]]
 
@@ -74,6 +74,12 @@ def _short(value: Any) -> str:
     return "one number" if shape == () else "a list of " + " by ".join(map(str, shape)) + " numbers"
 
 
+def rotors_of(values: Mapping[str, Any]) -> int | None:
+    """How many rotors the keys of a vehicle name, None where that is no vehicle."""
+    shape = _shape(values.get("motor_positions_m"))
+    return shape[0] if shape is not None and len(shape) == 2 and shape[1] == 2 and FEWEST <= shape[0] <= MOST else None
+
+
 def vehicle_problems(values: Mapping[str, Any]) -> Iterator[Problem]:
     """Of the keys of a vehicle; all must be there."""
     for key in values:
@@ -82,19 +88,29 @@ def vehicle_problems(values: Mapping[str, Any]) -> Iterator[Problem]:
     for key in UNITS:
         if key not in values:
             yield Problem(("vehicle", None), f"{key} is missing", f"give {key} [{UNITS[key]}]")
-    shapes = {"inertia_kg_m2": (3,), "motor_positions_m": (4, 2)}
+    rotors = rotors_of(values)
+    shapes = {"inertia_kg_m2": (3,), "motor_positions_m": (rotors, 2)}
     for key, bounds in BOUNDS.items():
-        if key in values:
+        if key == "motor_positions_m" and key in values and rotors is None:
+            yield Problem(("vehicle", key), f"{key} is {_short(values[key])}",
+                          f"give {FEWEST} to {MOST} lists of 2 numbers [m], one for each motor")
+        elif key in values:
             yield from _numbers(("vehicle", key), key, values[key], shapes.get(key, ()), bounds,
                                 UNITS[key].split(",")[0])
-    if "spin" in values and (_shape(values["spin"]) != (4,) or any(abs(s) != 1.0 for s in values["spin"])):
-        yield Problem(("vehicle", "spin"), "spin is not four signs", "give 1.0 or -1.0 for motors 1..4")
+    if "spin" in values and rotors is not None:
+        signs = _shape(values["spin"])
+        if signs is None or len(signs) != 1 or any(abs(s) != 1.0 for s in values["spin"]):
+            yield Problem(("vehicle", "spin"), f"spin is not {rotors} signs",
+                          f"give 1.0 or -1.0 for motors 1..{rotors}")
+        elif signs != (rotors,):
+            yield Problem(("vehicle", "motor_positions_m"), f"{rotors} motors have positions and {signs[0]} a spin",
+                          f"give {signs[0]} lists of 2 numbers [m], or as many signs")
     if "input" in values and values["input"] not in INPUTS:
         yield Problem(("vehicle", "input"), f"input is {_short(values['input'])}", f"give {' or '.join(INPUTS)}")
 
 
-def term_problems(number: int, term: Term, values: Mapping[str, Any]) -> Iterator[Problem]:
-    """Of the parameters of one term; all must be there but the optional ones."""
+def term_problems(number: int, term: Term, values: Mapping[str, Any], rotors: int) -> Iterator[Problem]:
+    """Of the parameters of one term, on a vehicle of so many rotors; all must be there but the optional ones."""
     known = [p.name for p in term.parameters]
     for key in values:
         if key not in known:
@@ -102,7 +118,7 @@ def term_problems(number: int, term: Term, values: Mapping[str, Any]) -> Iterato
     found = False
     for parameter in term.parameters:
         if parameter.name in values:
-            for problem in _parameter_problems(number, term.name, parameter, values[parameter.name]):
+            for problem in _parameter_problems(number, term.name, parameter, values[parameter.name], rotors):
                 found = True
                 yield problem
         elif not parameter.optional:
@@ -114,9 +130,11 @@ def term_problems(number: int, term: Term, values: Mapping[str, Any]) -> Iterato
         yield Problem((number, known[0] if known[0] in values else None), f"{term.name}: {wrong[0]}", wrong[1])
 
 
-def _parameter_problems(number: int, term: str, parameter: Parameter, value: Any) -> Iterator[Problem]:
-    shape = () if parameter.length == 0 else (parameter.length,)
-    if parameter.length is None:
+def _parameter_problems(number: int, term: str, parameter: Parameter, value: Any,
+                        rotors: int) -> Iterator[Problem]:
+    length = parameter.length_on(rotors)
+    shape: tuple[int, ...] = () if length == 0 else (length or 0,)
+    if length is None:
         shape = _shape(value) or ()
         if len(shape) != 1 or shape[0] == 0:
             yield Problem((number, parameter.name), f"{term}.{parameter.name} is {_short(value)}",

@@ -41,6 +41,15 @@ def read_simulator(path: Path | str) -> Model:
     return loads(text, str(path))
 
 
+def read_quadrotor(path: Path | str, what: str) -> Model:
+    """``read_simulator`` for those who know four motors only: ``what``. InputError for another number of rotors."""
+    model = read_simulator(path)
+    if model.rotors != 4:
+        raise InputError(str(path), f"{model.rotors} rotors, and {what} knows quadrotors only",
+                         "diagnose, without --normal, takes vehicles of three to eight")
+    return model
+
+
 def loads(text: str, place: str = "simulator.toml") -> Model:
     """A model from the text of a simulator.toml; ``place`` names it in messages."""
     try:
@@ -76,6 +85,7 @@ def _problems(document: Mapping[str, Any]) -> list[rules.Problem]:
     defaults = asdict(Vehicle())
     found += rules.vehicle_problems({**{key: defaults[key] for key in MAY_BE_MISSING}, **vehicle})
     known, given = registry.names("terms"), []
+    rotors = rules.rotors_of(vehicle) or Vehicle().rotors
     for number, entry in enumerate(terms):
         name = entry.get("name")
         if not isinstance(name, str):
@@ -85,7 +95,7 @@ def _problems(document: Mapping[str, Any]) -> list[rules.Problem]:
             found.append(rules.Problem((number, "name"), f"unknown term {name!r}", rules.nearest(name, known)))
         else:
             values = {key: value for key, value in entry.items() if key != "name"}
-            found += rules.term_problems(number, find_term(name), values)
+            found += rules.term_problems(number, find_term(name), values, rotors)
             given.append((number, find_term(name), values))
     if not found:  # what terms are to each other is only worth saying when each is right by itself
         kind = vehicle.get("input", defaults["input"])

@@ -1,30 +1,31 @@
 """A model as CasADi functions of state, inputs and parameters, with exact derivatives.
 
-    derivative(x[17], u[I], p[P]) -> dx[17]     step(x[17], u[I], p[P]) -> x[17] one row later
-    command(u[I], p[P]) -> r[4] thrust asked for                lagged(r[4], u[I], p[P]) -> r[4] one row later
-    rollout(x[17], U[I, H], p[P]) -> X[17, H]
+    derivative(x[S], u[I], p[P]) -> dx[S]       step(x[S], u[I], p[P]) -> x[S] one row later
+    command(u[I], p[P]) -> r[n] thrust asked for                lagged(r[n], u[I], p[P]) -> r[n] one row later
+    rollout(x[S], U[I, H], p[P]) -> X[S, H]
 
-x, u and p are in the order of ``model.STATE``, ``Model.inputs`` and ``Model.names``.
+n rotors have S = 13 + n states; x, u and p are in the order of ``Model.state``, ``Model.inputs`` and ``Model.names``.
 """
 
 from __future__ import annotations
 
 from .equations import Equations
 from .inputs import substeps
-from .model import STATE, Model
+from .model import Model
 from .ops import casadi_ops, import_casadi
 
 
-def _symbols(model: Model, state: int = len(STATE)):
+def _symbols(model: Model, state: int | None = None):
     ca = import_casadi()
-    return (ca.SX.sym("x", state), ca.SX.sym("u", len(model.inputs)), ca.SX.sym("p", len(model.names)))
+    return (ca.SX.sym("x", state or len(model.state)), ca.SX.sym("u", len(model.inputs)),
+            ca.SX.sym("p", len(model.names)))
 
 
 def _row_hz(model: Model, row_hz: float | None) -> float:
     return row_hz or model.vehicle.rate_hz
 
 
-def _made(model: Model, name: str, row_hz: float | None, state: int = len(STATE)):
+def _made(model: Model, name: str, row_hz: float | None, state: int | None = None):
     ca = import_casadi()
     x, u, p = _symbols(model, state)
     row = _row_hz(model, row_hz)
@@ -55,12 +56,13 @@ def command(model: Model, row_hz: float | None = None):
 
 def lagged(model: Model, row_hz: float | None = None):
     """casadi.Function lagged(r, u, p): rotor states one row later, for the warm-up before a window."""
-    return _made(model, "lagged", row_hz, 4)
+    return _made(model, "lagged", row_hz, model.rotors)
 
 
 def rollout(model: Model, horizon: int, row_hz: float | None = None):
     """casadi.Function rollout(x, U, p): all states after the start."""
     ca = import_casadi()
     whole = step(model, row_hz).mapaccum("mapped", horizon)
-    x, u, p = (ca.MX.sym("x", len(STATE)), ca.MX.sym("U", len(model.inputs), horizon), ca.MX.sym("p", len(model.names)))
+    x, u, p = (ca.MX.sym("x", len(model.state)), ca.MX.sym("U", len(model.inputs), horizon),
+               ca.MX.sym("p", len(model.names)))
     return ca.Function("rollout", [x, u, p], [whole(x, u, ca.repmat(p, 1, horizon))], ["x", "U", "p"], ["X"])

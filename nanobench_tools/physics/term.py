@@ -13,8 +13,8 @@ from .ops import Ops
 class Stage(enum.IntEnum):
     """Where a term acts, in the order of evaluation. The value that an expression is given and gives back:
 
-    MASS kg; INERTIA [Jx, Jy, Jz] kg m^2; WIND [x, y, z] m/s world; INPUT_DELAY and INPUT_LIMIT the four inputs (PWM
-    ratio or rad/s); THRUST_MAP inputs -> four thrusts N; THRUST_LIMIT, THRUST_SCALE, MOTOR_GAIN the thrusts asked for;
+    MASS kg; INERTIA [Jx, Jy, Jz] kg m^2; WIND [x, y, z] m/s world; INPUT_DELAY and INPUT_LIMIT the motors' inputs (PWM
+    ratio or rad/s); THRUST_MAP inputs -> thrusts N; THRUST_LIMIT, THRUST_SCALE, MOTOR_GAIN the thrusts asked for;
     LAG (tau_up, tau_down) s; ROTOR_SPEED lagged thrusts -> rotor speeds rad/s; INFLOW and GROUND the thrusts;
     BODY_FORCE N and TORQUE N m, body; WORLD_FORCE N, world; TILT the whole body force N.
     """
@@ -40,7 +40,8 @@ class Stage(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One entry of a term, scalar (``length`` 0), fixed length, or any length from 1 on (None).
+    """One entry of a term, scalar (``length`` 0), fixed length, any length from 1 on (None), or one element for
+    every rotor (``"rotors"``).
 
     ``lower`` and ``upper`` bound every element physically; ``neutral`` is the value of an element at which the term
     has no effect: a number, the key of the same quantity of the vehicle, or None when there is no such value.
@@ -55,7 +56,7 @@ class Parameter:
     typical: float | tuple[float, ...]
     source: str
     neutral: float | str | None = 0.0
-    length: int | None = 0
+    length: int | str | None = 0
     optional: bool = False
 
     def unit_of(self, element: int) -> str:
@@ -64,6 +65,10 @@ class Parameter:
             return self.unit
         top, _, bottom = self.unit.partition("/")
         return {0: top, 1: f"{top}/{bottom.removesuffix('^k')}"}.get(element, self.unit.replace("^k", f"^{element}"))
+
+    def length_on(self, rotors: int) -> int | None:
+        """Elements on a vehicle of so many rotors; 0 of a scalar, None for any."""
+        return rotors if isinstance(self.length, str) else self.length
 
     def element_name(self, element: int) -> str:
         """``s`` of a scalar, ``c[1]`` of a list."""
@@ -83,7 +88,7 @@ class Situation:
     battery_V: Any = None
     before: Sequence[Any] = ()
     whole_rows: Any = 0.0
-    gain: Sequence[Any] = (1.0, 1.0, 1.0, 1.0)
+    gain: Sequence[Any] = ()
     position_m: Sequence[Any] = ()
     rate_rad_s: Sequence[Any] = ()
     velocity_b: Sequence[Any] = ()

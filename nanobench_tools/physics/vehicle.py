@@ -7,31 +7,39 @@ from dataclasses import dataclass
 from ..units import GRAVITY_M_S2
 
 INPUTS = ("pwm", "rpm")
+FEWEST, MOST = 3, 8
+"""Rotors of a vehicle."""
 
 
 @dataclass(frozen=True)
 class Vehicle:
     """Defaults: the NanoBench vehicle. ``inertia_kg_m2`` about body x, y, z; ``motor_positions_m`` x, y in the body of
-    motors 1..4 (front right, back right, back left, front left); ``spin`` sign of the yaw torque of each;
-    ``input`` pwm (ratio 0..1) or rpm (measured rotor speed, given in rad/s); ``rate_hz`` of the integration.
+    each motor, three to eight (of these four: front right, back right, back left, front left); ``spin`` sign of the
+    yaw torque of each; ``input`` pwm (ratio 0..1) or rpm (measured rotor speed, given in rad/s); ``rate_hz`` of the
+    integration.
     """
 
     mass_kg: float = 0.04085
     inertia_kg_m2: tuple[float, float, float] = (1.8e-5, 1.8e-5, 3.1e-5)
     motor_positions_m: tuple[tuple[float, float], ...] = (
         (0.0325, -0.0325), (-0.0325, -0.0325), (-0.0325, 0.0325), (0.0325, 0.0325))
-    spin: tuple[float, float, float, float] = (-1.0, 1.0, -1.0, 1.0)
+    spin: tuple[float, ...] = (-1.0, 1.0, -1.0, 1.0)
     gravity_m_s2: float = GRAVITY_M_S2
     input: str = "pwm"
     rate_hz: float = 100.0
 
+    @property
+    def rotors(self) -> int:
+        """How many: one for every motor position."""
+        return len(self.motor_positions_m)
+
 
 UNITS = {"mass_kg": "kg", "inertia_kg_m2": "kg m^2, about body x, y, z",
-         "motor_positions_m": "m, x and y in the body, motors 1..4",
-         "spin": "sign of the yaw torque of motors 1..4", "gravity_m_s2": "m/s^2", "input": "pwm (ratio 0..1) or rpm",
-         "rate_hz": "Hz, step of the integration"}
+         "motor_positions_m": "m, x and y in the body, motor after motor",
+         "spin": "sign of the yaw torque, motor after motor", "gravity_m_s2": "m/s^2",
+         "input": "pwm (ratio 0..1) or rpm", "rate_hz": "Hz, step of the integration"}
 """What each key of the vehicle means, for files and messages."""
 
-BOUNDS = {"mass_kg": (0.001, 5.0), "inertia_kg_m2": (1e-8, 0.5), "motor_positions_m": (-1.0, 1.0),
+BOUNDS = {"mass_kg": (0.001, 10.0), "inertia_kg_m2": (1e-8, 5.0), "motor_positions_m": (-1.0, 1.0),
           "gravity_m_s2": (0.0, 30.0), "rate_hz": (10.0, 20000.0)}
 """Physical range of every number of a key."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .. import symbolic
 from ..ccode import write_c
-from ..model import STATE, Model
+from ..model import Model
 from .account import Account, Exported
 from .rotors import Assumed
 
@@ -45,7 +45,7 @@ import casadi
 
 derivative = casadi.Function.load(str(Path(__file__).with_name("{paths[0].name}")))
 step = casadi.Function.load(str(Path(__file__).with_name("{paths[1].name}")))
-STATE = {list(STATE)!r}
+STATE = {list(model.state)!r}
 INPUTS = {list(model.inputs)!r}
 PARAMETERS = {{
 {parameters}}}

@@ -15,6 +15,7 @@ from ..ops import NUMPY
 from ..vehicle import Vehicle
 from .account import COMMANDS
 
+QUADROTOR = 4
 RAD_S_PER_RPM = math.pi / 30.0
 
 
@@ -51,7 +52,7 @@ class Rotors:
     mass_kg: float
     inertia_kg_m2: tuple[float, float, float]
     motors_m: tuple[tuple[float, float, float], ...]
-    spin: tuple[float, float, float, float]
+    spin: tuple[float, ...]
     gravity_m_s2: float
     k_f: float
     k_m: float
@@ -80,8 +81,12 @@ def get(model: Model, term: str, parameter: str, default: Any) -> Any:
 
 
 def rotors(model: Model, assumed: Assumed) -> Rotors:
-    """The effective numbers. Raises InputError for a model that cannot hover within what is assumed."""
+    """The effective numbers. Raises InputError for another number of rotors than four, which is what these simulators
+    are written for, and for a model that cannot hover within what is assumed."""
     vehicle, used = model.vehicle, {}
+    if vehicle.rotors != QUADROTOR:
+        raise InputError("model", f"{vehicle.rotors} rotors, and the simulators of rotors that files are written for "
+                         f"take {QUADROTOR}", "export it as c or casadi")
     mass = get(model, "mass", "m", vehicle.mass_kg)
     r = get(model, "com_offset", "r_m", (0.0, 0.0, 0.0))
     k_f = get(model, "thrust_rpm", "k_f", None)

@@ -11,7 +11,7 @@ TERM = Term(
     name="angular_damping",
     sentence="A moment against the body rate, from rotors that move through the air when the body turns.",
     equation="tau <- tau - diag(d_r) w",
-    parameters=(Parameter("d_r", "N m s", 0.0, 0.1, 1e-5, length=3,
+    parameters=(Parameter("d_r", "N m s", 0.0, 2.0, 1e-5, length=3,
                           source="hover thrust times arm squared over induced velocity of a 46 mm propeller, 3 m/s"),),
     acts={Stage.TORQUE: moment},
     confused_with={"motor_lag": "rates that stay while the motors do not change"},

@@ -11,7 +11,7 @@ TERM = Term(
     name="drag_linear",
     sentence="A force against the air velocity along each body axis, in proportion to it.",
     equation="F_b <- F_b - diag(d) (v - wind)_b",
-    parameters=(Parameter("d", "N s/m", 0.0, 1.0, (0.016, 0.0165, 0.006), length=3,
+    parameters=(Parameter("d", "N s/m", 0.0, 20.0, (0.016, 0.0165, 0.006), length=3,
                           source="NanoBench recordings: k/m 0.391 (x), 0.404 (y), 0.14 (z) 1/s"),),
     acts={Stage.BODY_FORCE: force},
     confused_with={"drag_rotor": "the same speed with little and with much thrust (dives and climbs)",

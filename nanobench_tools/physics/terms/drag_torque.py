@@ -13,7 +13,7 @@ TERM = Term(
     sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass); real "
              "ones have c < 0: the nose goes up against the wind.",
     equation="tau <- tau + c e3 x v_b, v_b air velocity",
-    parameters=(Parameter("c", "N s", -0.1, 0.1, -1.5e-4,
+    parameters=(Parameter("c", "N s", -2.0, 2.0, -1.5e-4,
                           source="NanoBench recordings: 6-11 rad/s^2 per m/s of lateral velocity"),),
     acts={Stage.TORQUE: moment},
     confused_with={"com_offset": "hover: an offset of the centre of mass still turns there"},

@@ -11,7 +11,7 @@ TERM = Term(
     name="inertia",
     sentence="The moments of inertia about body x, y and z, off-diagonal ones zero.",
     equation="J = diag(inertia)",
-    parameters=(Parameter("inertia_kg_m2", "kg m^2", 1e-8, 0.5, (1.8e-5, 1.8e-5, 3.1e-5), neutral="inertia_kg_m2",
+    parameters=(Parameter("inertia_kg_m2", "kg m^2", 1e-8, 5.0, (1.8e-5, 1.8e-5, 3.1e-5), neutral="inertia_kg_m2",
                           length=3, source="firmware controller_lee.c 1.66e-5, 1.67e-5, 2.93e-5, scaled for load"),),
     acts={Stage.INERTIA: inertia},
     confused_with={"thrust_scale": "climbs: thrust acts on the motion too, inertia only on rotation",

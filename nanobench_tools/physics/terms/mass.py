@@ -11,7 +11,7 @@ TERM = Term(
     name="mass",
     sentence="The vehicle weighs m (payload, another battery); gravity and inertia of the motion use it.",
     equation="m",
-    parameters=(Parameter("m", "kg", 0.001, 5.0, 0.04085, neutral="mass_kg",
+    parameters=(Parameter("m", "kg", 0.001, 10.0, 0.04085, neutral="mass_kg",
                           source="NanoBench paper: vehicle weighed with battery and markers"),),
     acts={Stage.MASS: mass},
     confused_with={"thrust_scale": "a weighing: free flight shows T/m only; torque tells a little"},

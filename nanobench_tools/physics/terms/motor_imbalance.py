@@ -11,7 +11,7 @@ def imbalanced(thrust, p, at, ops):
 
 
 def mean_is_one(values):
-    mean = sum(values["g"]) / 4.0
+    mean = sum(values["g"]) / len(values["g"])
     if abs(mean - 1.0) > MEAN_WITHIN:
         return f"g has mean {mean:.6g}, must be 1", "divide g by its mean and put the mean into thrust_scale"
     return None
@@ -21,7 +21,7 @@ TERM = Term(
     name="motor_imbalance",
     sentence="Each motor has its own gain around a mean of 1 (a chipped propeller, a worn motor).",
     equation="T_i <- g_i T_i, mean g = 1",
-    parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length=4,
+    parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length="rotors",
                           source="NanoBench recordings: PWM of the four motors differs by 10 % in hover"),),
     acts={Stage.MOTOR_GAIN: imbalanced},
     confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre of "

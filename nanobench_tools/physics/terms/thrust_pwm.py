@@ -12,7 +12,7 @@ TERM = Term(
     name="thrust_pwm",
     sentence="Each motor's thrust is a polynomial of its PWM ratio, whatever the battery gives.",
     equation="T_i = sum_k c_k u_i^k",
-    parameters=(Parameter("c", "N", -50.0, 50.0, (0.0, 0.02, 0.14), neutral=None, length=None,
+    parameters=(Parameter("c", "N", -500.0, 500.0, (0.0, 0.02, 0.14), neutral=None, length=None,
                           source="order of the firmware's 0.12 N at full command (platform_defaults_cf2.h)"),),
     acts={Stage.THRUST_MAP: thrust},
     confused_with={"thrust_voltage": "the same hover at a full and at an empty battery"},

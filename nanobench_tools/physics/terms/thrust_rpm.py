@@ -14,7 +14,7 @@ def thrust(inputs, p, at, ops):
 
 def speed(lagged, p, at, ops):
     """Omega = sqrt(T / k_f). With measured speeds, scale imbalance belong to k_f; the speed stays."""
-    gain = at.gain if at.vehicle.input == "rpm" else (1.0, 1.0, 1.0, 1.0)
+    gain = at.gain if at.vehicle.input == "rpm" else [1.0] * len(lagged)
     return [ops.sqrt(ops.fmax(t, STILL_N) * (1.0 / (p.k_f * g))) for t, g in zip(lagged, gain, strict=True)]
 
 

@@ -10,7 +10,7 @@ def scaled(thrust, p, at, ops):
 
 TERM = Term(
     name="thrust_scale",
-    sentence="All four thrusts are s times what the thrust curve says (worn propellers, another air density).",
+    sentence="All thrusts are s times what the thrust curve says (worn propellers, another air density).",
     equation="T_i <- s T_i",
     parameters=(Parameter("s", "1", 0.2, 3.0, 0.95, neutral=1.0,
                           source="NanoBench recordings: real thrust over firmware cubic 0.943 +- 0.033"),),
