@@ -19,13 +19,14 @@ def _each(names: str, unit: str, frame: str) -> dict[str, tuple[str, str]]:
     return dict.fromkeys(names.split(), (unit, frame))
 
 
+_MOTORS = tuple(f"m{i}" for i in range(1, 9))
 STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
     "mocap": {**_each("px py pz", "m", "world"), **_each("qx qy qz qw", "1", "world"),
               **_each("roll pitch yaw", "rad", "world"), **_each("vx vy vz", "m/s", "world"),
               **_each("wx wy wz", "rad/s", "body")},
     "imu": {**_each("acc_x acc_y acc_z", "m/s^2", "body"), **_each("gyro_x gyro_y gyro_z", "rad/s", "body")},
-    "motor": _each("m1 m2 m3 m4", "1", "motor"),
-    "motor_request": _each("m1 m2 m3 m4", "1", "motor"),
+    "motor": _each(" ".join(_MOTORS), "1", "motor"),
+    "motor_request": _each(" ".join(_MOTORS), "1", "motor"),
     "estimator": {**_each("x y z", "m", "world"), **_each("vx vy vz", "m/s", "world")},
     "estimator_acc": _each("ax ay az", "m/s^2", "world"),
     "attitude": _each("roll pitch yaw", "rad", "world"),
@@ -33,7 +34,7 @@ STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
     "setpoint": {**_each("x y z", "m", "world"), **_each("yaw", "rad", "world")},
     "pid": {**_each("roll pitch yaw", "rad", "world"), **_each("cmd_thrust", "1", "body")},
     "battery": _each("vbat", "V", "-"),
-    "rpm": _each("m1 m2 m3 m4", "rad/s", "motor"),
+    "rpm": _each(" ".join(_MOTORS), "rad/s", "motor"),
     "command": _each("thrust", "1", "body"),
     "stand": {**_each("thrust", "N", "body"), **_each("current", "A", "-")},
 }
@@ -43,9 +44,16 @@ for _name, _known in STREAM_QUANTITIES.items():
 """The vocabulary: stream -> quantity -> (SI unit, frame). A column of a source is mapped onto one of these.
 ``tick`` is the sender's own time of a sample, where it was logged beside the receiver's stamp.
 
-``motor`` is what the motors got (after battery compensation), ``motor_request`` what was asked before it,
-``stand`` the load cell of a thrust stand (sum over the motors), ``estimator_acc`` has gravity taken off.
+``motor`` is what the motors got (after battery compensation), m1 to as many as there are, at most m8,
+``motor_request`` what was asked before it, ``stand`` the load cell of a thrust stand (sum over the motors),
+``estimator_acc`` has gravity taken off.
 """
+
+
+def motors_of(stream: Stream) -> tuple[str, ...]:
+    """m1, m2 ... of a stream of motors, as far as they are there without a hole."""
+    there = [name in stream.quantities for name in _MOTORS]
+    return _MOTORS[:there.index(False) if False in there else len(there)]
 
 
 @dataclass(frozen=True, order=True)

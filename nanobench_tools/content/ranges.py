@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flight import Stream
+from ..flight import Stream, motors_of
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .context import Context
 from .rows import typical_step_s, usable_streams
@@ -96,8 +96,7 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             factor = 1000.0 if median > BATTERY_V[1] else 1e-3
             found.append(WrongUnit("battery", ("vbat",), factor, f"the median of the battery is {median:.4g} V"))
     for name, quantities in (
-        ("motor", ("m1", "m2", "m3", "m4")),
-        ("motor_request", ("m1", "m2", "m3", "m4")),
+        *((name, motors_of(context.flight[name])) for name in ("motor", "motor_request") if name in context.flight),
         ("pid", ("cmd_thrust",)),
     ):
         command = _alive(context, name, quantities)

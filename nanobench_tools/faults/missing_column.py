@@ -1,8 +1,8 @@
 """missing_column: a column of the format is not in the file, or holds no value.
 
 Found by the reader. In a flight that no reader has judged, elements that are missing from a vector of which others
-are there (two axes of a gyro, three motors of four) are found here. Takes no time away: whoever needs the column gets
-an InputError that names it.
+are there (two axes of a gyro, motors 1, 2 and 4) are found here; how many motors there are, only the reader can know.
+Takes no time away: whoever needs the column gets an InputError that names it.
 
 Size: columns. Smallest found: one column.
 """
@@ -29,9 +29,6 @@ VECTORS = {
         ("roll", "pitch", "yaw"),
     ),
     "imu": (("acc_x", "acc_y", "acc_z"), ("gyro_x", "gyro_y", "gyro_z")),
-    "motor": (("m1", "m2", "m3", "m4"),),
-    "motor_request": (("m1", "m2", "m3", "m4"),),
-    "rpm": (("m1", "m2", "m3", "m4"),),
     "estimator": (("x", "y", "z"), ("vx", "vy", "vz")),
     "estimator_acc": (("ax", "ay", "az"),),
     "attitude": (("roll", "pitch", "yaw"),),
@@ -40,13 +37,15 @@ VECTORS = {
     "pid": (("roll", "pitch", "yaw", "cmd_thrust"),),
 }
 """What belongs together in every source."""
+MOTORS = ("motor", "motor_request", "rpm")
+"""Streams of m1, m2 ... up to the last that is there."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings, else one fault per stream with holes in its vectors."""
     faults = findings(flight, KIND)
     told = {fault.stream for fault in faults}
-    for name, vectors in VECTORS.items():
+    for name in (*VECTORS, *MOTORS):
         if name not in flight or name in told:
             continue
         stream = flight[name]
@@ -56,6 +55,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             if len(stream) and not np.isfinite(stream.values[:, k]).any()
         }
         there = set(stream.quantities) - empty
+        vectors = VECTORS.get(name) or (_up_to_the_last(there),)
         missing = tuple(q for vector in vectors if there & set(vector) for q in vector if q not in there)
         # a stream of which nothing is left but what stands alone was never recorded
         if missing:
@@ -64,6 +64,11 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             whole = over_stream(KIND, flight, name, (), len(missing), "columns", evidence, 1.0)
             faults.append(replace(whole, columns=columns))
     return faults
+
+
+def _up_to_the_last(there: set[str]) -> tuple[str, ...]:
+    last = max((int(q[1:]) for q in there if q.startswith("m")), default=0)
+    return tuple(f"m{i}" for i in range(1, last + 1))
 
 
 def _column_names(name: str, stream: Stream, missing: tuple[str, ...]) -> tuple[str, ...]:

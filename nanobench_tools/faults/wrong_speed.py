@@ -15,11 +15,12 @@ from scipy.ndimage import uniform_filter1d
 
 from ..content.context import Context
 from ..content.rows import usable_streams
-from ..flight import Fault, Flight
+from ..flight import Fault, Flight, motors_of
 
 KIND = "wrong_speed"
 
-MOTORS = ("m1", "m2", "m3", "m4")
+FEWEST = 3
+"""Motors that say what is usual."""
 LESS = 2.0 / 3.0
 ALIKE = 0.85
 RUNS = 0.15
@@ -30,20 +31,22 @@ MEAN_S, LEAST_S = 0.1, 0.3
 def find(flight: Flight, context: Context) -> list[Fault]:
     """At most one fault per motor."""
     streams = context.once(usable_streams)
-    if any(name not in streams or any(m not in streams[name].quantities for m in MOTORS) for name in ("rpm", "motor")):
+    if any(name not in streams for name in ("rpm", "motor")):
         return []
-    rpm = streams["rpm"]
+    rpm, motors = streams["rpm"], motors_of(streams["motor"])
+    if len(motors) < FEWEST or motors_of(rpm) != motors:
+        return []
     t = rpm.time_s
     if len(t) < 10 or len(streams["motor"]) < 2:
         return []
     step = max(float(np.median(np.diff(t))), 1e-6)
     wide = max(round(MEAN_S / step), 1)
-    speed = np.abs(np.nan_to_num(rpm[MOTORS]))
-    command = np.nan_to_num(streams["motor"].interpolate(MOTORS, t))
+    speed = np.abs(np.nan_to_num(rpm[motors]))
+    command = np.nan_to_num(streams["motor"].interpolate(motors, t))
     mean, asked = (uniform_filter1d(x, wide, axis=0, mode="nearest") for x in (speed, command))
     faults = []
-    for k, name in enumerate(MOTORS):
-        others = [i for i in range(4) if i != k]
+    for k, name in enumerate(motors):
+        others = [i for i in range(len(motors)) if i != k]
         usual, alike = np.median(mean[:, others], axis=1), np.median(asked[:, others], axis=1)
         runs = (asked[:, k] > RUNS) & (asked[:, k] > ALIKE * alike) & (usual > 0.0)
         bad = runs & (mean[:, k] < LESS * usual)

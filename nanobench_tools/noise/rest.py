@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flight import Flight
+from ..flight import Flight, motors_of
 from .allan import overlapping_allan
 
 ACC = ("acc_x", "acc_y", "acc_z")
@@ -49,7 +49,7 @@ def stretches(flight: Flight) -> list[tuple[np.ndarray, np.ndarray]]:
     if not all(name in imu for name in ACC + GYRO) or len(imu) < 3:
         return []
     values = imu[ACC + GYRO]
-    drive = np.nanmax(np.abs(motor["m1", "m2", "m3", "m4"]), axis=1)
+    drive = np.nanmax(np.abs(motor[motors_of(motor)]), axis=1)
     still = np.interp(imu.time_s, motor.time_s, drive) < OFF
     still &= np.isfinite(values).all(axis=1)
     if not still.any():

@@ -38,7 +38,7 @@ def payload(flight: Flight, audit: Mapping[str, Any] | None,
         "clock": clock_error(flight, audit, taken_out),
         "timeline": timeline(flight, audit),
         "battery": over_time(flight, audit, {"battery": {"vbat": "battery"}}, 5e-4),
-        "motors": over_time(flight, audit, {"motor": {f"m{i}": f"motor {i}" for i in (1, 2, 3, 4)}}, 1e-4),
+        "motors": over_time(flight, audit, {"motor": {f"m{i}": f"motor {i}" for i in range(1, 9)}}, 1e-4),
         "faults": fault_list(audit),
         "streams": stream_list(flight, audit),
     }
