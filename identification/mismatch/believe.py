@@ -15,6 +15,7 @@ from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import free_of, name_effects
 from .recordings import Recordings
+from .size import heavier, wider
 from .space import reduced, space_around
 from .wrench import Wrench
 
@@ -22,9 +23,20 @@ START: dict[str, dict[str, Any]] = {
     "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "motor_lag": {"tau_up_s": 0.04, "tau_down_s": 0.04},
     "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.01, 0.01, 0.005)}, "drag_torque": {"c": -5e-5},
     "motor_imbalance": {"g": (1.0, 1.0, 1.0, 1.0)}, "com_offset": {"r_m": (0.0, 0.0, 0.0)}}
-"""Where the search begins; every term here is fitted, whatever it turns out to be."""
+"""Where the search begins, of a quadrotor of 40 g; every term here is fitted, whatever it turns out to be."""
+START_ROTORS = 4
 LEAST_S = 15.0
 PASSES = 3
+
+
+def start_of(vehicle: Vehicle) -> dict[str, dict[str, Any]]:
+    """START on a vehicle of another size and number of rotors: as much thrust and drag for its weight."""
+    lift, drag = heavier(vehicle) * START_ROTORS / vehicle.rotors, heavier(vehicle)
+    sizes = {"thrust_voltage": lift, "drag_linear": drag, "drag_torque": drag * wider(vehicle),
+             "yaw_torque": wider(vehicle)}
+    found = {term: {name: tuple(sizes.get(term, 1.0) * x for x in value) if isinstance(value, tuple) else
+                    value * sizes.get(term, 1.0) for name, value in values.items()} for term, values in START.items()}
+    return {**found, "motor_imbalance": {"g": (1.0,) * vehicle.rotors}}
 
 
 def beliefs(recordings: Recordings, vehicle: Vehicle | None = None, progress: Callable[[str], None] | None = None,
@@ -44,7 +56,8 @@ def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> 
     if recordings.judged_s < LEAST_S:
         raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
     wrench = Wrench(recordings.tracks)
-    model = Model(vehicle or Vehicle(), START)
+    vehicle = vehicle or Vehicle()
+    model = Model(vehicle, start_of(vehicle))
     for _ in range(PASSES):
         model, moments = _fitted(wrench, model, tuple(START))
     return model, moments

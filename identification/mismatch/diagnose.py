@@ -17,7 +17,7 @@ from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
 
-from .believe import START
+from .believe import start_of
 from .decide import UNSURE, Decision, decide, unproved, without
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
@@ -52,6 +52,10 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     say = progress or (lambda text: None)
     if recordings.judged_s < LEAST_S:
         return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
+    rotors = recordings.tracks[0].motor.shape[1]
+    if rotors != simulator.rotors:
+        raise InputError(recordings.tracks[0].name, f"has {rotors} motors, and the simulator {simulator.rotors} rotors",
+                         "give the simulator.toml of this vehicle")
     wrench = Wrench(recordings.tracks)
     if given is not None:  # what it gives beyond its equivalent is no residual
         wrench.measured = wrench.measured[0] - given.gap[0], wrench.measured[1] - given.gap[1]
@@ -119,7 +123,8 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
     in other units or axes."""
     start = time.perf_counter()
     if recordings.judged_s < LEAST_S:
-        return Verdict.insufficient(recordings, Model(vehicle or Vehicle(), START), time.perf_counter() - start)
+        vehicle = vehicle or Vehicle()
+        return Verdict.insufficient(recordings, Model(vehicle, start_of(vehicle)), time.perf_counter() - start)
     given = equivalent(recordings, simulator, place, vehicle, progress)
     if given.alike:
         verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)
@@ -171,18 +176,18 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
     return moments, named
 
 
-def recorded(flights: Sequence[Flight], with_battery: bool = True) -> Recordings:
-    """Flights as they were read: audited, and put on the motion capture's clock."""
+def recorded(flights: Sequence[Flight], with_battery: bool = True, vehicle: Vehicle | None = None) -> Recordings:
+    """Flights as they were read: audited, and put on the motion capture's clock; see ``look_over``."""
     audits = {flight.name: audit(flight) for flight in flights}
     moved = on_clock(flights, audits, "retimed")
-    return look_over(flights, audits, moved.flights, moved.audits, with_battery)
+    return look_over(flights, audits, moved.flights, moved.audits, with_battery, vehicle)
 
 
 def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int = 0,
                      progress: Callable[[str], None] | None = None) -> dict[str, Any]:
     """``diagnose`` from recordings as they were read: verdict.json without what belongs to the file around it."""
     start = time.perf_counter()
-    recordings = recorded(flights, "thrust_voltage" in simulator)
+    recordings = recorded(flights, "thrust_voltage" in simulator, simulator.vehicle)
     body = diagnose(recordings, simulator, seed=seed, progress=progress).to_json()
     return {**body, "elapsed_s": time.perf_counter() - start}
 

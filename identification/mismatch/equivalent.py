@@ -20,7 +20,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import UP, Along, Simulator, run
 
-from .believe import START
+from .believe import start_of
 from .naming import free_of
 from .recordings import Recordings
 from .space import Space, reduced, scales, space_around
@@ -199,9 +199,10 @@ def _blocks(tracks: Sequence[Track]) -> list[tuple[int, int, int]]:
 
 def _start(vehicle: Vehicle, battery: bool) -> Model:
     if battery:
-        return Model(vehicle, START)
-    c = np.array(START["thrust_voltage"]["c"])
-    terms = {"thrust_pwm": {"c": tuple(c * NO_BATTERY_V ** np.arange(len(c)))}, **START}
+        return Model(vehicle, start_of(vehicle))
+    start = start_of(vehicle)
+    c = np.array(start["thrust_voltage"]["c"])
+    terms = {"thrust_pwm": {"c": tuple(c * NO_BATTERY_V ** np.arange(len(c)))}, **start}
     return Model(vehicle, {n: v for n, v in terms.items() if n != "thrust_voltage"})
 
 

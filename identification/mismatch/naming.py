@@ -89,8 +89,8 @@ def _start(moments: Moments, model: Model, term: str) -> Model:
 def _limits(moments: Moments, model: Model) -> list[Model]:
     """Two starts for a saturation, which does nothing where it rests: of the input, and of the thrust."""
     inputs = np.concatenate([np.column_stack([t.motor, t.battery_V])[t.counts] for t in moments.wrench.tracks])
-    thrust = np.stack(equations(model, ROW_S).command([*inputs.T, *inputs.T[:4], np.zeros(len(inputs))]))
-    high = {"saturation.u_max": float(np.quantile(inputs[:, :4], HIGH)),
+    thrust = np.stack(equations(model, ROW_S).command([*inputs.T, *inputs.T[:model.rotors], np.zeros(len(inputs))]))
+    high = {"saturation.u_max": float(np.quantile(inputs[:, :model.rotors], HIGH)),
             "saturation.T_max_N": float(np.quantile(thrust, HIGH))}
     values = model.parameters
     return [model.with_parameters({n: v}) for n, v in high.items() if n in values and v < values[n]]

@@ -9,9 +9,11 @@ import numpy as np
 
 from nanobench_tools.audit import Audit
 from nanobench_tools.flight import Fault, Flight
+from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
 
-from .track import NEEDED, Track, missing, tracks_of
+from .size import wider
+from .track import NEEDED, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
 INFORMATION = ("interpolated", "clock_wander", "extra_column", "missing_column", "copy")
@@ -63,9 +65,11 @@ class Recordings:
 
 def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
               on_clock: Sequence[Flight], on_clock_audits: Mapping[str, Audit],
-              with_battery: bool = True) -> Recordings:
+              with_battery: bool = True, vehicle: Vehicle | None = None) -> Recordings:
     """Flights as recorded with their audits, and the same on the motion capture's clock (``harness.clocks``).
-    with_battery: whether the simulator asks for the battery's voltage."""
+    with_battery: whether the simulator asks for the battery's voltage; vehicle: the simulator's, by default a
+    quadrotor of 40 g. InputError for recordings of a vehicle with another number of rotors."""
+    vehicle = vehicle or Vehicle()
     kept = distinct(list(flights))[0]
     moved = {f.name: f for f in on_clock}
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
@@ -73,8 +77,9 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     for number, flight in enumerate(kept):
         flight = _finite(moved.get(flight.name, flight))
         audit = on_clock_audits.get(flight.name, audits[flight.name])
-        lacks = missing(flight, with_battery)
-        found = [] if lacks else tracks_of(flight, audit, number, with_battery)
+        check_motors(flight, vehicle.rotors)
+        lacks = missing(flight, with_battery, vehicle.rotors)
+        found = [] if lacks else tracks_of(flight, audit, number, with_battery, vehicle.rotors)
         still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
         found = [t for t in found if all(t is not s for s in still)]
         if not found:
@@ -84,7 +89,7 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
         tracks += found
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
                    if fault.kind not in INFORMATION)
-    arm = arm_of(tracks)
+    arm = arm_of(tracks, wider(vehicle))
     if arm is not None and arm.counts:
         tracks = list(centred(tracks, arm.r_m))
     else:

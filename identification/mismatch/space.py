@@ -13,10 +13,9 @@ from nanobench_tools import registry
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term, neutral
 
+from .size import K_F, growth
+
 MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
-K_F = 2.3e-8
-"""N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
-which the drag of turning rotors is measured."""
 LEAST_SAG_V = 0.05
 """A voltage that changes by less tells nothing about its influence."""
 HELD = ("ground_effect.rho", "thrust_rpm.k_f")
@@ -43,12 +42,13 @@ class Space:
 
 
 def scales(model: Model) -> np.ndarray:
-    """(P,) usual size of each parameter."""
+    """(P,) usual size of each parameter, on a vehicle of this size."""
     found = []
     for slot, value in zip(model.slots, model.values, strict=True):
         typical = slot.parameter.typical
         size = abs(typical[min(slot.element, len(typical) - 1)] if isinstance(typical, tuple) else typical)
-        found.append(max(abs(value), size) or min(1.0, 0.05 * (slot.parameter.upper - slot.parameter.lower)))
+        size = size or min(1.0, 0.05 * (slot.parameter.upper - slot.parameter.lower)) * (value == 0.0)
+        found.append(max(abs(value), size * growth(model, slot.name.partition("[")[0])))
     return np.array(found)
 
 

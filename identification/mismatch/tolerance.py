@@ -13,6 +13,7 @@ from nanobench_tools.physics import Model
 
 from .fitting import Fit
 from .moments import Moments
+from .size import growth
 
 ABSOLUTE = {"command_delay.delay_s": 0.006, "motor_lag.tau_up_s": 0.012, "motor_lag.tau_down_s": 0.012,
             "motor_imbalance.g": 0.01, "com_offset.r_m": 1e-4, "frame_tilt.roll_rad": 0.006,
@@ -33,7 +34,7 @@ IMPLAUSIBLE = {"inertia.inertia_kg_m2": 3.0, "yaw_torque.k_m": 5.0}
 DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
              "frame_tilt.roll_rad": 0.012, "frame_tilt.pitch_rad": 0.012, "wind.w_m_s": 0.25, "force_world.f_N": 0.004}
 """Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
-scale as a share."""
+scale as a share; forces and lengths of a vehicle of 40 g, see ``size``."""
 DAMPING_1_S = 6.0
 """Of angular damping over inertia, times the same share."""
 ANSWERED, ANSWER = ("thrust_voltage", "thrust_pwm", "inflow", "saturation"), 0.12
@@ -68,7 +69,8 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
-            least = DIFFERENT.get(base_of(name), 0.0) * (abs(old[name]) if base_of(name) in RELATIVE else 1.0)
+            grown = abs(old[name]) if base_of(name) in RELATIVE else growth(before, base_of(name))
+            least = DIFFERENT.get(base_of(name), 0.0) * grown
             changed = changed or float(np.ptp(fit.own[name])) > least
         else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
             limit = smallest(name, before, moments, fit.model)

@@ -12,7 +12,16 @@ from scipy.ndimage import gaussian_filter1d
 from nanobench_tools import so3
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Span, Stream, intersect_spans, make_stream, merge_spans, subtract_spans
+from nanobench_tools.flight import (
+    Flight,
+    Span,
+    Stream,
+    intersect_spans,
+    make_stream,
+    merge_spans,
+    motors_of,
+    subtract_spans,
+)
 
 ROW_S = 0.01
 BEFORE_S = 0.5
@@ -22,7 +31,9 @@ EDGE_S = 0.16
 PACKET_S, STEADY_S = 0.12, 1.0
 """How far apart packets of the battery come, and how slowly it moves under a steady load."""
 MOST_SAG_V = 0.5
-"""Volts per unit of load: 0.12 ohm and 1.7 A/V give 0.2."""
+"""Volts per unit of load and cell: 0.12 ohm and 1.7 A/V give 0.2."""
+FULL_V = 4.4
+"""Of one cell."""
 NO_BATTERY_V = 3.7
 """Stands for a battery nobody logged, where the simulator does not ask for its voltage."""
 CONTACT_M = 0.05
@@ -44,18 +55,18 @@ MOST_LATE, SMOOTHER = 0.4, 0.9
 """Of a period: packets that come later may be of another frame. Of the roughness of a path: stamps are moved only where
 that makes it smoother by more."""
 NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
-          "motor": ("m1", "m2", "m3", "m4"), "battery": ("vbat",)}
-"""Streams a diagnosis of physics cannot do without, and their quantities."""
+          "motor": ("m1",), "battery": ("vbat",)}
+"""Streams a diagnosis of physics cannot do without, and their quantities; of the motors as many as there are rotors."""
 
 
 @dataclass(frozen=True)
 class Track:
     """One span of one flight, n rows 10 ms apart. time_s (n,) of the recording; position_m, velocity_m_s (n, 3) world;
     quaternion (n, 4) body to world; rate_rad_s (n, 3) body; force_m_s2 (n, 3) specific force of the accelerometer,
-    body, nan without one; motor (n, 4) PWM ratio and battery_V (n,) in the middle of the row, which they stand for;
-    counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration that
-    following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights of
-    the diagnosis."""
+    body, nan without one; motor (n, rotors) PWM ratio and battery_V (n,) in the middle of the row, which they stand
+    for; counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration
+    that following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights
+    of the diagnosis."""
 
     name: str
     flight: int
@@ -75,20 +86,35 @@ class Track:
         return len(self.time_s)
 
 
-def missing(flight: Flight, with_battery: bool = True) -> list[str]:
-    """What of NEEDED the recording lacks: stream names. Without ``with_battery`` that one may be missing."""
+def missing(flight: Flight, with_battery: bool = True, rotors: int = 4) -> list[str]:
+    """What of NEEDED the recording lacks: stream names. Without ``with_battery`` that one may be missing; motors have
+    to be as many as the rotors, at least."""
+    def there(name: str, quantities: Sequence[str]) -> bool:
+        return name in flight and len(flight[name]) >= 10 and all(q in flight[name] for q in quantities) and (
+            name != "motor" or len(motors_of(flight[name])) >= rotors)
+
     return [name for name, quantities in NEEDED.items()
-            if (with_battery or name != "battery")
-            and (name not in flight or len(flight[name]) < 10 or any(q not in flight[name] for q in quantities))]
+            if (with_battery or name != "battery") and not there(name, quantities)]
 
 
-def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True) -> list[Track]:
+def check_motors(flight: Flight, rotors: int) -> None:
+    """InputError for the recording of a vehicle with another number of rotors. A stream that lost a column, which its
+    reader says, does not tell."""
+    motors = motors_of(flight["motor"]) if "motor" in flight else ()
+    lost = len(motors) < rotors and (
+        not motors or any(f.kind == "missing_column" and f.stream == "motor" for f in flight.provenance.findings))
+    if motors and not lost and len(motors) != rotors:
+        raise InputError(flight.provenance.path, f"has {len(motors)} motors, {motors[0]} to {motors[-1]}, and the "
+                         f"simulator {rotors} rotors", "give the simulator.toml of this vehicle")
+
+
+def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True, rotors: int = 4) -> list[Track]:
     """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing; a battery that is not
     asked for (``with_battery``) counts as constant where there is none."""
-    lacks = missing(flight, with_battery)
+    lacks = missing(flight, with_battery, rotors)
     if lacks:
         raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
-    if missing(flight):
+    if missing(flight, rotors=rotors):
         stamps = flight["motor"].time_s
         flight = flight.with_streams(battery=make_stream("battery", stamps, np.full((len(stamps), 1), NO_BATTERY_V),
                                                          ("vbat",)))
@@ -137,7 +163,7 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
     imu = flight["imu"]
     acc = ("acc_x", "acc_y", "acc_z")
     force = _at(imu, acc, time_s) if all(a in imu for a in acc) else np.full((len(time_s), 3), np.nan)
-    motor = _over_row(flight["motor"], NEEDED["motor"], time_s)
+    motor = _over_row(flight["motor"], motors_of(flight["motor"]), time_s)
     battery = steadied(_at(flight["battery"], ("vbat",), time_s + 0.5 * ROW_S)[:, 0], motor)
     seen_s = np.clip(time_s, stamps[0], stamps[-1])
     return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1),
@@ -160,7 +186,7 @@ def _asked(flight: Flight, time_s: np.ndarray) -> np.ndarray:
 
 
 def steadied(battery_V: np.ndarray, motor: np.ndarray) -> np.ndarray:
-    """Battery voltage (n,) V that moves with the load on the motors (n, 4) and else slowly.
+    """Battery voltage (n,) V that moves with the load on the motors (n, rotors) and else slowly.
 
     It is logged at some 9 Hz with the noise of a converter and drawn as lines in between, while it sags with every
     command. The sag per load (sum of squared ratios) is read from the recording itself: changes of both within a
@@ -172,7 +198,8 @@ def steadied(battery_V: np.ndarray, motor: np.ndarray) -> np.ndarray:
         near = gaussian_filter1d(x, PACKET_S / ROW_S, mode="nearest")
         return near - gaussian_filter1d(x, STEADY_S / ROW_S, mode="nearest")
 
-    sag = np.clip(-(quick(battery_V) @ quick(load)) / max(quick(load) @ quick(load), 1e-12), 0.0, MOST_SAG_V)
+    cells = max(float(np.median(battery_V)) / FULL_V, 1.0)
+    sag = np.clip(-(quick(battery_V) @ quick(load)) / max(quick(load) @ quick(load), 1e-12), 0.0, cells * MOST_SAG_V)
     return gaussian_filter1d(battery_V + sag * load, STEADY_S / ROW_S, mode="nearest") - sag * load
 
 

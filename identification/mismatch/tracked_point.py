@@ -33,18 +33,19 @@ FEWEST = 3
 @dataclass(frozen=True)
 class Arm:
     """r_m (3,) from the centre of mass to the tracked point, body; explains_m_s2: RMS of the horizontal force beyond
-    drag that it explains in flights it was not read from."""
+    drag that it explains in flights it was not read from; wider: how many times the arms of the usual vehicle."""
 
     r_m: np.ndarray
     explains_m_s2: float
+    wider: float = 1.0
 
     @property
     def counts(self) -> bool:
-        return self.explains_m_s2 > LEAST_M_S2 and float(np.linalg.norm(self.r_m)) < MOST_M
+        return self.explains_m_s2 > LEAST_M_S2 and float(np.linalg.norm(self.r_m)) < MOST_M * self.wider
 
 
-def arm_of(tracks: Sequence[Track]) -> Arm | None:
-    """The arm of a vehicle, the same in all tracks; None for too few flights."""
+def arm_of(tracks: Sequence[Track], wider: float = 1.0) -> Arm | None:
+    """The arm of a vehicle, the same in all tracks; None for too few flights. ``wider``: see ``size``."""
     flights = np.unique([t.flight for t in tracks])
     if len(flights) < FEWEST:
         return None
@@ -62,11 +63,11 @@ def arm_of(tracks: Sequence[Track]) -> Arm | None:
     before = after = 0.0
     for number in flights:
         here = flight == number
-        r = _read(left[~here], columns[~here])
+        r = _read(left[~here], columns[~here], wider)
         before += float(np.median(np.sum(left[here] ** 2, axis=1))) * here.sum()
         after += float(np.median(np.sum((left[here] - columns[here] @ r) ** 2, axis=1))) * here.sum()
     # of a round Gaussian the median of the squared length is 1.39 of its variance, and its mean 2
-    return Arm(_read(left, columns), float(np.sqrt(max(before - after, 0.0) / len(left) * 2.0 / 1.386)))
+    return Arm(_read(left, columns, wider), float(np.sqrt(max(before - after, 0.0) / len(left) * 2.0 / 1.386)), wider)
 
 
 def _sideways(wrench: Wrench) -> np.ndarray:
@@ -95,7 +96,7 @@ def _beyond_drag(values: np.ndarray, velocity: np.ndarray, flight: np.ndarray) -
     return found
 
 
-def _read(left: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _read(left: np.ndarray, columns: np.ndarray, wider: float) -> np.ndarray:
     """(3,) by least squares that a few wild rows do not carry, with the prior."""
     y, x = left.reshape(-1), columns.reshape(-1, 3)
     weight, r = np.ones(len(y)), np.zeros(3)
@@ -104,7 +105,7 @@ def _read(left: np.ndarray, columns: np.ndarray) -> np.ndarray:
         sd = max(1.4826 * float(np.median(np.abs(away))), 1e-9)
         weight = np.minimum(1.0, 1.5 / np.maximum(np.abs(away) / sd, 1e-9))  # Huber
         memory = 3.0 * SMOOTH_S / ROW_S  # rows that the smoothing makes alike
-        normal = (x * weight[:, None]).T @ x + np.eye(3) * (sd / USUAL_M) ** 2 * memory
+        normal = (x * weight[:, None]).T @ x + np.eye(3) * (sd / (USUAL_M * wider)) ** 2 * memory
         r = np.linalg.solve(normal, (x * weight[:, None]).T @ y)
     return r
 
