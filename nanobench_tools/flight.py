@@ -45,7 +45,8 @@ for _name, _known in STREAM_QUANTITIES.items():
 ``tick`` is the sender's own time of a sample, where it was logged beside the receiver's stamp.
 
 ``motor`` is what the motors got (after battery compensation), m1 to as many as there are, at most m8,
-``motor_request`` what was asked before it, ``stand`` the load cell of a thrust stand (sum over the motors),
+``motor_request`` what was asked before it, ``command`` the collective set-point of all (``Stream.unit`` says whether as
+a share of full, 1, or in N), ``stand`` the load cell of a thrust stand (sum over the motors),
 ``estimator_acc`` has gravity taken off.
 """
 

@@ -228,5 +228,10 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
             table.add_column(column)
         for h in ("1", "10", "50"):
             entry = body["improvement"][h]
-            table.add_row(h, *(f"{entry['before'][q]:.4f} -> {entry['after'][q]:.4f}" for q in entry["before"]))
+            table.add_row(h, *(_step(entry["before"][q], entry["after"][q]) for q in entry["before"]))
         options.show(table)
+
+
+def _step(before: float | None, after: float | None) -> str:
+    """An error before and after; of what was given, and not predicted, none."""
+    return "given" if before is None or after is None else f"{before:.4f} -> {after:.4f}"

@@ -85,11 +85,14 @@ def airborne_spans(context: Context) -> tuple[Span, ...]:
 def _flies(context: Context, span: Span) -> bool:
     """Whether a vehicle whose motors never stop in the recording is carried by them, and moves, in a stretch that is
     too low to tell. Where they do stop, the ground was seen and the height tells."""
-    motor = context.once(usable_streams).get("motor")
+    streams = context.once(usable_streams)
+    motor = streams.get("motor") or streams.get("command")
     place = context.once(position_of)
     if span.duration_s < HELD_S or motor is None or place is None:
         return False
     command = np.nan_to_num(motor.values).mean(axis=1)
+    if "N" in motor.unit:  # as a share of about what carries it
+        command = 0.5 * command / max(float(np.median(command)), 1e-9)
     inside = command[span.mask(motor.time_s)]
     if len(inside) < 10 or not np.ptp(inside) or (command > RUNS).mean() < ALWAYS:
         return False

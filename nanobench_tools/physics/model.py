@@ -119,7 +119,7 @@ class Model:
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of one row of inputs; a model with command_delay also needs the row before and the shift in rows."""
-        unit = "ratio" if self.vehicle.input == "pwm" else "rad_s"
+        unit = {"pwm": "ratio", "rpm": "rad_s", "thrust": "N"}[self.vehicle.input]
         motors = range(1, self.rotors + 1)
         now = (*(f"motor_{unit}_{i}" for i in motors), "battery_V")
         before = (*(f"before_{unit}_{i}" for i in motors), "whole_rows") if "command_delay" in self else ()

@@ -106,7 +106,8 @@ def vehicle_problems(values: Mapping[str, Any]) -> Iterator[Problem]:
             yield Problem(("vehicle", "motor_positions_m"), f"{rotors} motors have positions and {signs[0]} a spin",
                           f"give {signs[0]} lists of 2 numbers [m], or as many signs")
     if "input" in values and values["input"] not in INPUTS:
-        yield Problem(("vehicle", "input"), f"input is {_short(values['input'])}", f"give {' or '.join(INPUTS)}")
+        yield Problem(("vehicle", "input"), f"input is {_short(values['input'])}",
+                      f"give {' or '.join(INPUTS[:2])}, or {INPUTS[2]} for set-points in N")
 
 
 def term_problems(number: int, term: Term, values: Mapping[str, Any], rotors: int) -> Iterator[Problem]:
@@ -145,7 +146,7 @@ def _parameter_problems(number: int, term: str, parameter: Parameter, value: Any
 
 
 def model_problems(kind: str, terms: Terms) -> Iterator[Problem]:
-    """Of the terms together: ``kind`` is the vehicle's input, pwm or rpm."""
+    """Of the terms together: ``kind`` is the vehicle's input, pwm, rpm or thrust."""
     names = [term.name for term, _ in terms]
     for number, (term, values) in enumerate(terms):
         if term.name in names[:number]:
@@ -153,13 +154,17 @@ def model_problems(kind: str, terms: Terms) -> Iterator[Problem]:
         if term.needs and not set(term.needs) & set(names):
             yield Problem((number, "name"), f"{term.name} does nothing without {' or '.join(term.needs)}",
                           f"add {term.needs[0]} or leave {term.name} out")
-        if kind == "rpm" and values.get("u_max") is not None:
-            yield Problem((number, "u_max"), "u_max limits a PWM ratio, but input is rpm", "give T_max_N")
+        if kind != "pwm" and values.get("u_max") is not None:
+            yield Problem((number, "u_max"), f"u_max limits a PWM ratio, but input is {kind}", "give T_max_N")
     maps = [n for n, (term, _) in enumerate(terms) if Stage.THRUST_MAP in term.acts]
     wanted = [n for n in maps if (terms[n][0].name == "thrust_rpm") == (kind == "rpm")]
     for n in maps:
         if kind == "rpm" and n not in wanted:
             yield Problem((n, "name"), f"{names[n]} needs PWM, but input is rpm", "use thrust_rpm")
+        if kind == "thrust" and n in wanted:
+            yield Problem((n, "name"), f"{names[n]} needs PWM, but input is thrust, in N already", "leave it out")
+    if kind == "thrust":
+        return
     if not wanted:
         has = f"only {names[maps[0]]} " if maps else "no term "
         yield Problem(("vehicle", "input"), f"input is {kind}, but {has}turns it into thrust",

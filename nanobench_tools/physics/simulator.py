@@ -47,6 +47,8 @@ def read_quadrotor(path: Path | str, what: str) -> Model:
     if model.rotors != 4:
         raise InputError(str(path), f"{model.rotors} rotors, and {what} knows quadrotors only",
                          "diagnose, without --normal, takes vehicles of three to eight")
+    if model.vehicle.input == "thrust":
+        raise InputError(str(path), f"input is thrust in N, and {what} gives PWM", "add thrust_voltage or thrust_pwm")
     return model
 
 

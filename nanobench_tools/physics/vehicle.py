@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..units import GRAVITY_M_S2
 
-INPUTS = ("pwm", "rpm")
+INPUTS = ("pwm", "rpm", "thrust")
 FEWEST, MOST = 3, 8
 """Rotors of a vehicle."""
 
@@ -15,8 +15,8 @@ FEWEST, MOST = 3, 8
 class Vehicle:
     """Defaults: the NanoBench vehicle. ``inertia_kg_m2`` about body x, y, z; ``motor_positions_m`` x, y in the body of
     each motor, three to eight (of these four: front right, back right, back left, front left); ``spin`` sign of the
-    yaw torque of each; ``input`` pwm (ratio 0..1) or rpm (measured rotor speed, given in rad/s); ``rate_hz`` of the
-    integration.
+    yaw torque of each; ``input`` pwm (ratio 0..1) rpm (measured rotor speed, given in rad/s) or
+    thrust (what each rotor is asked for in N: there is no thrust map then); ``rate_hz`` of the integration.
     """
 
     mass_kg: float = 0.04085
@@ -37,7 +37,7 @@ class Vehicle:
 UNITS = {"mass_kg": "kg", "inertia_kg_m2": "kg m^2, about body x, y, z",
          "motor_positions_m": "m, x and y in the body, motor after motor",
          "spin": "sign of the yaw torque, motor after motor", "gravity_m_s2": "m/s^2",
-         "input": "pwm (ratio 0..1) or rpm", "rate_hz": "Hz, step of the integration"}
+         "input": "pwm (ratio 0..1), rpm or thrust (N)", "rate_hz": "Hz, step of the integration"}
 """What each key of the vehicle means, for files and messages."""
 
 BOUNDS = {"mass_kg": (0.001, 10.0), "inertia_kg_m2": (1e-8, 5.0), "motor_positions_m": (-1.0, 1.0),

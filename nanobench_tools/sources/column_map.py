@@ -8,13 +8,13 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..flight import STREAM_QUANTITIES
+from ..flight import STREAM_QUANTITIES, Stream
 from ..units import factor
 from .payload import read_file
 
@@ -39,6 +39,8 @@ MESSAGE_TIME = "header.stamp"
 
 PWM_UNITS = ("1", "pwm16")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
+FORCE_UNITS = UNITS["N"]
+"""A collective command may also be a force."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Entry:
     column: str
     index: int | None
     scale: float
+    unit: str = ""
+    """SI unit of the value where it is not the vocabulary's."""
 
     @property
     def topic(self) -> str | None:
@@ -172,7 +176,8 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
     if quantity == "tick":
         allowed = UNITS["s"]
     elif stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
-        allowed = (*PWM_UNITS, "rpm") if stream == "motor" else PWM_UNITS
+        more = {"motor": ("rpm",), "command": FORCE_UNITS}.get(stream, ())
+        allowed = (*PWM_UNITS, *more)
     else:
         allowed = UNITS[si]
     unit = what.get("unit", allowed[0])
@@ -180,7 +185,13 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
         raise reader.fail(f"{key}.unit", f"unit {unit!r}", f"here: {', '.join(allowed)}")
     if stream == "motor" and unit == "rpm":
         stream = "rpm"
-    return Entry(stream, quantity, column, index, float(sign) * factor(unit))
+    other = "N" if stream == "command" and unit in FORCE_UNITS else ""
+    return Entry(stream, quantity, column, index, float(sign) * factor(unit), other)
+
+
+def in_units(stream: Stream, entries: Sequence[Entry]) -> Stream:
+    """The stream with the units of its entries where they are not the vocabulary's."""
+    return replace(stream, unit=tuple(e.unit or known for e, known in zip(entries, stream.unit, strict=True)))
 
 
 def _check_once(reader: _Reader, entries: list[Entry]) -> None:

@@ -21,7 +21,7 @@ from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .bag_messages import Bag, read_bag, suffix_of
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
-from .column_map import ColumnMap, Entry, read_column_map
+from .column_map import ColumnMap, Entry, in_units, read_column_map
 from .sheets import Sheet
 
 
@@ -169,7 +169,8 @@ def _stream(plan: _Plan, bag: Bag, faults: list[Fault], meant: bool) -> tuple[np
     if meant and plan.stream == "estimator":
         block = _turned(block, quantities, [m for _, m in messages])
     names = [e.column if e.index is None else f"{e.column}[{e.index}]" for e in entries]
-    return _stamps(messages), make_stream(plan.stream, np.zeros(len(block)), block, quantities, names)
+    made = make_stream(plan.stream, np.zeros(len(block)), block, quantities, names)
+    return _stamps(messages), in_units(made, entries)
 
 
 def _values(messages: Iterable[Any], entry: Entry) -> np.ndarray | None:

@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
-from .column_map import ColumnMap, Entry, read_column_map
+from .column_map import ColumnMap, Entry, in_units, read_column_map
 from .dialect import header_of
 from .kinks import count_changes, count_packets
 from .sheets import Sheet
@@ -121,7 +121,7 @@ def _streams(
         packets, changes = count_packets(stamps, values), count_changes(values)
         count = min(packets.count, changes if changes is not None else len(values))
         duration = packets.last_s - float(stamps[0])
-        streams[name] = make_stream(
+        made = make_stream(
             name,
             stamps,
             values,
@@ -130,6 +130,7 @@ def _streams(
             samples=count,
             rate_hz=count / duration if duration > 0.0 else float("nan"),
         )
+        streams[name] = in_units(made, here)
     return streams, faults
 
 

@@ -89,6 +89,8 @@ def rotors(model: Model, assumed: Assumed) -> Rotors:
                          f"take {QUADROTOR}", "export it as c or casadi")
     mass = get(model, "mass", "m", vehicle.mass_kg)
     r = get(model, "com_offset", "r_m", (0.0, 0.0, 0.0))
+    if vehicle.input == "thrust":
+        raise InputError("model", "input is thrust in N", "give it a thrust map, or export it as c or casadi")
     k_f = get(model, "thrust_rpm", "k_f", None)
     if k_f is None:
         k_f = assumed.k_f
