@@ -56,6 +56,9 @@ def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> 
     if recordings.judged_s < LEAST_S:
         raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
     wrench = Wrench(recordings.tracks)
+    if recordings.tracks[0].commanded:
+        raise InputError(place, "its recordings hold a collective command and no motor commands",
+                         "give --simulator FILE")
     vehicle = vehicle or Vehicle()
     model = Model(vehicle, start_of(vehicle))
     for _ in range(PASSES):

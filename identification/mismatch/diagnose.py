@@ -18,6 +18,7 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
 
 from .believe import start_of
+from .commanded import believed
 from .decide import UNSURE, Decision, decide, unproved, without
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
@@ -56,13 +57,14 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     if rotors != simulator.rotors:
         raise InputError(recordings.tracks[0].name, f"has {rotors} motors, and the simulator {simulator.rotors} rotors",
                          "give the simulator.toml of this vehicle")
+    simulator = believed(simulator, recordings.tracks[0].commanded)
     wrench = Wrench(recordings.tracks)
     if given is not None:  # what it gives beyond its equivalent is no residual
         wrench.measured = wrench.measured[0] - given.gap[0], wrench.measured[1] - given.gap[1]
     ratio = _lift(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
         return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
-    space = space_around(simulator)
+    space = space_around(simulator, wrench.unasked)
     say("residual along the measured states")
     moments, named = _named(wrench, space, simulator, say)
     say("what is left")
@@ -125,6 +127,9 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
     if recordings.judged_s < LEAST_S:
         vehicle = vehicle or Vehicle()
         return Verdict.insufficient(recordings, Model(vehicle, start_of(vehicle)), time.perf_counter() - start)
+    if recordings.tracks[0].commanded:
+        raise InputError(recordings.tracks[0].name, "holds a collective command and no motor commands",
+                         f"{place} is given motors; a simulator.toml can be diagnosed")
     given = equivalent(recordings, simulator, place, vehicle, progress)
     if given.alike:
         verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)
@@ -163,7 +168,7 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
     names = [space.model.names[i] for i in asked]
     at: Model = space.model
     named: Named | None = None
-    other = space_of_other_map(simulator, wrench.battery_V)
+    other = space_of_other_map(simulator, wrench.battery_V, space.unasked)
     for number in range(PASSES):
         force, _torque = slopes(wrench, space.model, asked)
         moments = with_levels(moments_of(wrench, wrench.residual(at), force, names), space, other)

@@ -13,7 +13,7 @@ disturbance itself is whitened first), and with what the set-points asked for, w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -183,7 +183,14 @@ class Moments:
 
 def moments_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force_jacobian: np.ndarray,
                names: Sequence[str]) -> Moments:
-    """Channels of a residual; force_jacobian (N, 3, P) is what the vocabulary would do to the force."""
+    """Channels of a residual; force_jacobian (N, 3, P) is what the vocabulary would do to the force. Torques that are
+    not compared have no moments."""
+    if wrench.unasked:
+        forces = force_covariates(wrench, force_jacobian, names)
+        silent = Channel("", Memory(np.zeros(ORDERS[1]), np.zeros(0, int)), np.zeros((0, 0)), (), (), 1.0)
+        return Moments(wrench, tuple(
+            channel(name, wrench.force_at, FORCE_ROWS, wrench.track, forces[i], residual[0][:, i], ORDERS[0])
+            if i < 3 else replace(silent, name=name) for i, name in enumerate(CHANNELS)))
     covariates = [*force_covariates(wrench, force_jacobian, names), *torque_covariates(wrench)]
     return Moments(wrench, tuple(
         channel(name, wrench.force_at if i < 3 else wrench.torque_at, FORCE_ROWS if i < 3 else TORQUE_ROWS,

@@ -124,7 +124,7 @@ class _Search:
     def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
         self.moments, self.space, self.home, self.known = moments, space, space, Slopes(moments)
         self.known.anchor = space.model
-        self.other = space_of_other_map(simulator, moments.wrench.battery_V)
+        self.other = space_of_other_map(simulator, moments.wrench.battery_V, space.unasked)
         self.nothing = self.current = fit(self.known, space.model, [])
         self.accepted: list[Hypothesis] = []
         self.alike: dict[str, tuple[str, ...]] = {}

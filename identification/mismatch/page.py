@@ -74,7 +74,8 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
            recordings: Recordings) -> dict[str, Table]:
     """Every table by name; those with nothing to show are left out."""
     found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
-             "left_out": left_out(recordings), "rejected": reasons(body.get("not_named") or [], "Not named"),
+             "left_out": left_out(recordings), "rejected": reasons(
+                 [*(body.get("not_named") or []), *(body.get("not_asked") or [])], "Not named"),
              "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
              "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body),
              "power": power(body)}
@@ -142,7 +143,7 @@ def rms(drawn: Mapping[str, Any], named: bool) -> Table:
     sides = [("Simulator as given", "before"), *([("Corrected", "after")] if named else []),
              ("A right simulator leaves", "floor")]
     rows = [(name, "m/s²" if c < 3 else "rad/s²", *(f"{drawn[key][c]:.3g}" for _, key in sides),
-             str(drawn["samples"][c])) for c, name in enumerate(CHANNELS)]
+             str(drawn["samples"][c])) for c, name in enumerate(CHANNELS) if drawn["samples"][c]]
     return Table("RMS of the residual by channel, body frame",
                  (("Channel", "", False), ("Unit", "", False), *((text, "", True) for text, _ in sides),
                   ("Samples", "", True)), rows)
@@ -193,7 +194,7 @@ def improvement(body: Mapping[str, Any]) -> Table:
         gained = DASH if not between else f"{100 * between[0]:.0f} .. {100 * between[1]:.0f}"
         rows.append((f"{h}: {1e3 * h * ROW_S:.0f} ms", *cells, gained))
         if entry.get("floor"):
-            rows.append(("noise alone", *(f"{entry['floor'][q]:.3g}" for q in QUANTITIES), DASH))
+            rows.append(("noise alone", *(_change(entry["floor"][q], None, False) for q in QUANTITIES), DASH))
     return Table("Mean error of prediction" + (", before → after" if named else ""),
                  (("Steps ahead", "", False), *((*QUANTITY_UNITS[q], True) for q in QUANTITIES),
                   ("Less error, 95 %", "%", True)), rows)

@@ -142,7 +142,7 @@ def floor(moments: Moments) -> np.ndarray:
 
 def rms(left: Left) -> dict[str, Any]:
     """RMS of each channel before and after, and of what a right simulator leaves."""
-    sides = np.array([[np.sqrt(np.mean(side**2)) for side in left.of(c)] for c in range(6)])
+    sides = np.array([[np.sqrt(np.sum(side**2) / max(len(side), 1)) for side in left.of(c)] for c in range(6)])
     least = np.minimum(floor(left.moments), sides.min(axis=1))
     return {"before": rounded(sides[:, 0]), "after": rounded(sides[:, -1]), "floor": rounded(least),
             "samples": [len(left.at(c)) for c in range(6)]}
@@ -201,9 +201,10 @@ def covariates(left: Left) -> list[dict[str, Any]]:
     """The pairs of channel and covariate that go together most, SHOWN of them and each channel and group once if that
     can be: means in bins of equally many samples."""
     nothing = np.zeros((len(left.wrench.force_at), 3, 0))
-    known: Sequence[list[Covariate]] = [*force_covariates(left.wrench, nothing, ()), *torque_covariates(left.wrench)]
+    known: Sequence[list[Covariate]] = [*force_covariates(left.wrench, nothing, ()), *(
+        [] if left.wrench.unasked else torque_covariates(left.wrench))]
     found = []
-    for c in range(6):
+    for c in range(len(known)):
         at = left.at(c)
         blocks = block_numbers(left.wrench.track[at], left.wrench.of("time_s", at))
         for covariate in known[c]:

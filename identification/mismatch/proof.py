@@ -12,6 +12,7 @@ from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import rollout
 
+from .along import paths
 from .decide import LEVEL, Decision
 from .fitting import Slopes, fit
 from .moments import Moments
@@ -30,6 +31,8 @@ THIRD, MEDIAN_OF_CHI2 = 20.0, 0.455
 """Variance of a third difference of unit white noise; median of the square of a unit normal."""
 SCALE = "thrust_scale.s"
 QUANTITIES = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
+PATH = 2
+"""The first of them are predicted even where no motor commands were logged; the others are nan then."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Proof:
 
     def _better_in(self, quantities: slice) -> bool:
         change = 1.0 - self.after.mean(0)[1:, quantities] / np.maximum(self.before.mean(0)[1:, quantities], 1e-12)
+        change = change[np.isfinite(change)]
         return any(low > 0.0 for h, (low, _) in self.interval.items() if h > 1) and change.max() > -change.min()
 
     def better_pushed(self, seed: int = 0) -> bool:
@@ -160,6 +164,7 @@ def _intervals(before: np.ndarray, after: np.ndarray, seed: int) -> dict[int, tu
     found = {}
     for k, h in enumerate(HORIZONS):
         gain = 1.0 - after[:, k] / np.maximum(before[:, k], 1e-12)
+        gain = gain[:, np.isfinite(gain).all(axis=0)]
         best = gain[:, int(np.argmax(gain.mean(axis=0)))]
         drawn = rng.choice(best, (2000, len(best))).mean(axis=1)
         low, high = np.quantile(drawn, [0.025, 0.975])
@@ -206,7 +211,7 @@ def _floor(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
                      a[:, 10:13] - b[:, 10:13] - end[:, 9:12])
             sums[k] += [np.minimum(np.linalg.norm(p, axis=1), CLIP).sum() for p in parts]
         count += len(starts)
-    return sums / max(count, 1)
+    return _told(sums / max(count, 1), tracks)
 
 
 def _starts(track: Track) -> np.ndarray:
@@ -216,7 +221,10 @@ def _starts(track: Track) -> np.ndarray:
 
 
 def _rolled(model: Model, track: Track, starts: np.ndarray) -> np.ndarray:
-    """(starts, rows, 13) states predicted from the measured ones."""
+    """(starts, rows, 13) states predicted from the measured ones; along the measured attitude where only a collective
+    command is known."""
+    if track.commanded:
+        return paths(model, track, starts, HORIZONS[-1], WARM)
     ahead, behind = starts[:, None] + np.arange(HORIZONS[-1]), starts[:, None] + np.arange(-WARM, 0)
     start = np.concatenate([track.position_m, track.velocity_m_s, track.quaternion, track.rate_rad_s], 1)[starts]
     return rollout(model, start, track.motor[ahead], track.battery_V[ahead],
@@ -241,4 +249,11 @@ def _errors(model: Model, tracks: Sequence[Track], numbers: Sequence[int]) -> np
                     np.linalg.norm(state[:, 10:13] - track.rate_rad_s[end], axis=1))):
                 sums[at, k, q] += np.minimum(error, CLIP).sum()
         counts[at] += len(starts)
-    return sums / np.maximum(counts, 1)[:, None, None]
+    return _told(sums / np.maximum(counts, 1)[:, None, None], tracks)
+
+
+def _told(errors: np.ndarray, tracks: Sequence[Track]) -> np.ndarray:
+    """errors (..., 4) without those of what was given."""
+    if any(t.commanded for t in tracks):
+        errors[..., PATH:] = np.nan
+    return errors

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nanobench_tools.audit import Audit
+from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
 
+from . import commanded
 from .size import wider
 from .track import NEEDED, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
@@ -50,7 +52,7 @@ class Recordings:
         if fault.kind == "clock_offset":
             wanders = any(f.kind == "clock_wander" for a in self.audits.values() for f in a.faults)
             return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
-        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in NEEDED else 3.0):
+        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in (*NEEDED, "command") else 3.0):
             return False
         audit = self.audits.get(name)
         if audit is None or not audit.airborne:
@@ -71,15 +73,18 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     quadrotor of 40 g. InputError for recordings of a vehicle with another number of rotors."""
     vehicle = vehicle or Vehicle()
     kept = distinct(list(flights))[0]
-    moved = {f.name: f for f in on_clock}
+    unit = _commanded(kept)
+    needed = commanded.NEEDED if unit else NEEDED
+    with_battery = with_battery and unit != "N"
+    moved = {f.name: commanded.with_attitude(f) if unit else f for f in on_clock}
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
     tracks: list[Track] = []
     for number, flight in enumerate(kept):
-        flight = _finite(moved.get(flight.name, flight))
+        flight = _finite(moved.get(flight.name, flight), needed)
         audit = on_clock_audits.get(flight.name, audits[flight.name])
         check_motors(flight, vehicle.rotors)
-        lacks = missing(flight, with_battery, vehicle.rotors)
-        found = [] if lacks else tracks_of(flight, audit, number, with_battery, vehicle.rotors)
+        lacks = missing(flight, with_battery, vehicle.rotors, needed)
+        found = [] if lacks else tracks_of(flight, audit, number, with_battery, vehicle.rotors, unit)
         still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
         found = [t for t in found if all(t is not s for s in still)]
         if not found:
@@ -89,7 +94,10 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
         tracks += found
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
                    if fault.kind not in INFORMATION)
-    arm = arm_of(tracks, wider(vehicle))
+    if unit and not tracks and (blind := [f for f in kept if "mocap" in missing(moved[f.name], needed=needed)]):
+        raise InputError(blind[0].provenance.path, "has a collective command, and no attitude beside its position",
+                         "translation needs one: mocap qx qy qz qw, or a stream attitude_qw or attitude")
+    arm = arm_of(tracks, wider(vehicle)) if all(t.gyro for t in tracks) else None
     if arm is not None and arm.counts:
         tracks = list(centred(tracks, arm.r_m))
     else:
@@ -98,11 +106,21 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
                       arm)
 
 
-def _finite(flight: Flight) -> Flight:
+def _commanded(flights: Sequence[Flight]) -> str:
+    """Unit of the collective command, where no flight has motors. InputError where flights disagree."""
+    found = dict.fromkeys(commanded.unit_of(f) for f in flights if "motor" in f or "command" in f)
+    if len(found) > 1 and "" not in found:
+        other = next(f for f in flights if commanded.unit_of(f) == list(found)[1])
+        raise InputError(other.provenance.path, "its collective command is in another unit than that of the others",
+                         "diagnose recordings in N and in shares of full apart")
+    return next(iter(found), "") if "" not in found else ""
+
+
+def _finite(flight: Flight, needed: Mapping[str, Sequence[str]]) -> Flight:
     """Without the rows of needed streams that hold no number: the audit keeps them from being judged, but what is
     judged is smoothed and warmed up on its neighbours."""
     mended = {}
-    for name, quantities in NEEDED.items():
+    for name, quantities in needed.items():
         if name in flight and all(q in flight[name] for q in quantities):
             stream = flight[name]
             fine = np.isfinite(stream[quantities]).all(axis=1) & np.isfinite(stream.time_s)

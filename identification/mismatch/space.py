@@ -25,10 +25,12 @@ AT_REST = {"saturation": {"u_max": 1.0, "T_max_N": 50.0}}
 
 @dataclass(frozen=True)
 class Space:
-    """``model``: the simulator's terms and all others at rest; ``believed``: the terms of the simulator."""
+    """``model``: the simulator's terms and all others at rest; ``believed``: the terms of the simulator; unasked: terms
+    that the recordings cannot tell anything about."""
 
     model: Model
     believed: tuple[str, ...]
+    unasked: tuple[str, ...] = ()
 
     def free(self, term: str) -> np.ndarray:
         """Indices of the parameters a hypothesis about ``term`` may change."""
@@ -38,7 +40,7 @@ class Space:
     @property
     def terms(self) -> tuple[str, ...]:
         """Terms with something to change."""
-        return tuple(t.name for t in self.model.terms if len(self.free(t.name)))
+        return tuple(t.name for t in self.model.terms if t.name not in self.unasked and len(self.free(t.name)))
 
 
 def scales(model: Model) -> np.ndarray:
@@ -52,7 +54,7 @@ def scales(model: Model) -> np.ndarray:
     return np.array(found)
 
 
-def space_around(simulator: Model) -> Space:
+def space_around(simulator: Model, unasked: tuple[str, ...] = ()) -> Space:
     """Every registered effect that has a value without effect, beside those of ``simulator``."""
     terms: dict[str, Mapping[str, Any]] = dict(simulator.as_dict())
     believed = tuple(terms)
@@ -62,9 +64,9 @@ def space_around(simulator: Model) -> Space:
         if name in terms or name in MAPS:
             continue
         rest = AT_REST.get(name) or neutral(find_term(name), simulator.vehicle)
-        if rest is not None and not (simulator.vehicle.input == "rpm" and name == "saturation"):
+        if rest is not None and not (simulator.vehicle.input != "pwm" and name == "saturation"):
             terms[name] = rest
-    return Space(Model(simulator.vehicle, terms), believed)
+    return Space(Model(simulator.vehicle, terms), believed, unasked)
 
 
 def with_other_map(simulator: Model, battery_V: float) -> Model | None:
@@ -78,11 +80,11 @@ def with_other_map(simulator: Model, battery_V: float) -> Model | None:
     return None
 
 
-def space_of_other_map(simulator: Model, battery_V: np.ndarray) -> Space | None:
+def space_of_other_map(simulator: Model, battery_V: np.ndarray, unasked: tuple[str, ...] = ()) -> Space | None:
     """The space around the simulator with the other thrust map, where the battery (n,) V in the air changed enough to
     tell the two."""
     other = with_other_map(simulator, float(np.median(battery_V))) if np.ptp(battery_V) > LEAST_SAG_V else None
-    return None if other is None else space_around(other)
+    return None if other is None else space_around(other, unasked)
 
 
 def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:

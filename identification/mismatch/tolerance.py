@@ -144,5 +144,7 @@ def effect(fit: Fit, before: Model, moments: Moments) -> tuple[float, float]:
     new, old = wrench.model(fit.model), wrench.model(before)
     left = wrench.measured[1] - new[1]
     force = float(np.sqrt(np.mean(np.sum((new[0] - old[0]) ** 2, axis=1))))
+    if not len(left):
+        return force, 0.0
     shares = np.sqrt(np.mean((new[1] - old[1]) ** 2, axis=0) / np.maximum(np.mean(left**2, axis=0), 1e-12))
     return force, float(shares.max())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,8 @@ from nanobench_tools.flight import (
     motors_of,
     subtract_spans,
 )
+
+from . import commanded
 
 ROW_S = 0.01
 BEFORE_S = 0.5
@@ -66,7 +68,8 @@ class Track:
     body, nan without one; motor (n, rotors) PWM ratio and battery_V (n,) in the middle of the row, which they stand
     for; counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration
     that following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights
-    of the diagnosis."""
+    of the diagnosis. ``commanded``: unit of the collective command that the motors got in equal parts, where no motors
+    were logged (``commanded.py``: ``motor`` is in N for N); gyro: whether the rate was measured."""
 
     name: str
     flight: int
@@ -81,19 +84,22 @@ class Track:
     counts: np.ndarray
     since_s: np.ndarray
     asked_rad_s2: np.ndarray
+    commanded: str = ""
+    gyro: bool = True
 
     def __len__(self) -> int:
         return len(self.time_s)
 
 
-def missing(flight: Flight, with_battery: bool = True, rotors: int = 4) -> list[str]:
-    """What of NEEDED the recording lacks: stream names. Without ``with_battery`` that one may be missing; motors have
-    to be as many as the rotors, at least."""
+def missing(flight: Flight, with_battery: bool = True, rotors: int = 4,
+            needed: Mapping[str, Sequence[str]] = NEEDED) -> list[str]:
+    """What of ``needed`` the recording lacks: stream names. Without ``with_battery`` that one may be missing; motors
+    have to be as many as the rotors, at least."""
     def there(name: str, quantities: Sequence[str]) -> bool:
         return name in flight and len(flight[name]) >= 10 and all(q in flight[name] for q in quantities) and (
             name != "motor" or len(motors_of(flight[name])) >= rotors)
 
-    return [name for name, quantities in NEEDED.items()
+    return [name for name, quantities in needed.items()
             if (with_battery or name != "battery") and not there(name, quantities)]
 
 
@@ -108,21 +114,24 @@ def check_motors(flight: Flight, rotors: int) -> None:
                          f"simulator {rotors} rotors", "give the simulator.toml of this vehicle")
 
 
-def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True, rotors: int = 4) -> list[Track]:
+def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True, rotors: int = 4,
+              unit: str = "") -> list[Track]:
     """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing; a battery that is not
-    asked for (``with_battery``) counts as constant where there is none."""
-    lacks = missing(flight, with_battery, rotors)
+    asked for (``with_battery``) counts as constant where there is none. ``unit``: of the collective command, where it
+    takes the motors' place."""
+    needed = commanded.NEEDED if unit else NEEDED
+    lacks = missing(flight, with_battery, rotors, needed)
     if lacks:
         raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
-    if missing(flight, rotors=rotors):
-        stamps = flight["motor"].time_s
+    if missing(flight, rotors=rotors, needed=needed):
+        stamps = flight["command" if unit else "motor"].time_s
         flight = flight.with_streams(battery=make_stream("battery", stamps, np.full((len(stamps), 1), NO_BATTERY_V),
                                                          ("vbat",)))
-    spans = intersect_spans(audit.airborne, audit.clean_for((*NEEDED, "")))
+    spans = intersect_spans(audit.airborne, audit.clean_for((*needed, "")))
     start = min((s.start_s for s in audit.airborne), default=0.0)
     spans = subtract_spans(spans, _contacts(flight, audit.airborne))
     return [track for span in spans if span.duration_s >= SHORTEST_S
-            for track in [_track(flight, span, number, start)] if track.counts.any()]
+            for track in [_track(flight, span, number, start, rotors, unit)] if track.counts.any()]
 
 
 def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
@@ -145,10 +154,11 @@ def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
     return list(merge_spans(spans))
 
 
-def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
+def _track(flight: Flight, span: Span, number: int, take_off_s: float, rotors: int, unit: str) -> Track:
     mocap = flight["mocap"]
-    first = max(span.start_s - BEFORE_S, *(flight[name].time_s[0] for name in NEEDED))
-    last = min(span.end_s, *(flight[name].time_s[-1] for name in NEEDED))
+    needed = commanded.NEEDED if unit else NEEDED
+    first = max(span.start_s - BEFORE_S, *(flight[name].time_s[0] for name in needed))
+    last = min(span.end_s, *(flight[name].time_s[-1] for name in needed))
     time_s = np.arange(first, last, ROW_S)
     stamps, keep = np.unique(mocap.time_s, return_index=True)
     near = np.searchsorted(stamps, [span.start_s, span.end_s])  # what lies beyond may be at fault
@@ -160,16 +170,23 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float) -> Track:
         counts &= (time_s < stamps[hole] - EDGE_S) | (time_s > stamps[hole + 1] + EDGE_S)
     near = np.searchsorted(stamps, time_s + EDGE_S) - np.searchsorted(stamps, time_s - EDGE_S)
     counts &= near > MOST_FRAMES * 2.0 * EDGE_S / np.median(np.diff(stamps))
-    imu = flight["imu"]
+    imu = flight.streams.get("imu")
     acc = ("acc_x", "acc_y", "acc_z")
-    force = _at(imu, acc, time_s) if all(a in imu for a in acc) else np.full((len(time_s), 3), np.nan)
-    motor = _over_row(flight["motor"], motors_of(flight["motor"]), time_s)
+    force = np.full((len(time_s), 3), np.nan)
+    if imu is not None and all(a in imu for a in acc):
+        force = _at(imu, acc, time_s)
+    if unit:
+        whole = _over_row(flight["command"], ("thrust",), time_s) / (rotors if unit == "N" else 1)
+        motor = np.repeat(whole, rotors, axis=1)
+    else:
+        motor = _over_row(flight["motor"], motors_of(flight["motor"]), time_s)
     battery = steadied(_at(flight["battery"], ("vbat",), time_s + 0.5 * ROW_S)[:, 0], motor)
     seen_s = np.clip(time_s, stamps[0], stamps[-1])
-    return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1),
-                 so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], seen_s),
-                 _at(imu, NEEDED["imu"], time_s), force, motor, battery, counts, time_s - take_off_s,
-                 _asked(flight, time_s))
+    quaternion = so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], seen_s)
+    gyro = imu is not None and all(g in imu for g in NEEDED["imu"])
+    rate = _at(imu, NEEDED["imu"], time_s) if imu is not None and gyro else commanded.turning(quaternion, ROW_S)
+    return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1), quaternion, rate, force, motor, battery,
+                 counts, time_s - take_off_s, _asked(flight, time_s), unit, gyro)
 
 
 def _asked(flight: Flight, time_s: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
 
+from .commanded import WHY
 from .decide import Decision, Finding
 from .fitting import Slopes
 from .moments import Moments
@@ -27,6 +28,7 @@ CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "wei
 UNASKED = {
     "mocap": "(position and attitude) nothing says how the vehicle moved",
     "imu": "(gyro_x, gyro_y, gyro_z) nothing says how it turned: no torque, inertia, lag or delay can be asked for",
+    "command": "(thrust) nothing says what the simulator would have been commanded: no term can be evaluated",
     "motor": "(m1 to m4) nothing says what the simulator would have been commanded: no term can be evaluated",
     "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
                "thrust follows the voltage could not be asked"}
@@ -98,13 +100,14 @@ class Verdict:
                 "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
                 "levels": levels(moments, decision, recordings),
+                "not_asked": [{"term": t, "why": WHY} for t in moments.wrench.unasked],
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
         body["paragraph"] = paragraph(body, recordings, proof)
         return cls(body, proof.models[1] if named else None, decision, proof, moments)
 
 
-def _row(errors: np.ndarray, k: int) -> dict[str, float]:
-    return dict(zip(QUANTITIES, errors.mean(axis=0)[k].tolist(), strict=True))
+def _row(errors: np.ndarray, k: int) -> dict[str, float | None]:
+    return {q: x if np.isfinite(x) else None for q, x in zip(QUANTITIES, errors.mean(axis=0)[k].tolist(), strict=True)}
 
 
 def _finding(f: Finding, decision: Decision, recordings: Recordings) -> dict[str, Any]:
@@ -208,6 +211,11 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         x, y, z = 1e3 * recordings.arm.r_m
         parts.append(f"The point that was tracked sits {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z) off the centre of mass; "
                      "the path of the centre is judged.")
+    if body["not_asked"]:
+        unit = recordings.tracks[0].commanded
+        how = "in N, in equal parts: no thrust map is asked" if unit == "N" else "as a share of full, the same on each"
+        parts.append(f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
+                     f"measured attitude. {', '.join(e['term'] for e in body['not_asked'])} {WHY}.")
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")
@@ -221,9 +229,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
         own = ", each with its own value of what differs between flights," if body["levels"] else ""
         goes = "falls" if after["position_m"] <= before["position_m"] else "goes"
+        turns = ", the measured attitude given" if after["attitude_rad"] is None else \
+            f" and from {before['attitude_rad']:.4f} to {after['attitude_rad']:.4f} rad"
         parts.append(f"On flights left out of the fit{own} the error after half a second {goes} from "
-                     f"{before['position_m']:.4f} to {after['position_m']:.4f} m and from {before['attitude_rad']:.4f} "
-                     f"to {after['attitude_rad']:.4f} rad." if proof.held_out else
+                     f"{before['position_m']:.4f} to {after['position_m']:.4f} m{turns}." if proof.held_out else
                      "One flight only: the fit was not tested on another." if len(proof.flights) == 1 else
                      "Flights differ; each was predicted with its own value, so nothing was held out.")
     return " ".join(parts)

@@ -23,6 +23,7 @@ from nanobench_tools.physics.inputs import rows
 from nanobench_tools.physics.numeric import equations
 from nanobench_tools.physics.rollout import compiled_lagged
 
+from .commanded import UNASKED
 from .track import ROW_S, Track, joined
 
 SMOOTH_S = 0.03
@@ -64,6 +65,11 @@ class Wrench:
     _known: dict[tuple, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     @cached_property
+    def unasked(self) -> tuple[str, ...]:
+        """Terms that only turn the vehicle, where no motor commands say what should have turned it."""
+        return UNASKED if any(t.commanded for t in self.tracks) else ()
+
+    @cached_property
     def ends(self) -> np.ndarray:
         return np.cumsum([len(t) for t in self.tracks])
 
@@ -89,7 +95,10 @@ class Wrench:
 
     @cached_property
     def torque_at(self) -> np.ndarray:
-        """(M,) rows at which a stretch of TORQUE_ROWS begins over which the torque is compared."""
+        """(M,) rows at which a stretch of TORQUE_ROWS begins over which the torque is compared; none
+        where it is not."""
+        if self.unasked:
+            return np.zeros(0, int)
         row = np.arange(len(self.track)) - (self.ends - [len(t) for t in self.tracks])[self.track]
         starts = np.flatnonzero(self._judged & (row % TORQUE_ROWS == 0))
         starts = starts[starts + TORQUE_ROWS < len(self.track)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nanobench_tools import so3
@@ -69,7 +71,7 @@ def flown(model: Model, flights: int = 3, seconds: float = 15.0, seed: int = 1) 
     hover = np.array([*[0.5] * vehicle.rotors, 3.8])[:, None] * np.ones(n)
     hover = np.concatenate([hover, np.zeros((len(model.inputs) - len(hover), n))])
     thrust = settled(model, hover, row_hz=1.0 / ROW_S)
-    log: dict[str, list] = {"state": [], "motor": [], "asked": []}
+    log: dict[str, list] = {"state": [], "motor": []}
     for k in range(rows):
         turn = so3.matrix(state[6:10].T)
         ahead = goal[min(k + 1, rows - 1)] - goal[k]
@@ -84,7 +86,6 @@ def flown(model: Model, flights: int = 3, seconds: float = 15.0, seed: int = 1) 
         u = np.clip(u, 0.02, 0.98)
         log["state"].append(state)
         log["motor"].append(u)
-        log["asked"].append(vehicle.mass_kg * body[2])
         row = [*u, battery[k]]
         row += [*(log["motor"][-2] if k else u), np.zeros(n)] if "command_delay" in model else []
         after = step(np.concatenate([state, thrust]), np.array([row]), model.values, keep="last")[0]
@@ -97,7 +98,7 @@ def flown(model: Model, flights: int = 3, seconds: float = 15.0, seed: int = 1) 
 def flights_of(model: Model, flights: int = 3, command: str | None = None, seed: int = 1, **options) -> list[Flight]:
     """Recordings of 100 Hz. ``command``: a collective one, "1" or "N", in place of motors and gyro, and then nothing
     but pose, command and battery."""
-    log = flown(model, flights, seed=seed, **options)
+    log, c = flown(model, flights, seed=seed, **options), model.values_of("thrust_pwm")["c"]
     rng = np.random.default_rng(seed + 1000)
     time_s = ROW_S * np.arange(len(log["battery"]))
     found = []
@@ -112,5 +113,9 @@ def flights_of(model: Model, flights: int = 3, command: str | None = None, seed:
             gyro = state[:, 10:13] + 3e-3 * rng.standard_normal((len(time_s), 3))
             streams["motor"] = make_stream("motor", time_s, motor, names)
             streams["imu"] = make_stream("imu", time_s, gyro, ("gyro_x", "gyro_y", "gyro_z"))
+        else:
+            whole = motor.mean(axis=1) if command == "1" else (c[1] * motor + c[2] * motor**2).sum(axis=1)
+            made = make_stream("command", time_s, whole[:, None], ("thrust",))
+            streams["command"] = replace(made, unit=(command,))
         found.append(Flight(f"flight_{k + 1}", streams, {}, Provenance(f"flight_{k + 1}", f"{seed}{k}", "made", True)))
     return found

@@ -1,0 +1,88 @@
+"""Recordings without motor commands: a collective thrust set-point and the measured attitude say how the vehicle moved
+along, and nothing about how it turned.
+
+The set-point is spread evenly over the rotors. As a share of full (unit ``1``) each gets the share, and the simulator's
+thrust map acts as on any PWM ratio; in N each gets its part of the force, and there is no map: the simulator's input is
+``thrust`` then. Only forces are compared; what only turns the vehicle cannot be asked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from nanobench_tools import so3
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, make_stream
+from nanobench_tools.physics import Model
+
+from .space import MAPS
+
+UNITS = ("1", "N")
+UNASKED = ("motor_imbalance", "com_offset", "inertia", "yaw_torque", "rotor_gyro", "angular_damping", "drag_torque")
+"""Terms that only turn the vehicle."""
+WHY = "cannot be asked: no motor commands"
+NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "command": ("thrust",), "battery": ("vbat",)}
+QUATERNION = ("qx", "qy", "qz", "qw")
+TURNING_S = 0.02
+"""Smoothing of the rate that an attitude says, where no gyro does."""
+
+
+def unit_of(flight: Flight) -> str:
+    """``1`` or ``N`` of a recording that has a collective command and no motors; else empty."""
+    if "motor" in flight or "command" not in flight or "thrust" not in flight["command"]:
+        return ""
+    stream = flight["command"]
+    return stream.unit[stream.index("thrust")]
+
+
+def with_attitude(flight: Flight) -> Flight:
+    """With the attitude beside the position of the motion capture, from ``attitude_qw`` or ``attitude`` where it is
+    logged apart; unchanged where there is none."""
+    mocap = flight.streams.get("mocap")
+    if mocap is None or all(q in mocap for q in QUATERNION) or any(q not in mocap for q in ("px", "py", "pz")):
+        return flight
+    if "attitude_qw" in flight and all(q in flight["attitude_qw"] for q in QUATERNION):
+        source = flight["attitude_qw"]
+        turned = source[QUATERNION]
+    elif "attitude" in flight and all(q in flight["attitude"] for q in ("roll", "pitch", "yaw")):
+        source = flight["attitude"]
+        turned = so3.from_euler_zyx(*source["roll", "pitch", "yaw"].T)
+    else:
+        return flight
+    fine = np.isfinite(turned).all(axis=1) & np.concatenate([np.diff(source.time_s) > 0.0, [True]])
+    if fine.sum() < 2:
+        return flight
+    stamps = source.time_s[fine]
+    inside = (mocap.time_s >= stamps[0]) & (mocap.time_s <= stamps[-1])
+    pose = np.concatenate([mocap["px", "py", "pz"][inside],
+                           so3.interpolate(stamps, turned[fine], mocap.time_s[inside])], axis=1)
+    return flight.with_streams(mocap=make_stream("mocap", mocap.time_s[inside], pose, ("px", "py", "pz", *QUATERNION),
+                                                 rate_hz=mocap.rate_hz))
+
+
+def believed(simulator: Model, unit: str) -> Model:
+    """The simulator as it takes the recordings' commands. InputError for one that cannot."""
+    kind = simulator.vehicle.input
+    if unit == "N" and kind != "thrust":
+        terms = {name: dict(values) for name, values in simulator.as_dict().items() if name not in MAPS[:2]}
+        terms.get("saturation", {}).pop("u_max", None)
+        if not terms.get("saturation", True):
+            del terms["saturation"]
+        return Model(replace(simulator.vehicle, input="thrust"), terms)
+    if unit == "1" and kind != "pwm":
+        raise InputError("simulator", f"takes {'N' if kind == 'thrust' else 'rotor speeds'}, and the recordings hold a "
+                         "collective command as a share of full", "give a simulator with thrust_pwm or thrust_voltage")
+    if not unit and kind == "thrust":
+        raise InputError("simulator", "takes thrusts in N, and the recordings hold motor commands",
+                         "give a simulator with thrust_pwm or thrust_voltage")
+    return simulator
+
+
+def turning(quaternion: np.ndarray, row_s: float) -> np.ndarray:
+    """(n, 3) rad/s, body: how fast an attitude (n, 4) turns."""
+    steps = so3.log(so3.multiply(so3.conjugate(quaternion[:-1]), quaternion[1:])) / row_s
+    rate = np.concatenate([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]])
+    return gaussian_filter1d(rate, TURNING_S / row_s, axis=0, mode="nearest")
