@@ -22,6 +22,8 @@ STEP = 1e-3
 STEPS = 4
 SETTLED = 0.02
 """A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
+MISSED = 5.0
+"""Squared standard deviations: what it may miss by at most, lest hypotheses that explain much are ranked by chance."""
 PRIOR_SD = 30.0
 """Scales: keeps directions the flights do not tell where they are."""
 OWN_SD = 1.0
@@ -199,7 +201,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
         if not better:
             break
         gain, (values, left, cost) = cost - new_cost, (trial, new_left, new_cost)
-        if gain < 0.05 or (share == 1.0 and abs(gain - promised) < SETTLED * promised):
+        if gain < 0.05 or (share == 1.0 and abs(gain - promised) < min(SETTLED * promised, MISSED)):
             break
     clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1) if len(free) else matrix
     normal = ways.T @ (matrix.T @ clean + np.diag(weight**2)) @ ways
