@@ -109,12 +109,12 @@ class Mppi:
 
 
 class MppiFar(Mppi):
-    """MPPI that looks 0.5 s ahead and pays for tilt and rate: settings that stay in the air, found by trying three on
+    """MPPI that looks 0.5 s ahead, pays for tilt and rate and not for commands: settings by hand, from three trials on
     one plant; ``nanobench tune --controller controllers.learned.pilots:MppiFar`` searches further."""
 
     name = "mppi_far"
-    start = MppiSettings(horizon=25, samples=512, temperature=0.02, noise=0.1, velocity=0.3, effort=0.0, first=0.82,
-                         step_s=0.02, upright=2.0, turning=0.01)
+    start = MppiSettings(horizon=25, samples=512, temperature=0.02, noise=0.1, velocity=0.3, effort=0.0, price=0.0,
+                         first=0.82, step_s=0.02, upright=2.0, turning=0.01)
     tunable: Mapping[str, Gain] = {"temperature": around(0.02, "1"), "noise": around(0.1, "1"),
                                    "position": around(1.0, "1/m^2"), "velocity": around(0.3, "s^2/m^2"),
                                    "upright": around(2.0, "1"), "turning": around(0.01, "s^2/rad^2")}

@@ -169,4 +169,4 @@ def commands(network: Network, flight: Demonstration) -> np.ndarray:
         rows = np.maximum(np.arange(len(seen))[:, None] + np.arange(1 - SEEN, 1), 0)
         seen = seen[rows]
     made = restored(network)
-    return np.clip(np.asarray(libraries().jax.jit(made)(seen.astype(np.float32))), 0.0, 1.0)
+    return np.clip(np.asarray(libraries().jax.jit(lambda rows: made(rows))(seen.astype(np.float32))), 0.0, 1.0)
