@@ -98,6 +98,7 @@ class Flight:
         start = self.clock.now()
         self._enter(TAKEOFF, start)
         lifted_at = [0.0]
+        self.link.release()  # the zero set-point with which the last client closed still stands above the planner
         self.link.take_off(self.plan.height_m, 2.0)
         while True:
             due = self.pacer.wait()
@@ -213,6 +214,7 @@ class Flight:
             return Stop("take-off", "the vehicle does not leave the ground", time_s, TAKEOFF)
         if time_s - told_at[0] > LIFT_AGAIN_S:
             told_at[0] = time_s
+            self.link.release()
             self.link.take_off(self.plan.height_m, 2.0)
         return None
 

@@ -135,3 +135,13 @@ def test_a_link_that_goes_in_the_air_leaves_the_vehicle_to_its_own_watchdog():
     onboard = world.simulation.onboard
     assert onboard.vehicle.true_pose()[0][2] < 0.05
     assert not onboard.supervisor.motors_allowed  # it fell from a metre: that is what this firmware does
+
+
+def test_a_vehicle_flies_again_after_it_has_landed():
+    world = VirtualWorld(served(), RadioOptions(), ROOM)
+    with world.served() as uri:
+        for _ in range(2):
+            request = Request(chosen_path("circle", 0.5, 0.4, 4.0), pilot_for("onboard_pid", None, None), Limits(), uri,
+                              world, (), clock=world)
+            assert fly_session(request).outcome.stop is None
+            world.sleep_until(world.now() + 1.0)
