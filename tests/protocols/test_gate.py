@@ -167,6 +167,20 @@ def test_control_flies_the_gate_and_simulated_rows(crowd, tmp_path, capsys):
     assert "SIMULATED" in text.out
 
 
+def test_a_plant_identified_from_recordings_flies(crowd, tmp_path, capsys):
+    flight = crowd.flight("slow figure_eight")
+    write_nanobench(flight, tmp_path / "in" / f"{flight.name}.csv")
+    code = main(["control", "--train", str(tmp_path / "in"), "--plant", "simulated", "--controller", "lead_pid",
+                 "--trajectory", "circle", "--speed", "0.5", "--seconds", "7", "--plants", "2", "--out",
+                 str(tmp_path / "out"), "--jobs", "1"])
+    assert code == 0, capsys.readouterr().err
+    result = json.loads((tmp_path / "out" / "control.json").read_text())
+    assert "identified from 1 recordings" in result["simulated_plant"]
+    (row,) = result["rows"]
+    assert row["error_bar"] is None  # no flight has judged this plant
+    assert row["metrics"]["lost_percent"] == 0.0
+
+
 @pytest.mark.parametrize(("arguments", "words"), [
     (["--plant", "simulated", "--controller", "no_such"], "unknown name 'no_such' among controllers"),
     (["--plant", "simulated", "--trajectory", "square"], "unknown trajectory 'square'"),
