@@ -21,6 +21,8 @@ _ENGINES: list = []
 """Own the machine code, which has to outlive every kernel that was handed out."""
 _LIBRARY_FUNCTIONS = ("exp", "log", "sin", "cos", "tan", "pow", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
                       "erf", "fmod", "hypot", "expm1", "log1p", "floor", "ceil")
+CODE_MODEL = "large"
+"""Code and constants may land anywhere: libraries that map much memory leave no two places within 2 GB."""
 _LONG = 40000
 """Lines of code above which the compiler makes less effort: its time grows faster than the code."""
 
@@ -72,7 +74,7 @@ def _write(entry: Path, code: bytes) -> None:
 def object_code(text: str) -> bytes:
     """Object file of an LLVM module, from the cache or compiled now."""
     llvm, target, cpu, features = _target()
-    about = "\0".join([text, cpu, features, str(llvm.llvm_version_info)])
+    about = "\0".join([text, cpu, features, CODE_MODEL, str(llvm.llvm_version_info)])
     folder = _folder()
     entry = folder / f"{hashlib.sha256(about.encode()).hexdigest()}.o" if folder else None
     code = _read(entry) if entry else None
@@ -81,7 +83,7 @@ def object_code(text: str) -> bytes:
         module.verify()
         effort = 2 if text.count("\n") < _LONG else 1
         code = target.create_target_machine(cpu=cpu, features=features, opt=effort, reloc="pic",
-                                            codemodel="default").emit_object(module)
+                                            codemodel=CODE_MODEL).emit_object(module)
         if entry:
             _write(entry, code)
     return code
@@ -93,7 +95,7 @@ def load(text: str, pointers: int):
     llvm, target, cpu, features = _target()
     with _LOCK:
         code = object_code(text)
-        machine = target.create_target_machine(cpu=cpu, features=features, opt=0, reloc="pic", codemodel="default")
+        machine = target.create_target_machine(cpu=cpu, features=features, opt=0, reloc="pic", codemodel=CODE_MODEL)
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
