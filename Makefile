@@ -38,7 +38,7 @@ lint: $(VENV)/.installed-test
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS)
-	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest tests/learned
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) tests/learned
 
 bench: $(VENV)/.installed-test
 	@for f in benchmarks/*.py; do echo "== $$f"; $(BIN)/python $$f || exit 1; done
