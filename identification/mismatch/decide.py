@@ -25,6 +25,8 @@ unit variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = 0.35
 """A name stands only where what is left is smaller than what it explains, in this proportion: real flights have shown
 wind that is none at 0.6."""
+PREVAILS = 1.0
+"""The same of forces, when other names were withdrawn."""
 FOREIGN = 0.25
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
 IN_BURSTS = 0.5
@@ -133,21 +135,16 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         kept, final, more = _still(known, here, space, kept, _refit(known, here, kept, start))
         here = space if any(t in MAPS for t, _ in more) else here
         withdrawn += more
-        over = _overshadowed(moments, known, replace(named, accepted=tuple(kept), space=here, fit=final), space)
-        if over:
-            withdrawn += over
-            gone = [t for t, _ in over]
-            kept = [h for h in kept if h.term not in gone]
-            start = rested(final.model, gone, here, space)
-            here = space if any(t in MAPS for t in gone) else here
-            final = _refit(known, here, kept, start)
+        for weak in (_overshadowed, _all_in_vain):
+            more = weak(moments, known, replace(named, accepted=tuple(kept), space=here, fit=final), space)
+            if more:
+                withdrawn += more
+                here, kept, final = _drop(known, here, space, kept, final, [t for t, _ in more])
     findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
     idle = [f.hypothesis.term for f in findings if not _moved(f, final.model, space)]
     if idle:
         withdrawn += [(term, "what is believed lies within its interval") for term in idle]
-        kept = [h for h in kept if h.term not in idle]
-        here, start = (space if any(t in MAPS for t in idle) else here), rested(final.model, idle, here, space)
-        final = _refit(known, here, kept, start)
+        here, kept, final = _drop(known, here, space, kept, final, idle)
         findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
     if not kept:
         here, final = space, nothing
@@ -206,6 +203,15 @@ def _refit(known: Slopes, here: Space, kept: Sequence[Hypothesis], start: Model)
     return fit(known, start, free_of(here, [h.term for h in kept]), own=own)
 
 
+def _drop(known: Slopes, here: Space, home: Space, kept: Sequence[Hypothesis], final: Fit,
+          terms: Sequence[str]) -> tuple[Space, list[Hypothesis], Fit]:
+    """Space, names and fit without some of the names."""
+    start = rested(final.model, terms, here, home)
+    here = home if any(t in MAPS for t in terms) else here
+    left = [h for h in kept if h.term not in terms]
+    return here, left, _refit(known, here, left, start)
+
+
 def _still(known: Slopes, here: Space, home: Space, kept: list[Hypothesis],
            final: Fit) -> tuple[list[Hypothesis], Fit, list[tuple[str, str]]]:
     """What still explains something when others were withdrawn, the fit of it, and what went."""
@@ -259,6 +265,22 @@ def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after:
         return f"{h.term} is there beside {beside[0].hint}"
     strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+
+
+def _in_vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Space) -> str:
+    """Why a name no longer stands, with those gone that explained something beside it."""
+    after = excess(moments, named.fit.left)
+    taken = np.maximum(excess(moments, _without(known, named, h, named.fit, home)) - after, 0.0)
+    turns = taken[3:].sum() > 0.5 * taken.sum()
+    here = taken > 0.2 * taken.sum()
+    left, mine = float(after[here].sum()), float(taken[here].sum())
+    if left <= max(LEAST_LEFT, (UNEXPLAINED if turns else PREVAILS) * mine):
+        return ""
+    return f"{h.term} explains {mine:.0f} and leaves {left:.0f} where it acts, without what was withdrawn"
+
+
+def _all_in_vain(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
+    return [(h.term, why) for h in named.accepted if (why := _in_vain(moments, known, named, h, home))]
 
 
 def _passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: Structure | None) -> str:
@@ -365,8 +387,7 @@ def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
     share = float(np.sum(white[judged] ** 2) / max(channel.sd**2 / channel.spread * judged.sum(), 1e-12))
     if c >= 3:
         return float(np.sqrt(share))
-    colour = 1.0 / max(abs(1.0 - float(channel.memory.weights.sum())), 0.05)
-    return float(np.sqrt(np.mean(white[judged] ** 2)) * min(colour, 8.0))
+    return float(np.sqrt(np.mean(channel.memory.colour(white)[judged] ** 2)))
 
 
 def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike: tuple[str, ...], final: Fit,

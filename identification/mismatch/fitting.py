@@ -17,6 +17,9 @@ from .wrench import Wrench
 TIMING = "command_delay.delay_s"
 TIMING_SD_S = 0.003
 """A logged command stands for some moment of its row: half a row either way is no physics."""
+SPEED_LAG = 1.0
+"""Whether thrust or speed of a rotor lags is no physics that a simulator's time constant tells: of the difference, as
+much is a nuisance."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 STEPS = 4
@@ -120,6 +123,13 @@ class Slopes:
                                                  np.stack([torque * m[:, None] for _, m in masks], -1))
         return np.concatenate([self._known[(*model.key, int(i), "flights")] for i in which], axis=1)
 
+    def speed_lag(self, model: Model) -> np.ndarray:
+        """(K, 1) what rotors do whose speed lags instead of their thrust."""
+        key = (*model.key, "speed lag")
+        if key not in self._known:
+            self._known[key] = self._project(*self.moments.wrench.speed_lag(model))
+        return self._known[key][:, None]
+
     def left(self, model: Model) -> np.ndarray:
         """(K,) projection of the residual of a model."""
         if model.key not in self._left:
@@ -150,7 +160,8 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     value of, around the shared one and to first order.
 
     The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
-    unless the delay itself is asked for; so is what scatters between flights (``Moments.levels``).
+    unless the delay itself is asked for; so are rotors whose speed lags (``Wrench.speed_lag``), and what scatters
+    between flights (``Moments.levels``).
     """
     free = np.asarray(free, int)
     timing = model.names.index(TIMING) if TIMING in model.names else None
@@ -158,6 +169,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     extra = np.zeros((len(known.moments.owner), 0))
     if timing is not None and timing not in free:
         extra = known.columns(model, [timing]) / scales(model)[timing] * TIMING_SD_S
+    extra = np.concatenate([extra, SPEED_LAG * known.speed_lag(model)], axis=1)
     own = np.asarray(own, int)
     if len(own):
         extra = np.concatenate([extra, OWN_SD * known.of_flights(model, own)], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,12 @@ class Memory:
             found[lag:] -= weight * values[:-lag]
         found[~self.judged] = 0.0
         return found
+
+    def colour(self, white: np.ndarray) -> np.ndarray:
+        """The inverse of ``whiten``, from rest at the beginning of every run: (n,) -> (n,)."""
+        starts = np.flatnonzero(self.runs == 0)[1:]
+        poles = np.concatenate([[1.0], -self.weights])
+        return np.concatenate([lfilter([1.0], poles, part) for part in np.split(white, starts)])
 
     @property
     def judged(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from nanobench_tools.physics.numeric import equations
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
 from .space import MAPS, Space, space_of_other_map
-from .tolerance import feigned, impossible
+from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
 LEAST_GAIN = 45.0
@@ -31,6 +31,9 @@ MOST = 5
 SLOPPY = 0.005
 """Of what is explained already, in the channels where a further name acts: gains are known to a few per cent, and a
 name for their errors is none."""
+ELSEWHERE = 0.0005
+"""Of what is explained already, wherever: a vehicle whose mass is wrong by a tenth has rotors that turn, drag and flap
+otherwise by a few per cent."""
 REST = 0.02
 """What is left of a name is not named after another that can hardly be told from it, up to this share."""
 CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
@@ -198,6 +201,8 @@ class _Search:
                 continue
             if h.term in PUSHES and self._turning(h) > 0.5:
                 continue
+            if h.term in ANSWERED and self._lifting(h) < self._least(h):
+                continue
             why = impossible(h.term, h.fit, self.current.model)
             if not why and (why := feigned(h.term, h.fit, self.current.model, self.moments)):
                 feign.append(h.term)
@@ -228,7 +233,16 @@ class _Search:
         here = by_channel(self.current.left)
         explained = np.maximum(by_channel(self.nothing.left) - here, 0.0)
         gone = np.maximum(here - by_channel(h.fit.left), 0.0)
-        return SLOPPY * float(explained @ gone) / max(float(gone.sum()), 1e-9)
+        here_too = SLOPPY * float(explained @ gone) / max(float(gone.sum()), 1e-9)
+        return max(here_too, ELSEWHERE * float(explained.sum()))
+
+    def _least(self, h: Hypothesis) -> float:
+        return LEAST_GAIN + PER_PARAMETER * (len(h.fit.free) - len(self.current.free))
+
+    def _lifting(self, h: Hypothesis) -> float:
+        """What a hypothesis takes away of the force: gains of torque alone are no thrust curve."""
+        gone = self.current.left**2 - h.fit.left**2
+        return float(gone[self.moments.owner < 3].sum())
 
     def _turning(self, h: Hypothesis) -> float:
         """Share of what a hypothesis takes away that lies in the torques."""

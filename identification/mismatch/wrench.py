@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import convolve1d
+from scipy.signal import lfilter
 
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
@@ -147,10 +148,16 @@ class Wrench:
         thrust = np.stack([np.broadcast_to(c, len(flat)) for c in made.command(list(flat.T))])
         if "motor_lag" in model:
             thrust = self._lagged(model, values, inputs, thrust)
+        return self._of_thrust(model, values, thrust)
+
+    def _of_thrust(self, model: Model, values: np.ndarray, thrust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations, as ``measured``, of rotors (n, rows) that lag already."""
+        made = equations(model, ROW_S, values)
         state = np.concatenate([joined(self.tracks, f) for f in ("position_m", "velocity_m_s", "quaternion",
                                                                   "rate_rad_s")], axis=1)
         slope = made.body(list(state.T), list(thrust))
-        acceleration, turning = (np.stack([np.broadcast_to(s, len(flat)) for s in slope[k:k + 3]], 1) for k in (3, 10))
+        acceleration, turning = (np.stack([np.broadcast_to(s, len(self.track)) for s in slope[k:k + 3]], 1)
+                                 for k in (3, 10))
         steps = np.arange(TORQUE_ROWS + 1)
         weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
         mean = np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
@@ -173,6 +180,35 @@ class Wrench:
         follow = compiled_lagged(model, 1.0 / ROW_S)
         states = follow(first, wide, values, keep="all")[0]
         return np.concatenate([states[:len(i), :, k].T for k, i in enumerate(inputs)], axis=1)
+
+    def speed_lag(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
+        """What changes when not the thrust of a rotor lags but its speed, the root of it, as ``model`` gives it: where
+        commands shake, thrust is lower by a share of their variance. Time constants up and down count as their mean."""
+        tau = [v for name, v in model.parameters.items() if name.startswith("motor_lag.")]
+        key = ("speed lag", *model.key)
+        if key not in self.slopes:
+            force, torque = (np.zeros_like(part) for part in self.measured)
+            if sum(tau) > 0.0:
+                force, torque = self._with_speed_lag(model, float(np.mean(tau)))
+            self.slopes[key] = force, torque
+        force, torque = self.slopes[key]
+        return force, torque
+
+    def _with_speed_lag(self, model: Model, tau_s: float) -> tuple[np.ndarray, np.ndarray]:
+        made = equations(model, ROW_S, model.values)
+        flat = np.concatenate(self._inputs(model, model.values))
+        command = np.stack([np.broadcast_to(c, len(flat)) for c in made.command(list(flat.T))])
+        share = 1.0 - np.exp(-ROW_S / tau_s)
+
+        def lagged(values: np.ndarray) -> np.ndarray:
+            parts = np.split(values, self.ends[:-1], axis=1)
+            return np.concatenate([lfilter([share], [1.0, share - 1.0], p, axis=1, zi=(1.0 - share) * p[:, :1])[0]
+                                   for p in parts], axis=1)
+
+        command = np.maximum(command, 0.0)
+        by_thrust, by_speed = lagged(command), lagged(np.sqrt(command)) ** 2
+        one, other = self._of_thrust(model, model.values, by_thrust), self._of_thrust(model, model.values, by_speed)
+        return other[0] - one[0], other[1] - one[1]
 
     def residual(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Measured less model: (N, 3) m/s^2, (M, 3) rad/s^2."""
