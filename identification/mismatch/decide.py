@@ -16,32 +16,25 @@ from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
 from .space import MAPS, Space
+from .standing import (
+    LEAST_FORCE_M_S2,
+    LEAST_LEFT,
+    LEVEL,
+    excess,
+    hollow,
+    in_vain,
+    left_without,
+    overshadowed,
+    passing,
+    rested_in,
+)
 from .tolerance import feigned, impossible
 from .wrench import CHANNELS
 
-PLAIN = 1.6
-"""Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
-unit variance, since no autoregression describes every disturbance."""
-UNEXPLAINED = 0.35
-"""A name stands only where what is left is smaller than what it explains, in this proportion: real flights have shown
-wind that is none at 0.6."""
-PREVAILS = 1.0
-"""The same of forces, when other names were withdrawn."""
-FOREIGN = 0.25
-"""A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
-IN_BURSTS = 0.5
-"""Of the turning that a name explains, above what any rows as many have: a stand-in for short losses."""
-AGAINST = 0.2
-"""Two names whose sum turns the vehicle by this share of either are made for each other."""
-ACTS = 0.05
-"""A name that turns the vehicle by this share of what is left turns it at all."""
-OVERSHADOWED = 0.5
-"""The same, of what stays when other names were withdrawn."""
-LEAST_LEFT, LEAST_ALONE = 150.0, 450.0
-"""Squared standard deviations: what is left beside a name, and what is left that nothing names."""
-LEAST_FORCE_M_S2 = 0.045
+LEAST_ALONE = 450.0
+"""Squared standard deviations that are left and nothing names."""
 LEAST_TURNING = 0.3
-"""Structure that is left is a finding from this RMS of force, or share of the turning, on."""
+"""Structure that is left is a finding from this share of the turning, or from LEAST_FORCE_M_S2, on."""
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
 WIDER, SYSTEMATIC = 1.6, 0.015
@@ -52,8 +45,6 @@ INERTIA, INERTIA_SD = "inertia.inertia_kg_m2", 0.04
 """Of the value: rows of commands miss what was sent between them."""
 TOGETHER = (*MAPS, "ground_effect")
 NORMAL95 = 1.96
-LEVEL = ("mass", "thrust_scale")
-"""What a thrust curve contains."""
 MOST_SURE, UNSURE = 0.86, 0.5
 """Stated confidence: of names with much to show 18 in 21 were right in blind cases; where others had to be withdrawn,
 or flights differ from each other, real flights have shown that a name may be a stand-in."""
@@ -116,7 +107,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     withdrawn: list[tuple[str, str]] = []
     alike = dict(zip((h.term for h in named.accepted), named.alike, strict=True))
     for h in named.accepted:
-        why = _hollow(moments, known, named, h, after, space, found) or _passing(moments, named, h, space, bursts)
+        why = hollow(moments, known, named, h, after, space, found) or passing(moments, named, h, space, bursts)
         if why:
             withdrawn.append((h.term, why))
         else:
@@ -131,11 +122,11 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
         here = space if any(t in MAPS for t in gone) else here
-        start = carried(_rested(named, gone, space), here.model)
+        start = carried(rested_in(named, gone, space), here.model)
         kept, final, more = _still(known, here, space, kept, _refit(known, here, kept, start))
         here = space if any(t in MAPS for t, _ in more) else here
         withdrawn += more
-        for weak in (_overshadowed, _all_in_vain):
+        for weak in (overshadowed, in_vain):
             more = weak(moments, known, replace(named, accepted=tuple(kept), space=here, fit=final), space)
             if more:
                 withdrawn += more
@@ -187,17 +178,6 @@ def without(moments: Moments, decision: Decision, terms: Sequence[str], why: str
                    own=own)
 
 
-def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
-    """(6,) squared length of each channel's projection above what a right simulator leaves."""
-    owner = moments.owner
-    return np.array([max(moments.channels[c].spread * float(left[owner == c] @ left[owner == c])
-                         - PLAIN * np.sum(owner == c), 0.0) for c in range(6)])
-
-
-def _rested(named: Named, terms: Sequence[str], home: Space) -> Model:
-    return rested(named.fit.model, terms, named.space, home)
-
-
 def _refit(known: Slopes, here: Space, kept: Sequence[Hypothesis], start: Model) -> Fit:
     own = free_of(here, [h.term for h in kept if h.own])
     return fit(known, start, free_of(here, [h.term for h in kept]), own=own)
@@ -241,88 +221,6 @@ def _moved(finding: Finding, model: Model, home: Space) -> bool:
     return any(abs(model.parameters[name] - before[name]) > NORMAL95 * sd for name, sd in finding.sd.items())
 
 
-def _hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, home: Space,
-            found: Sequence[Structure]) -> str:
-    """Why a hypothesis is no name for what is there; empty when it is."""
-    without = _level_only(known, named, h, home) if h.term in MAPS else _without(known, named, h, named.fit, home)
-    taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
-    here = taken > 0.2 * taken.sum()
-    pushes = taken[:3].sum() > 0.5 * taken.sum()  # a force that no term has says nothing against a name that turns
-    acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])} if pushes else set()
-    left = float(after[here].sum())
-    if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
-        where = ", ".join(np.array(CHANNELS)[here])
-        return f"{h.term} explains {taken[here].sum():.0f} but leaves {left:.0f} in {where}"
-    wrench = moments.wrench
-    moved = wrench.model(named.fit.model)[0] - wrench.model(_rested(named, [h.term], home))[0]
-    acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
-    there = [s for s in found if acting & {a.removeprefix("force ") for a in s.axes}]
-    uneven = [s for s in there if s.kind == "place"] if h.term == "force_world" else []
-    if uneven:
-        return f"{h.term} is the same everywhere, and there is {uneven[0].hint}"
-    beside = [s for s in there if s.kind != "motion" and s.rms_m_s2 > FOREIGN * acts]
-    if beside and not h.own:
-        return f"{h.term} is there beside {beside[0].hint}"
-    strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
-    return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
-
-
-def _in_vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Space) -> str:
-    """Why a name no longer stands, with those gone that explained something beside it."""
-    after = excess(moments, named.fit.left)
-    taken = np.maximum(excess(moments, _without(known, named, h, named.fit, home)) - after, 0.0)
-    turns = taken[3:].sum() > 0.5 * taken.sum()
-    here = taken > 0.2 * taken.sum()
-    left, mine = float(after[here].sum()), float(taken[here].sum())
-    if left <= max(LEAST_LEFT, (UNEXPLAINED if turns else PREVAILS) * mine):
-        return ""
-    return f"{h.term} explains {mine:.0f} and leaves {left:.0f} where it acts, without what was withdrawn"
-
-
-def _all_in_vain(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
-    return [(h.term, why) for h in named.accepted if (why := _in_vain(moments, known, named, h, home))]
-
-
-def _passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: Structure | None) -> str:
-    """Why a name that turns the vehicle is only a stand-in; empty when it is none: another name turns it back, or what
-    it explains of the turning (its inner product with what is there without it) lies in short losses."""
-    wrench = moments.wrench
-
-    def turned(other: Hypothesis) -> np.ndarray:
-        return wrench.model(named.fit.model)[1] - wrench.model(_rested(named, [other.term], home))[1]
-
-    mine = turned(h)
-    size = np.linalg.norm(mine)
-    for other in named.accepted:
-        against = turned(other)
-        if other is not h and np.linalg.norm(mine + against) < AGAINST * min(size, np.linalg.norm(against)):
-            return f"{h.term} turns the vehicle one way and {other.term} the other, as far"
-    if bursts is None or bursts.rows is None:
-        return ""
-    inside = bursts.rows[wrench.torque_at]
-    each = np.sum(mine * (wrench.measured[1] - wrench.model(_rested(named, [h.term], home))[1]), axis=1)
-    if not (each.sum() > 0.0 and size > ACTS * np.linalg.norm(wrench.residual(named.fit.model)[1])):
-        return ""
-    share = (each[inside].sum() / each.sum() - inside.mean()) / max(1.0 - inside.mean(), 1e-9)
-    return f"most of what {h.term} turns is in {bursts.hint}" if share > IN_BURSTS else ""
-
-
-def _overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
-    """Names, of those left when others went, that act along the axes of a force of place, time or period more than
-    half as large as what they do themselves."""
-    found = [s for s in structures(moments, force_left(known, named.fit)) if s.kind in ("place", "time", "period")]
-    gone = []
-    for h in (h for h in named.accepted if not h.own) if found else ():
-        moved = moments.wrench.model(named.fit.model)[0] - moments.wrench.model(_rested(named, [h.term], home))[0]
-        along = dict(zip("xyz", np.sqrt(np.mean(moved**2, axis=0)), strict=True))
-        size = float(np.sqrt(sum(v**2 for v in along.values())))
-        mine = {axis for axis, v in along.items() if v > 0.45 * size} if size > LEAST_FORCE_M_S2 else set()
-        beside = [s for s in found if mine & set(s.axes) and s.rms_m_s2 > OVERSHADOWED * size]
-        if beside:
-            gone.append((h.term, f"{h.term} is there beside {beside[0].hint}, which is as large"))
-    return gone
-
-
 def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
     """Whether something that is no term acts along the same axes."""
     mine = {axis.removeprefix("force ") for axis in finding.axes}
@@ -343,26 +241,7 @@ def _level_instead(moments: Moments, known: Slopes, space: Space, found: Sequenc
     best = max(tried, key=lambda h: h.gain)
     alike = tuple(h.term for h in tried if h is not best and best.gain - h.gain < ALIKE_LEFT * best.gain)
     named = Named((best,), (alike,), space, best.fit, nothing.loss)
-    return None if _hollow(moments, known, named, best, excess(moments, best.fit.left), space, found) else named
-
-
-def _level_only(known: Slopes, named: Named, h: Hypothesis, home: Space) -> np.ndarray:
-    """(K,) what is left when only the level of the simulator's own thrust curve may change: a curve has to earn its
-    name beyond it."""
-    model = _rested(named, [h.term], home)
-    here = named.space if h.term in home.terms else home
-    own = free_of(here, [g.term for g in named.accepted if g.own])
-    fits = [fit(known, model, here.free(t), own=own) for t in LEVEL if t in here.terms]
-    return min(fits, key=lambda f: f.loss).left if fits else _without(known, named, h, named.fit, home)
-
-
-def _without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit, home: Space) -> np.ndarray:
-    """(K,) what is left of a fit when a hypothesis rests, and what differs between flights stays as it is."""
-    here = named.space if h.term in fitted.model else home
-    model = rested(fitted.model, [h.term], here, home)
-    if h.own:
-        return fit(known, model, [], own=named.own(h.term)).left
-    return known.left(model) - fitted.beside
+    return None if hollow(moments, known, named, best, excess(moments, best.fit.left), space, found) else named
 
 
 def _roughness(moments: Moments, left: np.ndarray, after: np.ndarray) -> Structure | None:
@@ -393,7 +272,7 @@ def _force_rms(moments: Moments, left: np.ndarray, c: int) -> float:
 def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike: tuple[str, ...], final: Fit,
              before: float, home: Space) -> Finding:
     model = final.model
-    without = _without(known, named, h, final, home)
+    without = left_without(known, named, h, final, home)
     owner = moments.owner
     taken = np.array([max(float(without[owner == c] @ without[owner == c])
                           - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])

@@ -12,12 +12,13 @@ from nanobench_tools import so3
 from nanobench_tools.report.decimate import pack
 
 from .binned import binned, block_numbers
-from .decide import PLAIN, Decision
+from .decide import Decision
 from .fitting import Slopes
 from .moments import MEMORY, Covariate, Moments, force_covariates, torque_covariates
 from .naming import LEAST_GAIN
 from .proof import HORIZONS, QUANTITIES, Proof
 from .recordings import Recordings
+from .standing import PLAIN
 from .track import ROW_S
 from .verdict import Verdict
 from .wrench import CHANNELS, Wrench

@@ -13,11 +13,12 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import rollout
 
 from .along import paths
-from .decide import LEVEL, Decision
+from .decide import Decision
 from .fitting import Slopes, fit
 from .moments import Moments
 from .naming import free_of
 from .space import MAPS, Space, reduced, space_around
+from .standing import LEVEL
 from .track import ROW_S, Track
 
 HORIZONS = (1, 10, 50)
