@@ -31,7 +31,7 @@ MOST = 5
 SLOPPY = 0.005
 """Of what is explained already, in the channels where a further name acts: gains are known to a few per cent, and a
 name for their errors is none."""
-ELSEWHERE = 0.0005
+ELSEWHERE, AT_MOST = 0.0005, 60.0
 """Of what is explained already, wherever: a vehicle whose mass is wrong by a tenth has rotors that turn, drag and flap
 otherwise by a few per cent."""
 REST = 0.02
@@ -234,7 +234,7 @@ class _Search:
         explained = np.maximum(by_channel(self.nothing.left) - here, 0.0)
         gone = np.maximum(here - by_channel(h.fit.left), 0.0)
         here_too = SLOPPY * float(explained @ gone) / max(float(gone.sum()), 1e-9)
-        return max(here_too, ELSEWHERE * float(explained.sum()))
+        return max(here_too, min(ELSEWHERE * float(explained.sum()), AT_MOST))
 
     def _least(self, h: Hypothesis) -> float:
         return LEAST_GAIN + PER_PARAMETER * (len(h.fit.free) - len(self.current.free))
