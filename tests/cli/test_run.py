@@ -145,8 +145,8 @@ def test_a_task_without_enough_recordings_is_listed_and_the_others_go_on(nanoben
 
 @pytest.mark.real
 def test_real_recordings_are_never_called_synthetic(nanobench, one_fit, real_data, tmp_path):
-    places = sorted((real_data / "nanobench").rglob("*trefoil_slow_rep1*")) + sorted(
-        (real_data / "nanobench").rglob("*circle_medium_rep*"))
+    datasets = real_data / "nanobench" / "datasets"
+    places = sorted(datasets.rglob("*trefoil_slow_rep1[._]*")) + sorted(datasets.rglob("*circle_medium_rep*"))
     data = [word for place in places if place.is_file() for word in ("--data", place)]
     code, out, err = nanobench("run", *data, "--out", tmp_path, "--jobs", 1)
     assert code == 0, err
