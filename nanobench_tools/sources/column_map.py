@@ -141,7 +141,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
         if known is None:
             raise reader.fail(f"streams.{stream}", "unknown stream", f"known: {', '.join(STREAM_QUANTITIES)}")
         if not isinstance(quantities, Mapping):
-            raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see the example in the README")
+            raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see docs/recordings.md")
         for quantity, what in quantities.items():
             key = f"streams.{stream}.{quantity}"
             if quantity not in known:

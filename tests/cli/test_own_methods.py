@@ -1,4 +1,4 @@
-"""Methods from outside the package: the examples of the README, by ``module:Class`` and by entry point."""
+"""Methods from outside the package: the examples of docs/own_methods.md, by ``module:Class`` and by entry point."""
 
 import json
 import os
