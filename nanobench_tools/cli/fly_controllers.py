@@ -57,8 +57,8 @@ def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) ->
     from controllers.disturbance import Tuning
     from controllers.mpc_setpoints import OverRadio
 
-    from ..radio.fly_motors import MotorPilot
     from ..radio.fly_pilot import StreamingPilot
+    from ..radio.fly_planned import PlannedPilot
 
     model = None
     if simulator is not None:
@@ -74,7 +74,7 @@ def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) ->
     def make(delay_s: float) -> Any:
         return kind(model, delay_s=delay_s, tuning=Tuning(**NOW))
 
-    return MotorPilot(make(0.0), make=make)
+    return PlannedPilot(make)
 
 
 def _made(name: str, kind: Any) -> Any:

@@ -186,6 +186,7 @@ class Flight:
         if not send:
             self._tell(time_s, None)
             return None
+        self._now.below_m = float(asked.position_m[0, 2]) - self._height()
         self.link.send_setpoint(packet)
         self.pacer.sent(self._now.call_s)
         if self._setpoint is not None:
@@ -235,7 +236,8 @@ class Flight:
         now = self._now
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
-        hand_over(self.link, self.clock, place, yaw, self.ground_m, blind=now.pose_age_s > self.limits.stale_s,
+        brief = now.pose_age_s > self.limits.stale_s or stop.rule == safety.Sinks.name
+        hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief,
                   height_m=self._height_now, tick=self._idle)
         self._rest()
         return stop

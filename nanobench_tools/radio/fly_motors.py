@@ -3,16 +3,15 @@
 The thrust is what the firmware's own curve makes of the four commands at the battery's voltage; the firmware turns it
 back into the same mean command. The moment M that the controller asks for becomes the body rate that it would have led
 to after LEAD_S: w_s = w + LEAD_S J^-1 M, with w the rate at the time it acts. LEAD_S is about what the way from here to
-a turning vehicle takes (link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings.
+a turning vehicle takes (link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings. The
+heading is the vehicle's own loop's (``fly_heading``).
 
 The state is moved to the time at which the set-point acts: at constant body rate and at the acceleration that the
 thrust under way gives. Gains that were made for motors at hand are high for this way; a controller that makes
-set-points itself (``setpoint``, see ``fly_pilot``) flies better.
+set-points itself (``setpoint``, see ``fly_pilot``) or foresees its states (``fly_planned``) flies better.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 
@@ -22,39 +21,31 @@ from ..methods import Controller, Reference, VehicleState
 from ..physics.vehicle import Vehicle
 from ..units import GRAVITY_M_S2
 from . import fly_setpoints
+from .fly_heading import yaw_rate
 from .fly_pilot import PERIOD_S, PID
 
 LEAD_S = 0.05
-MOST_RATE_RAD_S = (8.0, 8.0, 4.0)
-YAW_PER_THRUST_M = 0.007
-"""Moment about z per thrust of a motor: THRUST2TORQUE of the firmware."""
+MOST_RATE_RAD_S = 8.0
 THRUST_SCALE = 0.943
 """What the motors give of what the firmware's curve promises (recordings)."""
 
 
 class MotorPilot:
-    """Flies ``controller`` with thrust and rates. ``vehicle``: what its motor commands are thought to move.
-
-    make: of a controller that reckons with a delay itself, from the delay; it is given the state of now."""
+    """Flies ``controller`` with thrust and rates. ``vehicle``: what its motor commands are thought to move."""
 
     kind, onboard, hosted = "thrust-rates", PID, True
 
-    def __init__(self, controller: Controller, vehicle: Vehicle | None = None,
-                 make: Callable[[float], Controller] | None = None) -> None:
-        self.controller, self.name, self._make = controller, controller.name, make
+    def __init__(self, controller: Controller, vehicle: Vehicle | None = None) -> None:
+        self.controller, self.name = controller, controller.name
         vehicle = vehicle or Vehicle()
         arms = np.array(vehicle.motor_positions_m)
-        turn = YAW_PER_THRUST_M * np.array(vehicle.spin)
-        self._moment = np.stack([arms[:, 1], -arms[:, 0], turn]) / np.array(vehicle.inertia_kg_m2)[:, None]
+        self._moment = np.stack([arms[:, 1], -arms[:, 0]]) / np.array(vehicle.inertia_kg_m2)[:2, None]
         self._mass = vehicle.mass_kg
         self._every = max(round(PERIOD_S / controller.period_s), 1)
         self._delay_s = 0.0
 
     def link_delay(self, seconds: float) -> None:
-        if self._make is not None:
-            self.controller = self._make(max(seconds, 0.0))
-        else:
-            self._delay_s = max(seconds, 0.0)
+        self._delay_s = max(seconds, 0.0)
 
     def reset(self) -> None:
         self.controller.reset(1)
@@ -68,10 +59,10 @@ class MotorPilot:
             raise ValueError(f"commanded {command.tolist()}, not four finite PWM ratios")
         thrust = thrust_of_voltage(command[0] * state.battery_V[0])
         self._lift = THRUST_SCALE * float(thrust.sum()) / self._mass
-        wanted = then.rate_rad_s[0] + LEAD_S * (self._moment @ (THRUST_SCALE * thrust))
-        most = np.array(MOST_RATE_RAD_S)
+        wanted = then.rate_rad_s[0, :2] + LEAD_S * (self._moment @ (THRUST_SCALE * thrust))
+        wanted = np.clip(wanted, -MOST_RATE_RAD_S, MOST_RATE_RAD_S)
         counts = float(thrust.mean()) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
-        return fly_setpoints.rates(counts, np.clip(wanted, -most, most))
+        return fly_setpoints.rates(counts, np.array([*wanted, yaw_rate(then, reference)]))
 
     def _ahead(self, state: VehicleState) -> VehicleState:
         """The state when a set-point of now acts."""

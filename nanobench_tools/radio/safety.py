@@ -24,7 +24,7 @@ class Situation:
     the newest pose; battery_V as last logged; silent_s since the last packet of the vehicle; lost: why the link is
     gone; late_ticks that missed their deadline one after the other, call_s of the slowest call of the controller since
     the last tick; controller_error in words; interrupted: name of the signal; supervisor: its bits; streamed: the host
-    flies, not the vehicle's own planner."""
+    flies, not the vehicle's own planner; below_m: how far it is below the height it is asked for, 0 if it is not."""
 
     time_s: float = 0.0
     position_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -39,7 +39,7 @@ class Situation:
     controller_error: str = ""
     interrupted: str = ""
     supervisor: int = 0
-    streamed: bool = True
+    below_m: float = 0.0
 
 
 class Rule(Protocol):
@@ -170,6 +170,24 @@ class LowBattery:
         return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}" if not self._mean_V >= self.least_V else ""
 
 
+class Sinks:
+    """The vehicle cannot hold the height it is asked for: an empty battery, or too much to carry. Such a flight would
+    end on the ground by itself, tipping over. Take-off may leave it ``MOST_M`` below for a moment."""
+
+    name = "sinks"
+    MOST_M, FOR_S = 0.3, 1.5
+
+    def __init__(self) -> None:
+        self._time_s = self._below_s = 0.0
+
+    def check(self, now: Situation) -> str:
+        step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
+        self._below_s = self._below_s + step if now.below_m > self.MOST_M else 0.0
+        if self._below_s < self.FOR_S:
+            return ""
+        return f"{now.below_m:.2f} m below what is asked for {self._below_s:.1f} s; battery {now.battery_V:.2f} V"
+
+
 class ControllerFailed:
     """It raised, or what it said is no number."""
 
@@ -208,7 +226,7 @@ def rules(limits: Limits) -> tuple[Rule, ...]:
     """All of them; the first that has a reason ends the flight."""
     return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), StalePose(limits.stale_s),
             ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks), Geofence(*limits.fence),
-            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V))
+            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks())
 
 
 @dataclass(frozen=True)

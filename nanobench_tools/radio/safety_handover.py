@@ -17,8 +17,8 @@ from .fly_link import Link
 from .fly_plan import LANDED_M
 
 HOLD_S = 1.0
-BLIND_HOLD_S = 0.2
-"""Without poses a hold drifts: it is only long enough to stop the path."""
+BRIEF_HOLD_S = 0.2
+"""Without poses a hold drifts, without lift it sinks: it is only long enough to stop the path then."""
 EVERY_S = 0.02
 AGAIN_S = 0.2
 """A command to land may be lost on its way: it is sent again until the vehicle sinks, at most TRIES times."""
@@ -40,12 +40,12 @@ def place_to_hold(position_m: np.ndarray, velocity_m_s: np.ndarray, fence: tuple
     return place
 
 
-def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, ground_m: float, blind: bool,
+def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, ground_m: float, brief: bool,
               height_m: Callable[[], float], tick: Callable[[], None] = lambda: None) -> None:
     """Holds ``place_m`` (3,), then lands; returns when the vehicle should be on the ground. ``height_m()``: believed
     height now; ``tick`` is called all the while. A set-point that cannot be sent is none: the link may come back."""
     hold = fly_setpoints.position(place_m, yaw_rad)
-    until = clock.now() + (BLIND_HOLD_S if blind else HOLD_S)
+    until = clock.now() + (BRIEF_HOLD_S if brief else HOLD_S)
     while clock.now() < until:
         _try(link.send_setpoint, hold)
         tick()

@@ -124,6 +124,14 @@ def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_gro
     assert landed(toy)
 
 
+def test_a_vehicle_that_cannot_hold_its_height_lands_before_it_lies_on_the_ground():
+    toy = Toy()
+    outcome, _ = flown(failing(toy, lambda: toy.drift_m_s.__setitem__(2, -1.8)))  # it climbs with 1.5 m/s at most
+    assert outcome.stop.rule == "sinks"
+    assert "m below what is asked for 1.5 s; battery 3.90 V" in outcome.stop.reason
+    assert landed(toy)
+
+
 @pytest.mark.parametrize(("rule", "pilot", "words"), [
     ("controller", raising, "RuntimeError: no idea"), ("controller", no_number, "no number"),
     ("overrun", slow, "the controller took 150 ms"), ("overrun", late, "10 deadlines missed in a row")])
@@ -204,7 +212,8 @@ def test_a_hanging_controller_lands_in_real_time():
                 time.sleep(0.001)
             return super().packet(time_s, state, reference)
 
-    flight = Flight(toy, toy.track, Hangs("mine", 1), toy.ready(), Limits(speed_m_s=50.0), toy, ())
+    wide = Limits((-9.0, 9.0) * 3, speed_m_s=50.0)
+    flight = Flight(toy, toy.track, Hangs("mine", 1), toy.ready(), wide, toy, ())
     outcome = flight.run()
     assert outcome.stop.rule == "overrun"
     assert "did not answer within 250 ms" in outcome.stop.reason
