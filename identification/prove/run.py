@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from nanobench_tools.errors import InputError, UsageError
-from nanobench_tools.harness import Item, RunResult, envelope, item_key, make_item, manifest, read_json, write_json
+from nanobench_tools.harness import Item, RunResult, envelope, item_key, manifest, read_json, write_json
 
+from .flown import forget, given, keep, kept
 from .kinds import CaseSpec
 from .make import Case, make_cases
 from .plan import QUOTAS, plan_cases
@@ -30,7 +31,7 @@ Run = Callable[[Sequence[Item], str], RunResult]
 
 TOGETHER = 16
 """Cases flown in one batch: a sixth of the time of one after the other."""
-SEALED = "prove_sealed.json"
+SEALED, FLOWN = "prove_sealed.json", ".flown"
 
 
 @dataclass(frozen=True)
@@ -65,26 +66,38 @@ def _fly(batch: Sequence[CaseSpec]) -> list[Case]:
     return cases
 
 
-def truths_item(specs: Sequence[CaseSpec]) -> dict[str, Any]:
-    """The truths of cases that fly together."""
-    return {"truths": [case.truth for case in _fly(specs)]}
+def truths_item(specs: Sequence[CaseSpec], folder: Path | None = None) -> dict[str, Any]:
+    """The truths of cases that fly together; flights are kept in ``folder``."""
+    cases = _fly(specs)
+    if folder is not None:
+        for case in cases:
+            keep(case, folder)
+    return {"truths": [case.truth for case in cases]}
 
 
-def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose: Diagnose) -> dict[str, Any]:
-    """{verdict, truth: seal of the truth of what was diagnosed} of one case. ``batch`` are the cases it flies with,
-    which changes nothing but the time."""
-    case = _flown.get(spec.name)
-    if case is None or case.spec != spec:
-        case = next(c for c in _fly(batch) if c.name == spec.name)
-    return {"verdict": diagnose(case.flights, case.simulator, seed=seed), "truth": seal([case.truth])}
+def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose: Diagnose,
+                  folder: Path | None = None) -> dict[str, Any]:
+    """{verdict, truth: seal of the truth of what was diagnosed} of one case. ``batch``, the cases it flies with, and
+    ``folder``, where its flights may be kept, change nothing but the time."""
+    case = kept(spec, folder) if folder is not None else None
+    if case is None:
+        flown = _flown.get(spec.name)
+        if flown is None or flown.spec != spec:
+            flown = next(c for c in _fly(batch) if c.name == spec.name)
+        case = given(flown)
+    verdict = diagnose(case.flights, case.simulator, seed=seed)
+    if folder is not None:
+        forget(spec, folder)
+    return {"verdict": verdict, "truth": case.truth}
 
 
 def seal_cases(specs: Sequence[CaseSpec], run: Run, folder: Path | None = None, seed: int | None = None) -> Sealed:
     """Makes all cases, and writes the hash of their truths into ``folder`` unless it stands there already. Cases whose
     batch failed are left out (the runner lists them)."""
     batches = _batches(specs)
-    items = [make_item(truths_item, {"specs": batch}, f"make {batch[0].name} to {batch[-1].name}")
-             for batch in batches]
+    place = folder and folder / FLOWN
+    items = [Item(item_key(truths_item, {"specs": batch}), truths_item, {"specs": batch, "folder": place},
+                  f"make {batch[0].name} to {batch[-1].name}") for batch in batches]
     values = run(items, "make the cases").values
     made = [(batch, values[item.key]["truths"]) for batch, item in zip(batches, items, strict=True)
             if item.key in values]
@@ -105,13 +118,16 @@ def _written(sealed: Sealed, path: Path, seed: int | None) -> Sealed:
     return sealed
 
 
-def diagnose_cases(sealed: Sealed, run: Run, diagnose: Diagnose, seed: int = 0) -> dict[str, dict[str, Any]]:
-    """{name of the case: {verdict, truth}}; failed ones left out."""
+def diagnose_cases(sealed: Sealed, run: Run, diagnose: Diagnose, seed: int = 0,
+                   folder: Path | None = None) -> dict[str, dict[str, Any]]:
+    """{name of the case: {verdict, truth}}; failed ones left out. ``folder``: the one of ``seal_cases``."""
     items = {}
+    place = folder and folder / FLOWN
     for batch in _batches(sealed.specs):
         for spec in batch:
             alone = {"spec": spec, "seed": seed, "diagnose": diagnose}
-            items[spec.name] = Item(item_key(diagnose_item, alone), diagnose_item, {**alone, "batch": batch},
+            more = {"batch": batch, "folder": place}
+            items[spec.name] = Item(item_key(diagnose_item, alone), diagnose_item, {**alone, **more},
                                     f"diagnose {spec.name}", spec.name)
     values = run(list(items.values()), "diagnose").values
     return {name: values[item.key] for name, item in items.items() if item.key in values}

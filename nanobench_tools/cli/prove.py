@@ -90,7 +90,7 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[
     if not sealed.truths:
         raise InputError("prove", f"no case could be made: {options.failed[0]['error']}")
     options.say(f"{len(sealed.truths)} SYNTHETIC cases, truth sealed {sealed.at}: SHA-256 {sealed.sha256}")
-    verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed)
+    verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed, options.out)
     scored = open_and_score(sealed, verdicts, options.out)
     body = prove_body(sealed, scored)
     show_proof(options, body, "SYNTHETIC")

@@ -8,11 +8,13 @@ import pytest
 
 from identification.prove.airframe import Airframe
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
+from identification.prove.flown import _place, forget, given, keep, kept
 from identification.prove.kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
 from identification.prove.make import make_case, make_cases, write_case
 from identification.prove.plan import QUOTAS, plan_cases
 from identification.prove.seal import open_truth, seal, write_truth
 from nanobench_tools.errors import InputError
+from nanobench_tools.harness import item_key
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flying
 from nanobench_tools.practice.references import path_spec
@@ -70,6 +72,24 @@ def test_simulators_lack_what_is_concealed_and_truth_says_it(cases):
     assert fault.truth["outcome"] == "data_fault"
     assert fault.truth["faults"][0]["kind"] == "sign"
     assert not any(c.truth["tumbled"] for c in cases)
+
+
+def test_what_is_kept_between_making_and_diagnosis_is_the_same_and_whole(cases, tmp_path):
+    for made in cases:
+        keep(made, tmp_path)
+        again, asked = kept(made.spec, tmp_path), given(made)
+        assert (again.truth, again.truth) == (asked.truth, seal([made.truth]))
+        assert again.simulator.structure == made.simulator.structure
+        np.testing.assert_array_equal(again.simulator.values, made.simulator.values)
+        assert (again.simulator.vehicle, again.simulator.inputs) == (made.simulator.vehicle, made.simulator.inputs)
+        for one, other in zip(made.flights, again.flights, strict=True):
+            assert item_key(kept, {"flight": one}) == item_key(kept, {"flight": other})
+    place, = (p for p in tmp_path.iterdir() if p.name == _place(SPECS[0], tmp_path).name)
+    (place / "flight_1.parquet").write_bytes(b"broken")
+    assert kept(SPECS[0], tmp_path) is None
+    forget(SPECS[1], tmp_path)
+    assert kept(SPECS[1], tmp_path) is None
+    assert not any(b"wind" in file.read_bytes() for file in tmp_path.rglob("*.json"))
 
 
 def test_what_is_read_back_is_what_was_made_and_tells_no_truth(cases, tmp_path):

@@ -48,6 +48,7 @@ def told(s):
 @pytest.fixture(autouse=True)
 def not_flown(monkeypatch, tmp_path):
     monkeypatch.setattr(proof, "make_cases", made)
+    monkeypatch.setattr(proof, "keep", lambda case, folder: None)
     monkeypatch.setattr(mismatch, "diagnose_flights", silent)
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
     proof._flown.clear()
