@@ -21,7 +21,7 @@ from nanobench_tools.methods import Controller, Reference
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
-from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, recovery, sampled, score
+from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, call_counts, recovery, sampled, score
 
 from .ensemble import Ensemble, draw
 from .mismatch import CASES, TOLD_RADIO_S, mismatched
@@ -148,9 +148,10 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
                    draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
                    radio_s: float = 0.0, wind_m_s: float = 0.0,
                    gains: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """{controller, information, runs: [of every path: [scores of every plant]], paths: of the median plant, gust and
-    outage: recovery on the first path}. ``radio_s``: delay of the radio, of which controllers are told; gains: instead
-    of the controller's own; a wind blows from a direction of its own at every plant."""
+    """{controller, information, runs: [of every path: [scores of every plant]], paths: of the median plant,
+    call_counts: commands by the time they took, gust and outage: recovery on the first path}. ``radio_s``: delay of the
+    radio, of which controllers are told; gains: instead of the controller's own; a wind blows from a direction of its
+    own at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
     ensemble = draw(simulator, plants, seed, known, radio_s).in_wind(wind_m_s)
     controller = made(name, loads(simulator), radio_s, gains)
@@ -159,7 +160,8 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
     runs = score(found, paths, len(ensemble), controller.period_s)
     own = f"{controller.name} tuned" if gains is not None else controller.name
     result: dict[str, Any] = {"controller": own, "information": controller.information, "runs": runs,
-                              "paths": sampled(found, paths, len(ensemble))}
+                              "paths": sampled(found, paths, len(ensemble)),
+                              "call_counts": call_counts(found.call_s)}
     counts = getattr(controller, "counts", None) or getattr(getattr(controller, "guard", None), "counts", {})
     result["replaced"] = {key: int(value) for key, value in dict(counts).items()}
     if disturbed and specs:

@@ -204,12 +204,13 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
 def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
                    summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
                    gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
-    """{rows, flights, error_bar, simulated_plant}: every controller (all registered ones without ``names``) on the
-    ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER families."""
+    """{rows, flights, solve_times, error_bar, simulated_plant}: every controller (all registered ones without
+    ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
+    families."""
     from controllers.simulated import fly_controller
 
     from ..harness import make_item
-    from ..protocols.simulated import tabulate
+    from ..protocols.simulated import solve_times, tabulate
 
     bar = error_bar(options, chosen, summary)
     own = [[spec for spec in specs if spec.family == name] for name in dict.fromkeys(s.family for s in specs)]
@@ -235,7 +236,8 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
     if not rows and not options.failed:
         raise UsageError("no controller to fly")
     show_simulated(options, rows, bar, radio_s, wind_m_s)
-    return {"rows": rows, "flights": flights, "error_bar": bar, "simulated_plant": chosen.origin}
+    times = solve_times([values[item.key] for item in items.values() if item.key in values])
+    return {"rows": rows, "flights": flights, "solve_times": times, "error_bar": bar, "simulated_plant": chosen.origin}
 
 
 def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | None,

@@ -44,6 +44,8 @@ def specs_of(names: Sequence[str], speeds: Sequence[float], seconds: float = SEC
                   for v in (speeds or SPEEDS_M_S)[:None if many else 1]]
     return found
 
+CALL_EDGES_MS = np.geomspace(1e-3, 1e2, 51)
+"""Bins of the time that a command took."""
 
 @dataclass(frozen=True)
 class Paths:
@@ -104,6 +106,23 @@ def score(flown: Any, paths: Paths, plants: int, period_s: float) -> list[list[d
             for_all.append({**one, **timing})
         found.append(for_all)
     return found
+
+
+def solve_times(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """{controller, edges_ms (E,), counts (E - 1,)}: how many commands took how long, over all results of a controller;
+    the first and the last bin hold what is beyond."""
+    found: dict[str, np.ndarray] = {}
+    for result in results:
+        if "call_counts" in result:
+            found[result["controller"]] = found.get(result["controller"], 0) + np.array(result["call_counts"], int)
+    return [{"controller": name, "edges_ms": CALL_EDGES_MS.tolist(), "counts": counts.tolist()}
+            for name, counts in found.items()]
+
+
+def call_counts(call_s: np.ndarray) -> list[int]:
+    """Commands by the time they took, in the bins of CALL_EDGES_MS."""
+    inside = np.clip(1e3 * np.asarray(call_s, float), CALL_EDGES_MS[0], CALL_EDGES_MS[-1])
+    return np.histogram(inside, CALL_EDGES_MS)[0].tolist()
 
 
 def _metrics(t: np.ndarray, position: np.ndarray, velocity: np.ndarray, quaternion: np.ndarray, motor: np.ndarray,

@@ -19,7 +19,7 @@ def pictures(control: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
     body = control or {}
     simulated = [row for row in body.get("rows") or [] if row.get("plant") == "simulated"]
     return {"gateflights": gate_flights(body), "race": race(body, simulated), "speeds": speeds(simulated),
-            "ranking": ranking(simulated, body.get("error_bar"))}
+            "ranking": ranking(simulated, body.get("error_bar")), "solver": solver(body.get("solve_times"))}
 
 
 def gate_flights(body: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,6 +98,20 @@ def ranking(simulated: Sequence[Mapping[str, Any]], bar: Mapping[str, Any] | Non
     if not found:
         return {"absent": "No simulated flights in this run."}
     return {"rows": sorted(found, key=lambda one: one["cm"]), "bar": bool(bar)}
+
+
+def solver(times: Sequence[Mapping[str, Any]] | None) -> dict[str, Any]:
+    """How many per cent of the commands of every controller took how long, on a logarithmic scale."""
+    lines = []
+    for one in times or []:
+        counts, edges = np.array(one["counts"], float), np.array(one["edges_ms"], float)
+        used = np.flatnonzero(counts)
+        if not len(used):
+            continue
+        rows = slice(max(used[0] - 1, 0), used[-1] + 2)
+        lines.append({"name": one["controller"], "ms": np.sqrt(edges[:-1] * edges[1:])[rows].round(6).tolist(),
+                      "percent": (100.0 * counts / counts.sum())[rows].round(3).tolist()})
+    return {"lines": lines} if lines else {"absent": "No simulated flights in this run."}
 
 
 def _axes(points: Any) -> dict[str, list[float]]:

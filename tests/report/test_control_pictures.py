@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from nanobench_tools.protocols.simulated import call_counts, solve_times
 from nanobench_tools.report import control
 
 TIMES = (0.05 * np.arange(40)).tolist()
@@ -52,6 +53,17 @@ def test_error_against_speed_compares_the_same_families_and_the_ranking_has_the_
 def test_the_gap_of_a_real_flight_is_its_distance():
     (one,) = control.pictures(BODY)["gateflights"]["sets"]
     assert one["flights"][0]["error"][0] == pytest.approx(0.1 * np.sqrt(3.0), abs=1e-4)
+
+
+def test_solver_times_are_shares_of_all_commands_and_lose_none():
+    calls = np.array([2e-5, 2e-5, 3e-4, 9.0])
+    times = solve_times([{"controller": "quick", "call_counts": call_counts(calls)}] * 2 + [{"controller": "silent"}])
+    assert sum(times[0]["counts"]) == 8
+    assert times[0]["counts"][-1] == 2  # nine seconds are beyond
+    line, = control.pictures({"solve_times": times})["solver"]["lines"]
+    assert sum(line["percent"]) == pytest.approx(100.0)
+    most = line["ms"][int(np.argmax(line["percent"]))]
+    assert most == pytest.approx(0.02, rel=0.15)
 
 
 def test_without_results_every_picture_says_why():

@@ -1,5 +1,5 @@
 "use strict";
-// Pictures of Task 2: one flight of every controller with a slider, error against speed, ranking.
+// Pictures of Task 2: one flight of every controller with a slider, error against speed, ranking, solver times.
 nanobench.control = (() => {
   const { axis, layout, escape } = nanobench;
   const dashes = ["solid", "dash", "dot", "dashdot"];
@@ -120,8 +120,23 @@ nanobench.control = (() => {
     };
   }
 
+  function solver(data) {
+    return (c, width) => {
+      const all = palette(c);
+      const ticks = [0.001, 0.01, 0.1, 1, 10, 100];
+      return { height: 320,
+        legend: data.lines.map((line, i) => ({ name: line.name, colour: all[i % all.length], dash: dashes[Math.floor(i / all.length) % dashes.length], traces: [i] })),
+        traces: data.lines.map((line, i) => ({ x: line.ms, y: line.percent, mode: "lines", line: { color: all[i % all.length], width: 2, shape: "hvh", dash: dashes[Math.floor(i / all.length) % dashes.length] },
+          hovertemplate: `${escape(line.name)}<br>%{x:.3g} ms: %{y:.1f} %<extra></extra>` })),
+        layout: layout(c, { margin: { l: 14, r: 14, t: 10, b: 44 },
+          xaxis: axis(c, "time of a command [ms]", { type: "log", tickvals: ticks, ticktext: ticks.map(String) }),
+          yaxis: axis(c, "share [%]", { rangemode: "tozero" }) }) };
+    };
+  }
+
   return (data, lines) => [
     ...["gateflights", "race"].filter(id => data[id] && !data[id].absent).map(id => () => player(id, data[id])),
     ...(data.speeds && !data.speeds.absent ? [() => nanobench.draw("speeds", lines({ ...data.speeds, horizon: "speed [m/s]" }))] : []),
-    ...(data.ranking && !data.ranking.absent ? [() => nanobench.draw("ranking", ranking(data.ranking))] : [])];
+    ...(data.ranking && !data.ranking.absent ? [() => nanobench.draw("ranking", ranking(data.ranking))] : []),
+    ...(data.solver && !data.solver.absent ? [() => nanobench.draw("solver", solver(data.solver))] : [])];
 })();
