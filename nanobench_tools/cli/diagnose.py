@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import MissingExtraError, UsageError
+from .diagnose_bound import flexible
 from .options import PATH, Options, shared_options
 from .show import data_word
 
@@ -43,8 +44,11 @@ CODE = "simulators_corrected"
 @click.option("--normal", multiple=True, type=PATH, metavar="PATH",
               help="Normal flights of the same vehicle: what changed since, from the steady trim of the motors alone, "
                    "for logs without full attitude or gyro. --simulator FILE then says where motors sit. May repeat.")
+@click.option("--bound", is_flag=True,
+              help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
+                   "anything could predict these flights.")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
-             normal: tuple[Path, ...]) -> int:
+             normal: tuple[Path, ...], bound: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
@@ -70,6 +74,10 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     from ..physics.simulator import read_simulator, write_simulator
     from .convert import export_simulators
 
+    if bound:
+        from identification.learned.libraries import libraries
+
+        libraries()  # its absence is said before anything is computed
     if normal:
         return _against_normal(options, simulator, simulated, mass_kg, normal)
     if (simulator is None) == (not simulated):
@@ -78,6 +86,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     if simulator is not None and not _is_file(simulator):
+        model = None
         recordings, verdict = _of_callable(options, simulator, mass_kg)
     else:
         model = None if simulator is None else read_simulator(Path(simulator))
@@ -98,7 +107,13 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         write_simulator(verdict.corrected, path)
         body["corrected_simulator"] = str(path)
         export_simulators(verdict.corrected, options.out / CODE, ("casadi", "c"))
+    if bound and verdict.moments is not None:
+        believes = verdict.believed or model
+        assert believes is not None  # a callable without an equivalent has no moments
+        body["bound"] = flexible(options, verdict, recordings, believes)
     _show(options, body, verdict)
+    if body.get("bound"):
+        options.show(body["bound"]["sentence"] + "\n")
     _write_page(options, verdict, recordings)
     return options.finish("verdict", body)
 

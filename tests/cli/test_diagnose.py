@@ -113,6 +113,34 @@ def simulate(along):
     assert found["paragraph"].startswith("a_callable:simulate was evaluated along")
 
 
+def test_the_bound_of_a_network_stands_beside_what_was_named(recordings, monkeypatch):
+    """The network is made up here: half the simulator's errors. What is named is not above it when it is nothing."""
+    from types import SimpleNamespace
+
+    from identification.learned import bound as learned
+    from nanobench_tools.cli.diagnose_bound import errors_of, flexible
+
+    def half(predictor, flights):
+        before = errors_of(predictor, flights)
+        return learned.Bound(before, {q: {h: 0.5 * e for h, e in row.items()} for q, row in before.items()},
+                             len(flights), sum(len(w) for _, w, _ in flights))
+
+    monkeypatch.setattr(learned, "flexible_bound", half)
+    flights = load_recordings([recordings]).flights
+    audits = {f.name: audit(f) for f in flights}
+    said = []
+    found = flexible(SimpleNamespace(say=said.append), SimpleNamespace(believed=None, corrected=None),
+                     look_over(flights, audits, flights, audits), BELIEVED)
+    assert found["share"] == dict.fromkeys(found["simulator"], 0.0)
+    assert found["corrected"] == found["simulator"]
+    assert found["flexible"]["position_mae_m"]["50"] == 0.5 * found["simulator"]["position_mae_m"]["50"] > 0.0
+    assert f"{found['windows']} windows" in found["sentence"]
+    hexa = SimpleNamespace(rotors=6)
+    assert flexible(SimpleNamespace(say=said.append), SimpleNamespace(), look_over(flights, audits, flights, audits),
+                    hexa) is None
+    assert "four motors" in said[-1]
+
+
 @pytest.mark.parametrize(("given", "words"), [
     ("absent.toml", "absent.toml: cannot be read"), ("nothing", "no adapter of that name"),
     ("no_module:f", "No module named"), ("rotorpy:absent.toml", "absent.toml: cannot be read")])
