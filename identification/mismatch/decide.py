@@ -11,7 +11,7 @@ from nanobench_tools.flight import Fault
 from nanobench_tools.physics import Model
 
 from .fitting import Fit, Slopes, bootstrap, fit, force_left
-from .leftover import Structure, structures
+from .leftover import Structure, gusts, structures
 from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
@@ -144,6 +144,8 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         biggest = int(np.argmax(after))
         found = [Structure("motion", _force_rms(moments, lenient.left, biggest), float(after[biggest]),
                            (CHANNELS[biggest],), "structure that no single term explains")]
+    if not found and (air := gusts(moments, force_left(known, final if kept else lenient))) is not None:
+        found = [air]
     if findings:
         found = [s for s in found if s.kind != "motion" or s.gain > BESIDE * float(before.sum())]
     spoilt = [f for _, f in faults if f.kind in WHOLE]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.cluster.vq import kmeans2
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.stats import gamma
 
 from nanobench_tools import so3
@@ -29,11 +29,16 @@ BURST_ROWS = 12
 """What a short event turns, and the controller turns back, lies within so many rows of it."""
 
 
+RESTLESS_M_S2, SLOW_S = 0.2, 0.25
+"""RMS over all axes of a force slower than this, from which on air is more restless than indoors: 0.14 to 0.16 on quiet
+real flights."""
+
+
 @dataclass(frozen=True)
 class Structure:
-    """kind: ``place``, ``time``, ``motion``, ``period`` or ``bursts``; size_m_s2: RMS of the force (bursts: while they
-    last, which is ``share`` of the time); gain: squared standard deviations it explains on held-out flights; hint: a
-    sentence."""
+    """kind: ``place``, ``time``, ``motion``, ``period``, ``bursts`` or ``gusts``; size_m_s2: RMS of the force (bursts:
+    while they last, which is ``share`` of the time); gain: squared standard deviations it explains on held-out
+    flights; hint: a sentence."""
 
     kind: str
     size_m_s2: float
@@ -202,3 +207,30 @@ def _around(wrench: Wrench, far: np.ndarray) -> np.ndarray:
     hit = np.zeros(len(wrench.track))
     hit[wrench.force_at[far]] = 1.0
     return maximum_filter1d(hit, 2 * BURST_ROWS + 1) > 0.0
+
+
+def gusts(moments: Moments, force: np.ndarray) -> Structure | None:
+    """A force that comes and goes without any pattern, and is more than air does that is called still; (N, 3), body."""
+    wrench = moments.wrench
+    track = wrench.track[wrench.force_at]
+    step = FORCE_ROWS * ROW_S
+    parts = [force[track == k] for k in np.unique(track)]
+    slow = [gaussian_filter1d(part - part.mean(axis=0), SLOW_S / step, axis=0) for part in parts]
+    rms = np.sqrt(np.mean(np.concatenate(slow) ** 2, axis=0))
+    size = float(np.linalg.norm(rms))
+    if size < RESTLESS_M_S2:
+        return None
+    axes = tuple("xyz"[i] for i in range(3) if rms[i] > 0.4 * size)
+    return Structure("gusts", size, 0.0, axes, f"a force that comes and goes without a pattern, {size:.2f} m/s^2 RMS, "
+                     f"and lasts some {_lasting(slow, step):.1f} s, as gusts do")
+
+
+def _lasting(slow: Sequence[np.ndarray], step_s: float) -> float:
+    """Seconds after which what is there says little about what comes: where the autocorrelation falls below 1 / e."""
+    longest = max(len(part) for part in slow) - 1
+    for lag in range(1, longest):
+        pairs = [(part[lag:], part[:-lag]) for part in slow if len(part) > lag]
+        after, before = (np.concatenate([pair[i] for pair in pairs]) for i in (0, 1))
+        if np.sum(after * before) < np.sum(before**2) / np.e:
+            return lag * step_s
+    return longest * step_s

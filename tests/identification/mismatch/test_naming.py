@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of, wrench_of
+from scipy.signal import lfilter
 
 from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
 from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import Slopes, fit, slopes
-from identification.mismatch.leftover import Structure
+from identification.mismatch.leftover import Structure, gusts
 from identification.mismatch.naming import rested
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
@@ -33,6 +34,31 @@ def names_of(decision) -> list[str]:
 def test_a_right_simulator_has_no_mismatch(plain, model):
     _, decision = decided(plain, model)
     assert (decision.outcome, decision.findings) == ("none", ())
+
+
+def test_gusts_are_no_noise_but_nothing_with_a_name(model):
+    """Pushes that last a second, drawn anew for every flight."""
+    def blown(seed):
+        air = np.random.default_rng(seed).normal(0.0, 1.0, (40, 3))
+        return lambda position, time: np.array([np.interp(time, np.arange(40), a) for a in 0.4 * air.T])
+
+    wrench = Wrench([track_of(model, 10 + k, k, push=blown(k)) for k in range(3)])
+    _, decision = decided(wrench, model)
+    assert (decision.outcome, decision.findings) == ("unknown", ())
+
+
+def test_gusts_have_size_and_duration_and_still_air_is_none(plain, model):
+    moments, _ = decided(plain, model)
+    rng = np.random.default_rng(3)
+    many = len(plain.force_at)
+    air = lfilter([1.0], [1.0, -np.exp(-0.04 / 0.8)], rng.standard_normal((many + 200, 3)), axis=0)[200:]
+    air /= air.std(axis=0)
+    gust = gusts(moments, 0.3 * air)
+    assert (gust.kind, gust.axes) == ("gusts", ("x", "y", "z"))
+    assert gust.size_m_s2 == pytest.approx(0.3 * 3**0.5, rel=0.25)  # but for what is fast
+    assert 0.5 < float(gust.hint.split("some ")[1].split()[0]) < 1.5
+    assert gusts(moments, 0.09 * air) is None
+    assert gusts(moments, 0.3 * rng.standard_normal((many, 3))) is None  # fast noise is no air
 
 
 def test_a_concealed_drag_is_found_again(plain, model):
