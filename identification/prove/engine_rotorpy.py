@@ -71,6 +71,8 @@ def on_rotorpy(spec: CaseSpec) -> CaseSpec | None:
     for hidden in concealed:
         if hidden.flights is not None and min(hidden.flights) >= few:
             few = len(spec.flights)  # a change late in the day is not cut off
+    concealed = tuple(h if h.flights is None else replace(h, flights=tuple(j for j in h.flights if j < few))
+                      for h in concealed)
     faults = tuple(replace(f, flights=tuple(sorted({min(j, few - 1) for j in f.flights}))) for f in spec.faults)
     return replace(spec, airframe=airframe, flights=spec.flights[:few], concealed=concealed, known=known, faults=faults)
 

@@ -11,7 +11,7 @@ from identification.prove.airframe import Airframe, draw_airframe
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN
 from identification.prove.engine import Engine, vehicles_of
 from identification.prove.kinds import CaseSpec, FlightSpec, Hidden, Nuisance
-from identification.prove.make import PLACES, effects_of, simulators, true_airframes
+from identification.prove.make import PLACES, effects_of, simulators, true_airframes, truth_of
 from nanobench_tools import so3
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.practice.flying import STEP_S, fly
@@ -120,6 +120,20 @@ def test_tether_and_jet_by_hand():
     jet = {"peak_m_s2": 2.0, "mass_kg": 0.04, "place_m": [0.5, 0.0, 1.0], "width_m": 0.3, "push": [0.0, 1.0, 0.0]}
     np.testing.assert_allclose(push("jet", (0.5, 0.0, 1.0), **jet), (0.0, 0.08, 0.0))
     np.testing.assert_allclose(push("jet", (0.5, 0.3, 1.0), **jet), (0.0, 0.08 * np.exp(-0.5), 0.0))
+
+
+def test_flights_that_rotorpy_leaves_out_are_in_no_effect():
+    from identification.prove.engine_rotorpy import on_rotorpy
+
+    rng, airframe = np.random.default_rng(4), draw_airframe(np.random.default_rng(2))
+    wind = Hidden("wind", "large", EFFECTS["wind"].draw("large", rng, airframe), flights=(2, 3, 4, 5))
+    spec = replace(spec_of((), airframe), kind="change", flights=spec_of((), airframe).flights * 6, concealed=(wind,))
+    short = on_rotorpy(spec)
+    assert (len(short.flights), short.concealed[0].flights) == (4, (2, 3))
+    late = on_rotorpy(replace(spec, concealed=(replace(wind, flights=(5,)),)))
+    assert (len(late.flights), late.concealed[0].flights) == (6, (5,))
+    simulator, corrected = simulators(short, 3.8)
+    assert truth_of(short, simulator, corrected, [])["effects"][0]["flights"] == ["flight_3", "flight_4"]
 
 
 def test_rotorpy_flies_what_the_simulator_says():
