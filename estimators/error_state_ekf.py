@@ -11,10 +11,12 @@ from typing import ClassVar
 
 from .inertial import Inertial
 
-SETTINGS = {"gyro_noise": 0.03, "acc_noise": 0.03, "vertical_noise": 0.03, "gyro_walk": 1e-4, "acc_walk": 1e-2,
-            "position_sd": 0.01, "roll_pitch_sd": 0.1, "pitch_sd": 0.1, "yaw_sd": 0.1, "drag": 0.4, "drag_sd": 0.6}
-"""Noise is ten times the sensor's, for vibration, bursts of the radio and their times; the attitude of a pose counts
-little, because tilt and gravity agree in it to half a degree only; drag is that of a 40 g Crazyflie over its mass."""
+SETTINGS = {"gyro_noise": 0.00236, "acc_noise": 0.011, "vertical_noise": 0.00374, "stamp": 0.0095,
+            "gyro_walk": 5.5e-05, "acc_walk": 0.00132, "acc_bias_sd": 0.1, "position_sd": 0.004, "roll_pitch_sd": 0.009,
+            "pitch_sd": 0.0262, "yaw_sd": 0.179, "drag": 0.4, "drag_sd": 0.3}
+"""Noise as in ``drag_ekf``: the sensors' own is small, stamps that wander make it grow with how fast signals change.
+The attitude of a pose counts little, because tilt and gravity agree in it to half a degree only; drag is that of a 40 g
+Crazyflie over its mass."""
 
 
 class ErrorStateEkf(Inertial):

@@ -70,7 +70,7 @@ def reckon_with(method: Any, noise: ImuNoise) -> None:
     elif hasattr(method, "settings"):
         method.settings = {**method.settings, "gyro_noise": noise.gyro_rad_s_sqrtHz, "acc_noise": noise.acc_m_s2_sqrtHz,
                            "vertical_noise": noise.acc_m_s2_sqrtHz, "gyro_walk": noise.gyro_walk_rad_s2_sqrtHz,
-                           "acc_walk": noise.acc_walk_m_s3_sqrtHz}
+                           "acc_walk": noise.acc_walk_m_s3_sqrtHz, "stamp": noise.stamp_s_sqrtHz}
     else:
         raise UsageError(f"estimator {getattr(method, 'name', method)!r} takes no noise of an IMU")
 

@@ -18,7 +18,7 @@ from nanobench_tools.flight import Flight, Stream
 from nanobench_tools.methods import Estimate
 
 from . import inertial_core as core
-from .radio_clock import lateness
+from .radio_clock import drawn, lateness
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -47,12 +47,13 @@ LIFT_RATIO, OFF_RATIO = 0.65, 0.1
 @dataclass(frozen=True)
 class Rows:
     """IMU rows (n,) from the first pose on, and the poses (m,) as they arrive; ``clock_s`` are the rows' stamps less
-    what the missing packets say they are late."""
+    what the missing packets say they are late; drawn is the share of the row before that carries no packet."""
 
     time_s: np.ndarray
     clock_s: np.ndarray
     acc: np.ndarray
     gyro: np.ndarray
+    drawn: np.ndarray
     flying: np.ndarray
     thrust: np.ndarray
     arrived: np.ndarray
@@ -100,8 +101,8 @@ def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True) -> Estimat
     core.start(rows.poses[0], values, state, cov)
     out = np.empty((n, 11))
     kept = np.empty((n if keep_covariance else 0, 9, 9))
-    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.flying, rows.thrust, rows.arrived, rows.pose_s,
-             rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
+    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, rows.thrust, rows.arrived,
+             rows.pose_s, rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
     nis = out[:, 10][np.isfinite(out[:, 10])]
     return Estimate(rows.time_s, out[:, :3], out[:, 6:10], out[:, 3:6], kept if keep_covariance else None, nis,
                     np.full(len(nis), 3))
@@ -128,8 +129,9 @@ def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
     acc, gyro = np.ascontiguousarray(imu[ACC][good]), np.ascontiguousarray(imu[GYRO][good])
     measured_s = pose_s - float(flight.metadata.get("pose_delay_s", 0.0))
     _check(place, time_s, acc, gyro, measured_s, poses)
-    clock_s = time_s
+    clock_s, lines = time_s, np.zeros(len(time_s))
     if radio:
+        lines = np.concatenate(([0.0], drawn(flight)[:-1]))[good]
         clock_s = np.maximum.accumulate(time_s - lateness(flight)[good])
     arrived = np.concatenate(([0], np.searchsorted(pose_s, time_s, side="right"))).astype(np.int64)
     motor, force = np.ones(len(time_s)), np.zeros(len(time_s))
@@ -140,7 +142,7 @@ def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
             w = ratio * _held(flight["battery"], ("vbat",), time_s)
             force = THRUST_MAP[0] + THRUST_MAP[1] * w.sum(axis=1) + THRUST_MAP[2] * (w * w).sum(axis=1)
     flying, lagged = _flown(time_s, motor, force, "motor" not in flight)
-    return Rows(time_s, clock_s, acc, gyro, flying, lagged, arrived, measured_s, poses)
+    return Rows(time_s, clock_s, acc, gyro, lines, flying, lagged, arrived, measured_s, poses)
 
 
 def _poses(mocap: Stream) -> tuple[np.ndarray, np.ndarray]:

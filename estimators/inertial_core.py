@@ -35,12 +35,18 @@ SETTINGS = {
     "acc_bias_z_sd": 0.3, "vertical_noise": 0.03, "pitch_sd": 0.1,
     "lift_bias_sd": 0.0,                                # m/s^2, by which vibration changes the bias at take-off
     "late_moves": 1.0,                                  # whether the estimate is moved on by the lateness found
+    "stamp": 0.0,                                       # s per root Hz: stamps' wander makes noise of what changes
+    "drawn": 0.0,                                       # variance of a row without a packet is larger by this factor
+    "mount_walk": 0.0,                                  # rad per root second
 }
 NAMES = tuple(SETTINGS)
 (GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, POSITION_SD, ROLL_PITCH_SD, YAW_SD, DRAG, DRAG_CROSS, DRAG_QUADRATIC,
  DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S, THRUST_SD, SCALE_WALK, SCALE_SD, INFLOW,
  START_TILT_SD, START_VELOCITY_SD, ACC_BIAS_SD, GYRO_BIAS_SD, MOUNT_SD, ACC_BIAS_Z_SD, VERTICAL_NOISE, PITCH_SD,
- LIFT_BIAS_SD, LATE_MOVES) = range(len(NAMES))
+ LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK) = range(len(NAMES))
+
+CHANGE_S = 0.06
+"""How fast a signal changes is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
 
 
 @nb.njit(cache=True)
@@ -151,21 +157,38 @@ def start(pose, settings, state, cov):
 
 
 @nb.njit(cache=True)
-def run(stamps_s, time_s, acc, gyro, flying, thrust, pose_of, pose_s, poses, settings, first, state, cov, sums, turns,
-        out, sds):
+def _stated(c, on, v, moves, out):
+    """out (9, 9): covariance of position, velocity and attitude as they are given out, from c (n, n): position is moved
+    on by ``on`` seconds with velocity v (3,), and how late the stamps are is not known exactly either."""
+    seen = np.empty((3, ERROR))
+    for k in range(3):
+        for j in range(ERROR):
+            seen[k, j] = c[_P + k, j] + on * c[_V + k, j] + moves * v[k] * (c[_L, j] + c[_W, j])
+    out[:] = c[:9, :9]
+    for k in range(3):
+        for j in range(3):
+            out[k, j] = seen[k, _P + j] + on * seen[k, _V + j] + moves * v[j] * (seen[k, _L] + seen[k, _W])
+            out[k, 3 + j] = out[3 + j, k] = seen[k, _V + j]
+            out[k, 6 + j] = out[6 + j, k] = seen[k, _T + j]
+
+
+@nb.njit(cache=True)
+def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, pose_of, pose_s, poses, settings, first, state, cov, sums,
+        turns, out, sds):
     """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
     stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag and
-    thrust count. acc, gyro (n, 3); thrust (n,) m/s^2 of the map; pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1]
-    have arrived by row i; pose_s (m,) when they were measured; poses (m, 7). sums (n, 6), turns (n, 4): room for what
-    the IMU alone would integrate to. out (n, 11): position, velocity, quaternion and the squared innovation of the
-    positions of the row's poses (nan: none); sds (n, 9, 9): covariance of position, velocity and attitude, or (0, 9, 9)
-    for none.
+    thrust count. acc, gyro (n, 3); drawn (n,): share of the row that carries no packet; thrust (n,) m/s^2 of the map;
+    pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; pose_s (m,) when they were measured; poses
+    (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. out (n, 11): position, velocity,
+    quaternion and the squared innovation of the positions of the row's poses (nan: none); sds (n, 9, 9): covariance of
+    position, velocity and attitude as they are given out, or (0, 9, 9) for none.
     """
     n = len(time_s)
     other = np.empty((ERROR, ERROR))
     h, x, ph, gain = np.zeros(ERROR), np.zeros(ERROR), np.empty(ERROR), np.empty(ERROR)
     drag, cross, quadratic = settings[DRAG], settings[DRAG_CROSS], settings[DRAG_QUADRATIC]
+    back_row = 0
     for i in range(first, n):
         dt = 0.0
         if i > 0:
@@ -197,15 +220,26 @@ def run(stamps_s, time_s, acc, gyro, flying, thrust, pose_of, pose_s, poses, set
             state[WANDER] *= wander
             _transition(cov, other, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
             _transition(other, cov, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
+            # a stamp off by d makes an error of d times the slope: white noise, d being quick
+            while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= CHANGE_S:
+                back_row += 1
+            stamp = (settings[STAMP] / max(time_s[i] - time_s[back_row], 1e-3)) ** 2
+            level = (0.5 * ((acc[i, 0] - acc[back_row, 0]) ** 2 + (acc[i, 1] - acc[back_row, 1]) ** 2)) * stamp
+            upright = (acc[i, 2] - acc[back_row, 2]) ** 2 * stamp
+            turn = ((gyro[i, 0] - gyro[back_row, 0]) ** 2 + (gyro[i, 1] - gyro[back_row, 1]) ** 2
+                    + (gyro[i, 2] - gyro[back_row, 2]) ** 2) / 3.0 * stamp
+            more = 1.0 + settings[DRAWN] * drawn[i]
             for k in range(3):
-                cov[_V + k, _V + k] += settings[ACC_NOISE] ** 2 * dt
-                cov[_T + k, _T + k] += settings[GYRO_NOISE] ** 2 * dt
+                cov[_V + k, _V + k] += (settings[ACC_NOISE] ** 2 * more + level) * dt
+                cov[_T + k, _T + k] += (settings[GYRO_NOISE] ** 2 * more + turn) * dt
+                cov[_M + k, _M + k] += settings[MOUNT_WALK] ** 2 * dt
                 cov[_BA + k, _BA + k] += settings[ACC_WALK] ** 2 * dt
                 cov[_BG + k, _BG + k] += settings[GYRO_WALK] ** 2 * dt
             if flying[i] and not flying[i - 1]:
                 for k in range(3):
                     cov[_BA + k, _BA + k] += settings[LIFT_BIAS_SD] ** 2
-            cov[_V + 2, _V + 2] += (settings[VERTICAL_NOISE] ** 2 - settings[ACC_NOISE] ** 2) * dt
+            cov[_V + 2, _V + 2] += ((settings[VERTICAL_NOISE] ** 2 - settings[ACC_NOISE] ** 2) * more + upright
+                                    - level) * dt
             for k in range(2):
                 cov[_A + k, _A + k] += settings[AIR_SD] ** 2 * (1.0 - air * air)
             cov[_W, _W] += settings[WANDER_SD] ** 2 * (1.0 - wander * wander)
@@ -314,4 +348,4 @@ def run(stamps_s, time_s, acc, gyro, flying, thrust, pose_of, pose_s, poses, set
         out[i, 6:10] = state[Q:Q + 4]
         out[i, 10] = nis if count else np.nan
         if len(sds):
-            sds[i] = cov[:9, :9]
+            _stated(cov, on, state[V:V + 3], settings[LATE_MOVES], sds[i])

@@ -161,8 +161,8 @@ def test_covariance_stays_symmetric_and_positive_over_a_million_steps():
     inertial_core.start(poses[0], values, state, cov)
     out = np.empty((n, 11))
     arrived = np.concatenate(([0], np.cumsum(has)))
-    inertial_core.run(t, t, acc, gyro, np.ones(n, bool), np.full(n, 9.81), arrived, t[has], poses, values, 0, state,
-                      cov, np.zeros((n, 6)), np.zeros((n, 4)), out, np.empty((0, 9, 9)))
+    inertial_core.run(t, t, acc, gyro, np.zeros(n), np.ones(n, bool), np.full(n, 9.81), arrived, t[has], poses, values,
+                      0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, np.empty((0, 9, 9)))
     assert np.array_equal(cov, cov.T)
     scale = np.sqrt(np.diag(cov))
     assert np.linalg.eigvalsh(cov / np.outer(scale, scale)).min() > 0.0
@@ -201,6 +201,29 @@ def test_the_compiled_step_against_plain_matrices():
     assert np.allclose(updated, joseph, atol=1e-9)
     assert np.allclose(x, 1.7 * gain)
     assert nis == pytest.approx(1.7**2 / (h @ cov @ h + 0.3))
+
+
+def test_what_is_said_of_a_position_knows_how_it_was_moved_on():
+    """A position moved on by the lateness found: its covariance is that of p + (late + wander) v, to first order."""
+    rng = np.random.default_rng(6)
+    n, v, on = inertial_core.ERROR, np.array([1.0, -0.4, 0.2]), 0.03
+    a = rng.normal(size=(n, n))
+    cov, said = a @ a.T, np.empty((9, 9))
+    inertial_core._stated(cov, on, v, 1.0, said)
+    moved = np.eye(9, n)
+    moved[:3, 3:6] = on * np.eye(3)
+    moved[:3, 21] = moved[:3, 22] = v
+    assert np.allclose(said, moved @ cov @ moved.T)
+
+
+def test_stamps_that_wander_make_noise_of_what_changes(case):
+    """A flight is known less well where its signals change fast; with steady stamps it is not."""
+    given = aided.given_to(case, aided.Aiding())
+    rows = inertial.rows_of(given)
+    steady, wandering = ({**DragMatrixEkf.settings, "stamp": s} for s in (0.0, 0.01))
+    a, b = (inertial.run(rows, inertial.values_of(s)).covariance[300:, 3, 3] for s in (steady, wandering))
+    assert b.mean() > 1.5 * a.mean()
+    assert np.std(b / a) > 0.1
 
 
 def test_missing_packets_tell_how_late_rows_are(flight):
