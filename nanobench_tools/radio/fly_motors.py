@@ -24,7 +24,7 @@ from . import fly_setpoints
 from .fly_heading import yaw_rate
 from .fly_pilot import PERIOD_S, PID
 
-LEAD_S = 0.05
+LEAD_S = 0.04
 MOST_RATE_RAD_S = 8.0
 THRUST_SCALE = 0.943
 """What the motors give of what the firmware's curve promises (recordings)."""

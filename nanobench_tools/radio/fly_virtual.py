@@ -3,7 +3,8 @@ same every time.
 
 cflib is given one more link driver, whose other end is the simulated vehicle. Time stands while anybody works: it goes
 on when the flight waits, a millisecond at a time, and at every one cflib takes in what has come: its incoming packet
-handler runs in the thread that waits, not in its own, whose turn would depend on the machine.
+handler runs in the thread that waits, not in its own, whose turn would depend on the machine. Its threads that ask for
+parameters are waited for until they have sent what they can.
 Computing takes no time here; jitter and deadlines are measured against the real clock only.
 """
 
@@ -25,11 +26,13 @@ from .simulated.simulation import Simulation
 from .simulated.vehicle import Vehicle
 
 STEP_S = 0.001
-SETTLE_S = 0.5
-"""So long at most cflib's parameter thread may take to send its next request, in real time."""
+SETTLE_S = 5.0
+"""So long at most cflib's threads may take to send their next request, in real time."""
 START_S, APART_S = 1_800_000_000.0, 3600.0
 """Worlds begin an hour apart, in the order in which they are made: sheets belong to recordings by time."""
 URI = "virtual://0"
+PINGS = "ping_thread"
+"""cflib's thread that measures round trips ten times a second of real time: nothing of it goes into a virtual world."""
 
 
 class VirtualWorld:
@@ -51,6 +54,7 @@ class VirtualWorld:
         self.crazyflie: Any = None
         self._time_s, self._steps = self._start_s, 0
         self._sink: Sink | None = None
+        self._asked: dict[threading.Thread, tuple[int, Any]] = {}
 
     def now(self) -> float:
         return self._time_s
@@ -63,6 +67,7 @@ class VirtualWorld:
 
     def _step(self, time_s: float) -> None:
         simulation = self.simulation
+        self._settle()
         simulation.run_until(time_s)
         self._time_s = time_s
         came = simulation.outgoing(time_s)
@@ -74,15 +79,30 @@ class VirtualWorld:
                 self._sink(unpack(datagram))
 
     def _take_in(self) -> None:
-        """cflib's handler until nothing is left, then whoever asks for parameters."""
+        """cflib's handler until nothing is left."""
         handler = self.crazyflie.incoming
         handler._stop_event.clear()
         handler.run()
         handler._stop_event.clear()
-        asks, until = self.crazyflie.param.param_updater, time.monotonic() + SETTLE_S
-        while (asks is not None and not asks.request_queue.empty() and not asks.wait_lock.locked()
-               and time.monotonic() < until):
-            time.sleep(1e-4)
+
+    def _settle(self) -> None:
+        """Waits until cflib's threads that ask for parameters have nothing to send, or wait for answers themselves."""
+        if self.crazyflie is None:
+            return
+        until = time.monotonic() + SETTLE_S
+        for asker in threading.enumerate():
+            # nobody tells its queue that a task is done: it counts all that was ever put in
+            while hasattr(asker, "request_queue") and asker.is_alive() and time.monotonic() < until:
+                asked, awaited = self._asked.get(asker, (0, None))
+                waits = awaited is not None and _awaited(asker) is awaited
+                if waits or asked >= asker.request_queue.unfinished_tasks:
+                    break
+                time.sleep(1e-4)
+
+    def _sent(self, thread: threading.Thread) -> None:
+        """Counts what such a thread has sent, and keeps what it waits for now."""
+        if hasattr(thread, "request_queue"):
+            self._asked[thread] = self._asked.get(thread, (0, None))[0] + 1, _awaited(thread)
 
     def post(self, datagram: bytes) -> None:
         """What cflib sends."""
@@ -115,6 +135,12 @@ class VirtualWorld:
             cflib.crtp.CLASSES.remove(driver)
 
 
+def _awaited(asker: Any) -> Any:
+    """What one of cflib's threads waits for, None if it is free to go on."""
+    found = asker._lock_pattern if hasattr(asker, "_lock_pattern") else asker._req_param
+    return None if found == -1 else found
+
+
 def _driver(world: VirtualWorld) -> type:
     from cflib.crtp.crtpdriver import CRTPDriver
     from cflib.crtp.crtpstack import CRTPPacket
@@ -135,7 +161,9 @@ def _driver(world: VirtualWorld) -> type:
             world.crazyflie = error.__self__  # drivers are told whom to complain to: the Crazyflie that opens them
 
         def send_packet(self, packet: Any) -> None:
-            world.post(bytes([packet.header]) + bytes(packet.data))
+            if (thread := threading.current_thread()).name != PINGS:
+                world.post(bytes([packet.header]) + bytes(packet.data))
+                world._sent(thread)
 
         def receive_packet(self, wait: float = 0) -> Any:
             handler = world.crazyflie.incoming

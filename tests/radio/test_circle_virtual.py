@@ -6,7 +6,9 @@ On the simulation's own clock, so that the numbers are the same on any machine; 
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,6 @@ from controllers.served_vehicle import served
 from nanobench_tools.audit import audit
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.cli.main import main
-from nanobench_tools.radio.blocks import default_blocks
 from nanobench_tools.radio.fly_plan import chosen_path
 from nanobench_tools.radio.fly_session import Request, fly_session
 from nanobench_tools.radio.fly_setpoints import said
@@ -31,7 +32,7 @@ from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 from nanobench_tools.sources.discover import load_recordings
 
-RADIO = RadioOptions(latency_s=0.010, loss=0.02)
+README = Path(__file__).parents[2] / "README.md"
 ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
 """Noise as the recordings have it."""
 FILTER_S = np.sqrt(2.0) / (2.0 * np.pi * 80.0) + 0.001
@@ -41,22 +42,50 @@ CONTROLLERS = {"onboard_pid": 4.15, "mpc_daqp": 3.85}
 that is larger than has to be, and the mixer then takes thrust from all."""
 
 
-def fly(name: str, folder: Path | None, world: VirtualWorld, seconds: float = 6.0, **limits):
+def tutorial() -> dict[str, list[list[str]]]:
+    """The commands of README's section, by verb, without the program's name."""
+    section = README.read_text().split("### Fly it and record it\n")[1].split("\n### ")[0]
+    found: dict[str, list[list[str]]] = {}
+    for line in section.split("With a real vehicle")[0].splitlines():
+        if line.startswith("    nanobench "):
+            verb, *rest = shlex.split(line)[1:]
+            found.setdefault(verb, []).append([verb, *rest])
+    return found
+
+
+def value(command: list[str], option: str) -> str:
+    return command[command.index(option) + 1]
+
+
+def in_world(world: VirtualWorld, request: Request):
+    """What is asked for over a socket, flown in ``world`` on its own clock."""
     with world.served() as uri:
-        return fly_session(Request(chosen_path("figure_eight", 1.0, None, seconds), pilot_for(name, None, None),
-                                   Limits(**limits), uri, world, default_blocks(), record_to=folder, clock=world))
+        return fly_session(dataclasses.replace(request, uri=uri, source=world, clock=world))
 
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
-    """Folder, and controller -> (result, world, audit)."""
-    folder = tmp_path_factory.mktemp("flown")
+    """The tutorial's flights: folder, and controller -> (result, world, audit)."""
+    commands, place = tutorial(), tmp_path_factory.mktemp("tutorial")
+    served_as = commands["simulate"][0]
+    radio = RadioOptions(latency_s=float(value(served_as, "--latency-s")), loss=float(value(served_as, "--loss")))
+    assert radio == RadioOptions(latency_s=0.010, loss=0.02)
     results = {}
-    for name, battery_V in CONTROLLERS.items():
-        world = VirtualWorld(served(battery_V=battery_V), RADIO, ROOM)
-        results[name] = fly(name, folder, world), world
-    audits = {str(a.controller): a for a in map(audit, load_recordings([folder]).flights)}
-    return folder, {name: (*found, audits[name]) for name, found in results.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        for command in commands["fly"]:
+            assert value(command, "--uri") == value(served_as, "--serve")
+            name = value(command, "--controller")
+            world = VirtualWorld(served(battery_V=CONTROLLERS[name]), radio, ROOM)
+
+            def flown(request: Request, name: str = name, world: VirtualWorld = world):
+                results[name] = in_world(world, request), world
+                return results[name][0]
+
+            patch.setattr("nanobench_tools.radio.fly_session.fly_session", flown)
+            assert main([*command, "--quiet"]) == 0
+    audits = {str(a.controller): a for a in map(audit, load_recordings([place / "flights"]).flights)}
+    return place / "flights", {name: (*found, audits[name]) for name, found in results.items()}
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -90,18 +119,22 @@ def test_an_interrupted_recording_is_exported_again(flights, tmp_path):
     cut = tmp_path / "cut.packets"
     cut.write_bytes(raw.read_bytes()[:-150_001])
     assert main(["record", "--export", str(cut), "--out", str(tmp_path), "--quiet"]) == 0
-    whole, part = (load_recordings([p]).flights[0] for p in (flights[1]["onboard_pid"][0].recording.csv,
-                                                            tmp_path / "cut.csv"))
+    exported = flights[0] / flights[1]["onboard_pid"][0].recording.csv.name
+    whole, part = (load_recordings([p]).flights[0] for p in (exported, tmp_path / "cut.csv"))
     n = len(part["imu"]) - 5
     assert n > 1000
     np.testing.assert_allclose(part["imu"].values[:n], whole["imu"].values[:n], atol=0.02)
     assert (tmp_path / ".raw" / "cut" / "imu.parquet").exists()
 
 
-def test_control_scores_them_and_mpc_is_a_third_better(flights, tmp_path):
+def test_the_tutorial_ends_in_a_table_in_which_mpc_is_a_third_better(flights, tmp_path, monkeypatch, capsys):
+    assert set(flights[1]) == set(CONTROLLERS)
+    commands = tutorial()
+    monkeypatch.chdir(flights[0].parent)
+    assert main([*commands["audit"][0], "--jobs", "1", "--quiet"]) == 0
     out = tmp_path / "control.json"
-    assert main(["control", "--data", str(flights[0]), "--plant", "real", "--protocol", "clean", "--jobs", "1",
-                 "--json", str(out), "--quiet"]) == 0
+    assert main([*commands["control"][0], "--jobs", "1", "--json", str(out), "--quiet"]) == 0
+    assert sorted(commands) == ["audit", "control", "fly", "simulate"]
     rmse = {row["controller"]: row["metrics"]["rmse_m"] for row in json.loads(out.read_text())["rows"]}
     assert rmse["mpc_daqp"] < 0.7 * rmse["onboard_pid"]
     assert rmse["mpc_daqp"] < 0.02
@@ -127,7 +160,7 @@ def test_the_raw_recording_has_what_was_sent_and_the_sheet_who_flew(flights):
     assert [name for name, _ in raw.sheet["flight"]["phases"]][1:4] == ["take-off", "hover", "approach"]
 
 
-def in_path(world: VirtualWorld, seconds: float, what) -> None:
+def in_the_air(world: VirtualWorld, seconds: float, what) -> None:
     """Injects a fault once the vehicle has been above 0.8 m for so long."""
     above = []
     step = world._step
@@ -142,22 +175,15 @@ def in_path(world: VirtualWorld, seconds: float, what) -> None:
     world._step = watched
 
 
-def test_a_link_that_goes_in_the_air_leaves_the_vehicle_to_its_own_watchdog():
+def test_a_vehicle_flies_again_and_one_that_is_left_alone_falls_by_its_own_watchdog():
     world = VirtualWorld(served(), RadioOptions(), ROOM)
-    in_path(world, 3.0, lambda: setattr(world, "down", True))
-    result = fly("onboard_pid", None, world)
-    assert result.outcome.stop.rule == "lost link"
+    path, pilot = chosen_path("circle", 0.5, 0.4, 4.0), pilot_for("onboard_pid", None, None)
+    request = Request(path, pilot, Limits(), "", world, ())
+    assert in_world(world, request).outcome.stop is None
+    world.sleep_until(world.now() + 1.0)
+    in_the_air(world, 2.0, lambda: setattr(world, "down", True))
+    assert in_world(world, request).outcome.stop.rule == "lost link"
     world.sleep_until(world.now() + 3.0)
     onboard = world.simulation.onboard
     assert onboard.vehicle.true_pose()[0][2] < 0.05
     assert not onboard.supervisor.motors_allowed  # it fell from a metre: that is what this firmware does
-
-
-def test_a_vehicle_flies_again_after_it_has_landed():
-    world = VirtualWorld(served(), RadioOptions(), ROOM)
-    with world.served() as uri:
-        for _ in range(2):
-            request = Request(chosen_path("circle", 0.5, 0.4, 4.0), pilot_for("onboard_pid", None, None), Limits(), uri,
-                              world, (), clock=world)
-            assert fly_session(request).outcome.stop is None
-            world.sleep_until(world.now() + 1.0)

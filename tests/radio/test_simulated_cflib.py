@@ -52,7 +52,7 @@ def logged(scf: SyncCrazyflie, names: list[str], period_ms: int = 10) -> list[tu
     return rows
 
 
-def test_it_connects_reads_all_parameters_and_logs() -> None:
+def test_it_connects_reads_all_parameters_logs_and_takes_trajectories() -> None:
     with SimulatedCrazyflie(StillVehicle()) as served:
         began = time.monotonic()
         with connected(served) as scf:
@@ -68,17 +68,35 @@ def test_it_connects_reads_all_parameters_and_logs() -> None:
             states: list = []
             cf.param.persistent_get_state("pid_rate.roll_kp", lambda name, state: states.append(state))
             rows = logged(scf, ["stateEstimate.x", "motor.m1", "pm.vbat", "stabilizer.roll", "acc.z", "gyro.x"])
-            time.sleep(0.5)
+            time.sleep(0.4)
             onboard = served.simulation.onboard
             assert onboard.selection.controller == 2
             assert onboard.localization.position_sd_m == pytest.approx(0.003)
             assert told == [True]
             assert states[0].is_stored
             assert states[0].default_value == 250.0
+            wanted = flown_trajectory(served, cf)
         assert len(rows) >= 20
         assert set(np.diff([tick for tick, _ in rows])) == {10}
         assert rows[0][1]["pm.vbat"] == pytest.approx(3.7)
         assert rows[0][1]["acc.z"] == 1.0
+        assert wanted[2] == pytest.approx(1.0)
+        assert 0.1 < wanted[0] < 0.7
+
+
+def flown_trajectory(served: SimulatedCrazyflie, cf: Crazyflie) -> np.ndarray:
+    """Where a trajectory of 0.5 m/s along x, uploaded and begun half a second ago, asks the vehicle to be."""
+    memory = cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
+    assert isinstance(memory, TrajectoryMemory)
+    memory.trajectory = [Poly4D(2.0, x=Poly4D.Poly([0.0, 0.5] + 6 * [0.0]), z=Poly4D.Poly([1.0] + 7 * [0.0]))]
+    assert memory.write_data_sync()
+    high = cf.high_level_commander
+    high.define_trajectory(1, 0, 1)
+    high.takeoff(0.5, 0.2)
+    time.sleep(0.3)
+    high.start_trajectory(1, 1.0, relative_position=False)
+    time.sleep(0.5)
+    return served.simulation.onboard.commander.setpoint["position_m"][0].copy()
 
 
 def test_a_poor_link_connects_too() -> None:
@@ -148,24 +166,6 @@ def test_setpoints_of_the_library_are_understood() -> None:
     assert old["rate_deg_s"][2] == -50
 
 
-def test_trajectories_are_uploaded_and_commanded() -> None:
-    with SimulatedCrazyflie(StillVehicle()) as served, connected(served) as scf:
-        scf.wait_for_params()
-        memory = scf.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
-        assert isinstance(memory, TrajectoryMemory)
-        memory.trajectory = [Poly4D(2.0, x=Poly4D.Poly([0.0, 0.5] + 6 * [0.0]), z=Poly4D.Poly([1.0] + 7 * [0.0]))]
-        assert memory.write_data_sync()
-        high = scf.cf.high_level_commander
-        high.define_trajectory(1, 0, 1)
-        high.takeoff(0.5, 0.2)
-        time.sleep(0.3)
-        high.start_trajectory(1, 1.0, relative_position=False)
-        time.sleep(1.0)
-        wanted = served.simulation.onboard.commander.setpoint["position_m"][0]
-        assert wanted[2] == pytest.approx(1.0)
-        assert 0.3 < wanted[0] < 0.7
-
-
 def feed(served: SimulatedCrazyflie, cf: Crazyflie, done: threading.Event) -> None:
     """Poses of the simulated cameras into the vehicle, as a lab's own program does it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as cameras:
@@ -189,10 +189,10 @@ def test_it_takes_off_is_moved_about_and_lands() -> None:
         feeding = threading.Thread(target=feed, args=(served, scf.cf, done))
         feeding.start()
         try:
-            time.sleep(0.5)
+            time.sleep(0.3)
             rows = logged(scf, ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z", "supervisor.info"], 20)
             with MotionCommander(scf, default_height=0.4) as moving:
-                time.sleep(0.8)
+                time.sleep(0.4)
                 moving.forward(0.3, velocity=0.4)
                 assert own.true_pose()[0][2] > 0.25
                 time.sleep(0.3)
