@@ -23,6 +23,8 @@ LEAST_FORCE_M_S2 = 0.035
 LEAST_GAIN = 60.0
 PERIODS_HZ = (0.25, 6.0)
 PEAK_P = 1e-8
+LATE_S = ROW_S
+"""Re-timed stamps are off by less; a path flown in circles then leaves a force that goes round as often."""
 BURST_SD = 6.0
 BURSTS = 6
 BURST_ROWS = 12
@@ -152,9 +154,11 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     grid = np.arange(*PERIODS_HZ, 0.02)
     for c in range(3):
         power, many = np.zeros(len(grid)), 0
+        memory = moments.channels[c].memory
+        white = memory.whiten(force[:, c])  # air that lasts has no peak, but more of the slow than of the fast
         for f in np.unique(flight):
-            mine = np.flatnonzero(flight == f)
-            x = force[mine, c] - force[mine, c].mean()
+            mine = np.flatnonzero((flight == f) & memory.judged)
+            x = white[mine] - white[mine].mean()
             time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
             if len(x) * dt < 6.0 or not x.any():
                 continue
@@ -178,11 +182,12 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
         mine = flight == f
         time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
         wave = np.exp(-2j * np.pi * hertz * time)
-        heights.append(abs(wave @ force[mine, c]) * 2.0 / mine.sum())
-    size = float(np.mean(heights) / np.sqrt(2.0))
-    if size < 0.5 * LEAST_FORCE_M_S2:
+        both = np.stack([force[mine, c], moments.wrench.measured[0][mine, c]], axis=1)
+        heights.append(np.abs(wave @ both) * 2.0 / mine.sum())
+    size, moves = np.mean(heights, axis=0) / np.sqrt(2.0)
+    if size < max(0.5 * LEAST_FORCE_M_S2, 2.0 * np.pi * hertz * LATE_S * moves):
         return None
-    return Structure("period", size, ratio * 10.0, ("xyz"[c],),
+    return Structure("period", float(size), ratio * 10.0, ("xyz"[c],),
                      f"a force that swings at {hertz:.2f} Hz along body {'xyz'[c]}")
 
 
