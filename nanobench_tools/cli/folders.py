@@ -96,7 +96,9 @@ def sentences(body: Mapping[str, Any]) -> list[str]:
             lines.append(f"dose and response, {words}: Spearman {row['spearman']:.2f}, n = {row['n']}")
     for cause, row in body["power"].items():
         if row["minimum_detectable"] is not None:
-            lines.append(f"smallest {cause} that would be named: {row['minimum_detectable']:.1f} {row['unit']}")
+            size, unit = row["minimum_detectable"], row["unit"]
+            lines.append(f"smallest swing that would be found: {size:.2f} {unit}" if cause == "slung" else
+                         f"smallest {cause} that would be named: {size:.1f} {unit}")
     for name in body["unlabelled"]:
         lines.append(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
     if body["without_folder"]:
