@@ -45,7 +45,7 @@ def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: floa
     hertz = frequencies()
     band = np.arange(BESIDE, len(hertz) - BESIDE)
     sizes = np.array([[_smallest(power[:, :, a], usual_power[:, a], np.array([s.unit[a] for s in mine]),
-                                 np.array([s.run_s for s in mine]), k, least) for a in seen] for k in band])
+                                 np.array([s.run_s for s in mine]), int(k), least) for a in seen] for k in band])
     worst = sizes.max(axis=1)
     if not np.isfinite(worst).any():
         return {**nothing, "why": f"not even a swing of {SIZES_M_S2[-1]:g} m/s^2 would stand out"}
