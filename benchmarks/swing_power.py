@@ -2,7 +2,8 @@
 
     python benchmarks/swing_power.py --normal DIR --data DIR [--hertz 0.63]
 
-Flights of --data with a swing of growing size added to their sideways velocity (SYNTHETIC on real), against --normal.
+Flights of --data with a swing of growing size added to their sideways velocity (SYNTHETIC on real), against --normal;
+before it the size that a verdict would state, from the flights as they are, at this frequency and over the band.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from identification.mismatch.periodic import Swing, swing_in, swing_of
 from identification.mismatch.reconstruct import states_of
+from identification.mismatch.smallest_swing import smallest_swing
 from identification.mismatch.trim import runs_of
 from nanobench_tools.audit import audit
 from nanobench_tools.flight import Flight
@@ -44,6 +46,13 @@ def main() -> None:
     options = parser.parse_args()
     usual = swinging(load_recordings([options.normal]).flights, 0.0, options.hertz)
     flights = load_recordings([options.data]).flights
+    stated = smallest_swing(swinging(flights, 0.0, options.hertz), usual, 0.035)
+    if stated["minimum_detectable"] is None:
+        print(f"stated: cannot be asked for, {stated['why']}")
+    else:
+        near = min(stated["by_hz"], key=lambda row: abs(row[0] - options.hertz))
+        print(f"stated: from {near[1]:.3f} m/s^2 on at {near[0]:.2f} Hz, from {stated['minimum_detectable']:.3f} on at "
+              f"all of {stated['band_hz'][0]:.2f} to {stated['band_hz'][1]:.2f} Hz, axes {', '.join(stated['axes'])}")
     for size in (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3):
         found = swing_of(swinging(flights, size, options.hertz), usual)
         said = "nothing" if found is None else f"{found['frequency_hz']:.2f} Hz, p = {found['p']:.0e}"

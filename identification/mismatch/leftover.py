@@ -21,6 +21,8 @@ PLACES = 16
 LEAST_FORCE_M_S2 = 0.035
 """Structure below this RMS is no finding: rows of a filtered path differ by as much from what acted."""
 LEAST_GAIN = 60.0
+ONE_PATH = 0.5
+"""Share of the squared velocity that the place does not tell, below which flights take the same way through it."""
 PERIODS_HZ = (0.25, 6.0)
 PEAK_P = 1e-8
 LATE_S = ROW_S
@@ -112,8 +114,17 @@ def _place(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure
         return None
     strength = np.linalg.norm([world[b > 0.6].mean(0) if (b > 0.6).any() else np.zeros(3) for b in blobs.T], axis=1)
     x, y, z = centres[int(np.argmax(strength))]
+    also = ", or of how it flies there: all flights pass there alike" if _one_path(wrench, features) else ""
     return Structure("place", size, gain, ("x", "y", "z"),
-                     f"a force that depends on the place in the room, strongest near x {x:.1f}, y {y:.1f}, z {z:.1f} m")
+                     f"a force that depends on the place in the room, strongest near x {x:.1f}, y {y:.1f}, z {z:.1f} m"
+                     + also)
+
+
+def _one_path(wrench: Wrench, features: np.ndarray) -> bool:
+    """Whether the place tells how the vehicle moves there, so that a force of the one is a force of the other too."""
+    velocity = wrench.of("velocity_m_s", wrench.force_at)[:, :2]
+    left = velocity - features @ np.linalg.lstsq(features, velocity, rcond=None)[0]
+    return bool(np.sum(left**2) < ONE_PATH * np.sum(velocity**2))
 
 
 def _time(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
@@ -139,7 +150,7 @@ def _motion(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     v = so3.rotate_inverse(wrench.quaternion[at], wrench.of("velocity_m_s", at))
     w = wrench.of("rate_rad_s", at)
     speed = np.linalg.norm(v, axis=1, keepdims=True)
-    features = np.concatenate([np.ones((len(at), 1)), v, v * speed, v * speed**2, v * np.roll(v, 1, axis=1), w,
+    features = np.concatenate([np.ones((len(at), 1)), v, v * speed, v * speed**2, v**2, v * np.roll(v, 1, axis=1), w,
                                np.tanh(4.0 * v)], axis=1)
     gain, size, each = _held_out(moments, force, features, flight, (0, 1, 2))
     if not _accepted(gain, size, each):

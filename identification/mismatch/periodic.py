@@ -49,15 +49,21 @@ class Swing:
     power: np.ndarray
     runs: int
     moments: np.ndarray
+    unit: np.ndarray
+    """(2,) power that a swing of 1 m/s^2 would have."""
+    run_s: float
+    """Mean length of the runs."""
 
     def to_json(self) -> dict[str, Any]:
-        return {"power": self.power.tolist(), "runs": self.runs, "moments": self.moments.tolist()}
+        return {"power": self.power.tolist(), "runs": self.runs, "moments": self.moments.tolist(),
+                "unit": self.unit.tolist(), "run_s": self.run_s}
 
     @classmethod
     def from_json(cls, body: dict[str, Any]) -> Swing:
         power, moments = (np.array([[np.nan if v is None else v for v in row] for row in body[name]], float)
                           for name in ("power", "moments"))
-        return cls(power, body["runs"], moments)
+        unit = np.array([np.nan if v is None else v for v in body["unit"]], float)
+        return cls(power, body["runs"], moments, unit, body["run_s"])
 
 
 def frequencies() -> np.ndarray:
@@ -66,31 +72,34 @@ def frequencies() -> np.ndarray:
 
 def swing_in(states: States, runs: Sequence[Span]) -> Swing:
     """The spectrum of what the tilt does not explain of one flight's horizontal acceleration."""
-    unknown = np.full((FREQUENCIES, 2), np.nan), np.full((FREQUENCIES, 3), np.nan)
+    unknown = Swing(np.full((FREQUENCIES, 2), np.nan), 0, np.full((FREQUENCIES, 3), np.nan), np.full(2, np.nan), 0.0)
     total, moments, count = np.zeros((FREQUENCIES, 2)), np.zeros((FREQUENCIES, 3)), 0
+    unit, seconds = np.zeros(2), 0.0
     tilts = (states.pitch_rad, None if states.roll_rad is None else -states.roll_rad)
     if states.acceleration_m_s2 is None or states.yaw_rad is None or all(t is None for t in tilts):
-        return Swing(unknown[0], 0, unknown[1])
+        return unknown
     push = states.heading(states.acceleration_m_s2)
     speed = np.zeros_like(push) if states.velocity_m_s is None else states.heading(states.velocity_m_s)
     for run in runs:
         rows = np.flatnonzero(run.mask(states.time_s))
         if run.duration_s < LEAST_S or len(rows) < 4 * SMOOTH_ROWS:
             continue
-        found = [(np.full(FREQUENCIES, np.nan + 0j), np.nan) if tilt is None else
+        found = [(np.full(FREQUENCIES, np.nan + 0j), np.nan, np.nan) if tilt is None else
                  _peaks(push[:, k], tilt, speed[:, k], rows, states) for k, tilt in enumerate(tilts)]
-        total += np.stack([np.abs(wave) ** 2 / level for wave, level in found], axis=1)
-        (ahead, _), (aside, _) = found
+        total += np.stack([np.abs(wave) ** 2 / level for wave, level, _ in found], axis=1)
+        unit += [gain / level for _, level, gain in found]
+        (ahead, *_), (aside, *_) = found
         moments += np.stack([np.abs(ahead) ** 2, np.abs(aside) ** 2, (ahead * aside.conj()).real], axis=1)
+        seconds += run.duration_s
         count += 1
-    return Swing(total / count, count, moments / count) if count else Swing(unknown[0], 0, unknown[1])
+    return Swing(total / count, count, moments / count, unit / count, seconds / count) if count else unknown
 
 
 def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarray,
-           states: States) -> tuple[np.ndarray, float]:
-    """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, and the mean level of their squares up to
-    BROAD_HZ. The tilt's share is not fitted: the controller answers a swing with the tilt, and a fit would take the
-    swing for an answer of the vehicle to the controller."""
+           states: States) -> tuple[np.ndarray, float, float]:
+    """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, the mean level of their squares up to
+    BROAD_HZ, and the square that a swing of 1 m/s^2 has. The tilt's share is not fitted: the controller answers a swing
+    with the tilt, and a fit would take the swing for an answer of the vehicle to the controller."""
     t = states.time_s
     step = max(float(np.median(np.diff(t))), 1e-4)
     asked = np.cumsum(GRAVITY_M_S2 * np.where(np.isfinite(tilt), tilt, 0.0) - DRAG_1_S * speed) * step
@@ -105,7 +114,7 @@ def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarr
         return np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left)
 
     broad = np.abs(wave(np.arange(LOWEST_HZ, BROAD_HZ, 1.0 / (t[-1] - t[0])))) ** 2
-    return wave(frequencies()), max(float(np.median(broad) / np.log(2.0)), 1e-30)
+    return wave(frequencies()), max(float(np.median(broad) / np.log(2.0)), 1e-30), float(window.sum()) ** 2 / 4.0
 
 
 def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] | None:
@@ -115,22 +124,34 @@ def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] |
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     if not mine or not usual:
         return None
-    tops, bases = (np.array([s.power for s in part]) for part in (mine, usual))
-    usual_power = uniform_filter1d(bases.mean(axis=0), NEIGHBOURS, axis=0, mode="nearest")
+    tops, usual_power = np.array([s.power for s in mine]), usual_level(usual)
     ratio = tops.mean(axis=0) / usual_power
     ratio = np.where(_peaked(ratio), ratio, np.nan)
     if np.isnan(ratio).all():
         return None
     k, axis = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    freedom = 2 * sum(s.runs for s in mine), 2 * BINS * sum(s.runs for s in usual)
-    tries = int(np.isfinite(usual_power[0]).sum()) * FREQUENCIES
-    p = min(1.0, tries * float(fisher.sf(ratio[k, axis], *freedom)))
+    p = min(1.0, tries(usual_power) * float(fisher.sf(ratio[k, axis], *freedom_of(mine, usual))))
     if p > RISK or not (tops[:, k, axis] > usual_power[k, axis]).all():
         return None
     ahead, aside, both = np.mean([m.moments for m in mine], axis=0)[k]
     axes = [name for name, seen in (("forward", ahead), ("left", aside)) if np.isfinite(seen)]
     return {"frequency_hz": float(frequencies()[k]), "ratio": float(ratio[k, axis]), "p": p, "axes": axes,
             "direction_deg": float(np.degrees(0.5 * np.arctan2(2.0 * both, ahead - aside))) if len(axes) == 2 else None}
+
+
+def usual_level(usual: Sequence[Swing]) -> np.ndarray:
+    """(FREQUENCIES, 2) power of normal flights."""
+    return uniform_filter1d(np.mean([s.power for s in usual], axis=0), NEIGHBOURS, axis=0, mode="nearest")
+
+
+def freedom_of(mine: Sequence[Swing], usual: Sequence[Swing]) -> tuple[int, int]:
+    """Degrees of freedom of the ratio of the power of flights to that of normal ones."""
+    return 2 * sum(s.runs for s in mine), 2 * BINS * sum(s.runs for s in usual)
+
+
+def tries(usual_power: np.ndarray) -> int:
+    """Frequencies and axes among which a swing is looked for."""
+    return int(np.isfinite(usual_power[0]).sum()) * FREQUENCIES
 
 
 def _peaked(ratio: np.ndarray) -> np.ndarray:

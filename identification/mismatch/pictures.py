@@ -85,10 +85,11 @@ def pictures(verdict: Verdict, recordings: Recordings) -> dict[str, Any]:
     if verdict.moments is None:
         return found
     left = Left(verdict)
-    forces = by_flight(left)
+    forces, whole_rms = by_flight(left), rms(left)
+    asked = [name for name, n in zip(CHANNELS, whole_rms["samples"], strict=True) if n]
     names = {t.flight: t.name for t in left.wrench.tracks}
-    return {**found, "flights": [names[n] for n in sorted(names)], "channels": list(CHANNELS), "named": left.named,
-            "whole": whole(verdict, left), "rms": rms(left), "timeline": timeline(left), "share": share(left),
+    return {**found, "flights": [names[n] for n in sorted(names)], "channels": asked, "named": left.named,
+            "whole": whole(verdict, left), "rms": whole_rms, "timeline": timeline(left), "share": share(left),
             "first": int(np.argmax([b or 0.0 for b in forces["before"]])),
             "worst": int(np.argmax(left.structure[0].sum(axis=1))), "by_flight": forces,
             "covariates": covariates(left), "room": room(left), "scores": scores(left.decision),

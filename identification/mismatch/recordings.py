@@ -14,6 +14,7 @@ from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
 
 from . import commanded
+from .measured_speed import SPEED, seen_by
 from .size import wider
 from .track import NEEDED, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
@@ -73,21 +74,22 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     quadrotor of 40 g. InputError for recordings of a vehicle with another number of rotors."""
     vehicle = vehicle or Vehicle()
     kept = distinct(list(flights))[0]
-    unit = _commanded(kept)
+    unit = "" if vehicle.input == SPEED else _commanded(kept)
     needed = commanded.NEEDED if unit else NEEDED
     with_battery = with_battery and unit != "N"
-    moved = {f.name: commanded.with_attitude(f) if unit else f for f in on_clock}
+    moved, seen = seen_by([commanded.with_attitude(f) if unit else f for f in on_clock], on_clock_audits, vehicle.input)
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
     tracks: list[Track] = []
     for number, flight in enumerate(kept):
         flight = _finite(moved.get(flight.name, flight), needed)
-        audit = on_clock_audits.get(flight.name, audits[flight.name])
+        audit = seen.get(flight.name, audits[flight.name])
         check_motors(flight, vehicle.rotors)
         lacks = missing(flight, with_battery, vehicle.rotors, needed)
         found = [] if lacks else tracks_of(flight, audit, number, with_battery, vehicle.rotors, unit)
         still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
         found = [t for t in found if all(t is not s for s in still)]
         if not found:
+            lacks = [SPEED if name == "motor" and vehicle.input == SPEED else name for name in lacks]
             left_out[flight.name] = (f"no {', '.join(lacks)} stream" if lacks else
                                      "its motor commands never change in the air" if still else
                                      "no second in the air without a fault in its data")

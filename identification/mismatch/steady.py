@@ -22,6 +22,7 @@ from nanobench_tools.physics.pendulum import lengths_m
 from .causes import CAUSES, Body, Hypothesis
 from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
 from .ruled_out import against
+from .smallest_swing import smallest_swing
 from .steady_proof import POSSIBLE, SURE, TWINS, held_out, smallest
 from .steady_words import paragraph, unknown_of
 from .trim import Trim
@@ -100,7 +101,7 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
         outcome, unknown = "unknown", unknown_of(found, swing)
     else:
         outcome = "none" if len(trims) >= least else "insufficient"
-    power = smallest(normal, found.sd, body)
+    power = {**smallest(normal, found.sd, body), "slung": smallest_swing(*swings, body.mass_kg)}
     improvement = held_out(trims, normal, body, findings)
     text = paragraph(outcome, findings, unknown, found, trims, normal, flights.odd, power, improvement, left_out, least)
     verdict = _body(outcome, text, findings, unknown, left_out, flights, power, improvement, started)

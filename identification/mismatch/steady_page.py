@@ -23,8 +23,10 @@ BREAK_S = 1.5
 
 
 def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthetic: bool,
-                      summary: Sequence[str] = ()) -> None:
-    """cases {title: verdict of ``steady.compare``}; summary: sentences above them."""
+                      summary: Sequence[str] = (), table: tuple[Sequence[str], Sequence[Sequence[str]]] = ((), ()),
+                      dose: Mapping[str, Any] | None = None) -> None:
+    """cases {title: verdict of ``steady.compare``}; above them summary: sentences, table: heads and rows, one a case,
+    dose {cut_mm, loss_percent}: of cut propellers."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
@@ -33,8 +35,25 @@ def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthe
              for k, (title, body) in enumerate(cases.items())]
     text = environment.get_template("steady.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, css=_template("report.css"), cases=drawn,
-        summary=summary, width=WIDTH, height=HEIGHT, left=LEFT, bottom=BOTTOM)
+        summary=summary, heads=table[0], rows=table[1], dose=_dose(dose),
+        ids={title: f"case-{k}" for k, title in enumerate(cases)}, width=WIDTH, height=HEIGHT, left=LEFT, bottom=BOTTOM)
     write_bytes(Path(path), text.encode(errors="replace"))
+
+
+def _dose(dose: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Thrust lost over the millimetres cut off both blades of a propeller."""
+    if not dose or not dose["cut_mm"]:
+        return None
+    cut, loss = np.array(dose["cut_mm"], float), np.array(dose["loss_percent"], float)
+    y = _scale(min(0.0, 1.1 * float(loss.min())), max(LEAST_RANGE, 1.1 * float(loss.max())))
+    widest = 1.1 * max(float(cut.max()), 1.0)
+
+    def x(mm: float) -> float:
+        return LEFT + mm / widest * (WIDTH - LEFT)
+
+    levels = [t for t in _ticks(max(LEAST_RANGE, 1.1 * float(loss.max()))) if t >= 0.0]
+    return {"dots": [(x(c), y(v)) for c, v in zip(cut, loss, strict=True)], "levels": [(t, y(t)) for t in levels],
+            "cuts": [(mm, x(mm)) for mm in range(0, int(widest) + 1, 1 if widest < 8.0 else 2)], "n": len(cut)}
 
 
 def _pictures(body: Mapping[str, Any]) -> dict[str, Any]:

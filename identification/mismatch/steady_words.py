@@ -11,6 +11,7 @@ from nanobench_tools.physics.pendulum import lengths_m
 
 from .causes import CAUSES
 from .periodic import where_to
+from .smallest_swing import say as say_swing
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
@@ -77,6 +78,8 @@ def paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapp
         parts.append(f"{len(trims)} flight with a trim, {least} are needed for a name. {seen}")
     if unknown is not None:
         parts.append(f"Something changed, and no single cause is sure: {unknown['hint']}. {seen}")
+    if outcome in ("none", "unknown") and (unknown is None or unknown["frequency_hz"] is None):
+        parts.append(say_swing(power.get("slung")))
     if not found.known_lift:
         parts.append("Without a measured battery voltage only the shares of the motors count; a weight in the middle, "
                      "or all motors weaker alike, cannot be asked for.")
@@ -86,4 +89,4 @@ def paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapp
         parts.append("Without a measured pitch wind from ahead or behind cannot be asked for.")
     for name, why in {**left_out, **odd}.items():
         parts.append(f"{name} is left out: {why}.")
-    return " ".join(parts)
+    return " ".join(part for part in parts if part)

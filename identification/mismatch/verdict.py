@@ -29,7 +29,10 @@ UNASKED = {
     "mocap": "(position and attitude) nothing says how the vehicle moved",
     "imu": "(gyro_x, gyro_y, gyro_z) nothing says how it turned: no torque, inertia, lag or delay can be asked for",
     "command": "(thrust) nothing says what the simulator would have been commanded: no term can be evaluated",
-    "motor": "(m1 to m4) nothing says what the simulator would have been commanded: no term can be evaluated",
+    "motor": "(m1, m2 and so on, one a rotor) nothing says what the simulator would have been commanded: no term can "
+             "be evaluated",
+    "rpm": "(m1, m2 and so on, one a rotor) nothing says how fast the rotors turned, which this simulator takes: no "
+           "term can be evaluated",
     "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
                "thrust follows the voltage could not be asked"}
 """What a missing stream keeps from being asked."""

@@ -108,7 +108,7 @@ def _spearman(pairs: Sequence[tuple[float, float]]) -> dict[str, Any]:
 def _power(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Median over folders of the smallest size that would have been named."""
     found: dict[str, dict[str, Any]] = {}
-    for cause in ("propeller", "weight", "mass"):
+    for cause in ("propeller", "weight", "mass", "slung"):
         rows = [c["power"][cause] for c in cases if cause in c["power"]]
         sizes = [r["minimum_detectable"] for r in rows if r["minimum_detectable"] is not None]
         if rows:

@@ -64,21 +64,32 @@ def show_folders(options: Options, body: Mapping[str, Any]) -> None:
     word = data_word(options)
     table = Table(title=f"Folders diagnosed blind against {len(body['normal'])} normal flights, {word}",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("folder", "there", "said", "motors", "right", "thrust asked of motors 1..4, %", "sd %", "found at it"):
+    for head in HEADS:
         table.add_column(head, no_wrap=head == "folder")
+    for row in rows(body):
+        table.add_row(*row)
+    options.show(table)
+    for line in sentences(body):
+        options.show(line)
+
+
+HEADS = ("folder", "there", "said", "motors", "right", "thrust asked of motors 1..4, %", "sd %", "found at it")
+
+
+def rows(body: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Of every folder and every normal flight left out: texts under HEADS."""
+    found = []
     for case in body["cases"]:
         trim, size = case["trim"], case["size"]
         said = case["cause"] or (" or ".join(case["causes"]) if case["causes"] else case["outcome"])
-        table.add_row(one_line(case["case"]), ", ".join(case["truth"]) or "-", said,
+        found.append((one_line(case["case"]), ", ".join(case["truth"]) or "-", said,
                       ", ".join(map(str, case["motors_named"])) or "-",
                       "yes" if case["right"] else "FALSE" if case["false_name"] else
                       "no, below the stated size" if case["below"] else "no",
                       " ".join(f"{c:+.1f}" for c in trim["change_percent"]) if trim else "-",
                       f"{trim['sd_percent']:.1f}" if trim else "-",
-                      ", ".join(f"{v:.1f} %" for v in size["loss_percent"]) if size else "-")
-    options.show(table)
-    for line in sentences(body):
-        options.show(line)
+                      ", ".join(f"{v:.1f} %" for v in size["loss_percent"]) if size else "-"))
+    return found
 
 
 def sentences(body: Mapping[str, Any]) -> list[str]:
@@ -96,7 +107,9 @@ def sentences(body: Mapping[str, Any]) -> list[str]:
             lines.append(f"dose and response, {words}: Spearman {row['spearman']:.2f}, n = {row['n']}")
     for cause, row in body["power"].items():
         if row["minimum_detectable"] is not None:
-            lines.append(f"smallest {cause} that would be named: {row['minimum_detectable']:.1f} {row['unit']}")
+            size, unit = row["minimum_detectable"], row["unit"]
+            lines.append(f"smallest swing that would be found: {size:.2f} {unit}" if cause == "slung" else
+                         f"smallest {cause} that would be named: {size:.1f} {unit}")
     for name in body["unlabelled"]:
         lines.append(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
     if body["without_folder"]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
-from .folders import NORMAL, check_mass, copies_between, real_folders, sentences, show_folders
+from .folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
@@ -152,7 +152,8 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     show_folders(options, body)
     if options.out is not None:
         write_steady_page({**judged.verdicts, **{LEAVE_ONE_OUT + n: v for n, v in judged.alarms.items()}},
-                          options.out / "report.html", options.synthetic, sentences(body))
+                          options.out / "report.html", options.synthetic, sentences(body), (HEADS, rows(body)),
+                          body["summary"]["dose"]["all_motors"])
         options.say(str(options.out / "report.html"))
     return body
 

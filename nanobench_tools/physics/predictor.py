@@ -25,7 +25,8 @@ class ModelPredictor:
 
     def __init__(self, model: Model, name: str = "physics") -> None:
         if model.vehicle.input != "pwm":
-            raise InputError(f"model {name}", "input is rpm", "windows hold PWM; give a model with input pwm")
+            raise InputError(f"model {name}", f"input is {model.vehicle.input}",
+                             "windows hold PWM; give a model with input pwm")
         self.model, self.name = model, name
         self._rollout = rollout.rollout if importlib.util.find_spec("casadi") else numeric.rollout
 

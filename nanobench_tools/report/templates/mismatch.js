@@ -65,7 +65,7 @@
 
   function share(key) {
     return (c, width) => {
-      const cells = data.share[key];
+      const cells = data.share[key].map(row => row.slice(0, data.channels.length));
       if (!cells.length) return { absent: "The residual goes with no signal." };
       const top = Math.max(...data.share.before.flat(), 20);
       const names = width < 500 ? data.channels.map(n => n.replace("force ", "F").replace("torque ", "T")) : data.channels;
@@ -206,7 +206,7 @@
   if (data.flights) {
     draw("whole", whole);
     draw("rms-force", rms(0));
-    draw("rms-torque", rms(3));
+    if (data.channels.length > 3) draw("rms-torque", rms(3));
     on(["time-flight", "time-channel"], () => draw("timeline", timeline(chosen("time-flight"), chosen("time-channel"))));
     draw("share", share("before"));
     draw("share-after", share("after"));

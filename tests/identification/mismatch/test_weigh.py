@@ -235,8 +235,9 @@ def swings(n: int, seed: int, peak: float = 1.0) -> list[Swing]:
     rng = np.random.default_rng(seed)
     shape = 1.0 + (peak - 1.0) * np.exp(-0.5 * ((frequencies() - 0.65) / 0.05) ** 2)
     aside = [shape * rng.gamma(2.0, 0.5, len(shape)) for _ in range(n)]
-    unseen = np.full(len(shape), np.nan)
-    return [Swing(np.stack([unseen, p], axis=1), 2, np.stack([unseen, p, unseen], axis=1)) for p in aside]
+    unseen, unit = np.full(len(shape), np.nan), np.array([np.nan, 1.0])
+    return [Swing(np.stack([unseen, p], axis=1), 2, np.stack([unseen, p, unseen], axis=1), unit, 20.0)
+            for p in aside]
 
 
 def test_a_load_that_swings_is_no_taped_weight():
