@@ -25,11 +25,11 @@ from .gtsam_path import Path, State
 DRAG_1_S, DRAG_SD_1_S = 0.40, 0.03
 """Linear drag of a 40 g Crazyflie over its mass."""
 
-OFFSET_SD_M_S2, OFFSET_WALK = 0.3, 0.01
+OFFSET_SD_M_S2, OFFSET_WALK = 0.1, 0.002
 SCALE, SCALE_SD, SCALE_WALK = 0.94, 0.05, 0.005
 """Thrust against the firmware's curve; it changes from flight to flight, and within one."""
 
-DRAG_NOISE_M_S2, THRUST_NOISE_M_S2 = 0.15, 0.3
+DRAG_NOISE_M_S2, THRUST_NOISE_M_S2 = 0.09, 0.3
 """Of a mean over one state: wake and gusts."""
 
 LAG_S = 0.06

@@ -8,6 +8,7 @@ uses all of the IMU and every pose that was given, whenever they came. One that 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,10 +21,12 @@ from .error_state_ekf import ErrorStateEkf
 from .gtsam_graph import Linear, Problem, Solution
 from .gtsam_path import UP, Path, State, steps_of
 from .gtsam_rows import POSE, Rows, rows_of, stands
+from .gtsam_sure import between, given_out
 from .imu_noise import ImuNoise, packet_rate_hz
 
-NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.007, acc_m_s2_sqrtHz=0.015, acc_walk_m_s3_sqrtHz=3e-3, stamp_s_sqrtHz=0.004)
-"""In flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
+NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.003, acc_m_s2_sqrtHz=0.018, vertical_m_s2_sqrtHz=0.005,
+                 gyro_walk_rad_s2_sqrtHz=5e-5, acc_walk_m_s3_sqrtHz=1.5e-3, stamp_s_sqrtHz=0.0103)
+"""In flight, where the stamps' wander is told apart: it counts as much as the signal changes. As of ``drag_ekf``."""
 
 CLOCK_SD_M = 0.005
 """What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose."""
@@ -37,6 +40,9 @@ the poses' attitude is than their position are slow quantities: the tracked tilt
 
 WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-3])
 """Of the slow quantities: rad x3, s, s per root second."""
+
+TAIL_S = 1.0
+"""A longer stretch after the last pose is integrated alone, and nothing is said of how sure it is."""
 
 CONTRADICTED_M = 0.5
 """Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
@@ -59,7 +65,9 @@ class GtsamBatch:
         the smoother did not converge; MissingExtraError without gtsam."""
         rows = rows_of(flight)
         noise, time_s = self.noise.at_rate(packet_rate_hz(flight["imu"])), stands(rows)
-        last = len(time_s) - 1 if self.measures_after_poses else int(np.searchsorted(time_s, rows.pose_s[-1]))
+        last = len(time_s) - 1
+        if not self.measures_after_poses and time_s[-1] - rows.pose_s[-1] > TAIL_S:
+            last = int(np.searchsorted(time_s, rows.pose_s[-1]))
         problem = Problem(rows, noise, time_s[: last + 1])
         blocks = self.blocks(flight, problem)
         start = started(flight, rows, problem, self.slow)
@@ -70,7 +78,12 @@ class GtsamBatch:
         state = solution.state
         if last + 1 < len(time_s):
             state = state.then(Problem(rows, noise, time_s[last:]).carried(state))
-        return on_mocap_clock(rows, Path(steps_of(rows, time_s), state))
+        estimate = on_mocap_clock(rows, Path(steps_of(rows, time_s), state))
+        if solution.covariance is None or last + 1 < len(time_s):
+            return estimate
+        rate = np.stack([np.interp(time_s, rows.time_s, column) for column in rows.gyro.T], axis=1) - state.gyro_bias
+        sure = given_out(solution.covariance, state, rate)
+        return replace(estimate, covariance=between(time_s, sure, estimate.time_s))
 
     def uncertain(self, noise: ImuNoise) -> State:
         """SDs of the first state, before anything is measured."""

@@ -209,11 +209,10 @@ class _Run:
         """Preintegrated rows from one time to a later one, with the noise of how much they change."""
         rows = self.rows.time_s
         a, b = np.searchsorted(rows, [start_s, end_s])
-        acc, gyro = self.slope[a : max(b, a + 1)].mean(axis=0)
-        eye = EYE
-        wander = self.noise.stamp_s_sqrtHz**2
-        self.params.setAccelerometerCovariance(eye * (self.noise.acc_m_s2_sqrtHz**2 + wander * acc))
-        self.params.setGyroscopeCovariance(eye * (self.noise.gyro_rad_s_sqrtHz**2 + wander * gyro))
+        level, upright, gyro = self.noise.stamp_s_sqrtHz**2 * self.slope[a : max(b, a + 1)].mean(axis=0)
+        level += self.noise.acc_m_s2_sqrtHz**2
+        self.params.setAccelerometerCovariance(np.diag([level, level, upright + self.noise.upright**2]))
+        self.params.setGyroscopeCovariance(EYE * (self.noise.gyro_rad_s_sqrtHz**2 + gyro))
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
         times, values = between(rows, self.values, start_s, end_s)
         middle = 0.5 * (values[1:] + values[:-1])
@@ -244,10 +243,12 @@ def increment_mean(rows: Rows, start_s: float, end_s: float) -> np.ndarray:
 
 
 def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n, 2): squared slope of accelerometer and gyro over the CHANGE_S before each row, mean of three axes."""
+    """(n, 3): squared slope of the accelerometer across and along the rotors' axis and of the gyro (means of axes) over
+    the CHANGE_S before each row."""
     back = np.clip(np.searchsorted(time_s, time_s - CHANGE_S), 0, None)
     slope = (values - values[back]) / np.maximum(time_s - time_s[back], 1e-3)[:, None]
-    return np.stack([np.mean(slope[:, :3] ** 2, axis=1), np.mean(slope[:, 3:] ** 2, axis=1)], axis=1)
+    square = slope**2
+    return np.stack([square[:, :2].mean(axis=1), square[:, 2], square[:, 3:].mean(axis=1)], axis=1)
 
 
 def _flying(flight: Flight, rows: Rows) -> np.ndarray:

@@ -19,6 +19,7 @@ from nanobench_tools.units import GRAVITY_M_S2
 
 from .gtsam_path import Path, State, steps_of
 from .gtsam_rows import Rows
+from .gtsam_sure import covariance_of
 from .imu_noise import NOMINAL_HZ, ImuNoise
 
 CHANGE_S = 0.06
@@ -56,13 +57,15 @@ class Linear:
 
 @dataclass(frozen=True)
 class Solution:
-    """state and the path through it, iterations, converged, cost: half the sum of squares of the weighted residuals."""
+    """state and the path through it, iterations, converged, cost: half the sum of squares of the weighted residuals;
+    covariance (K, n, n) of pose, velocity, biases and slow quantities of each state, None where it cannot be told."""
 
     state: State
     path: Path
     iterations: int
     converged: bool
     cost: float
+    covariance: np.ndarray | None = None
 
 
 class Problem:
@@ -76,14 +79,16 @@ class Problem:
         cumulative = np.concatenate(([0.0], np.cumsum(rows.packets)))
         packets = np.diff(cumulative[np.searchsorted(rows.time_s, time_s, side="right")])
         poorer = np.sqrt(np.maximum(np.diff(time_s) * NOMINAL_HZ, 1.0) / np.maximum(packets, LEAST_PACKETS))
-        self.acc_sd = np.hypot(noise.acc_m_s2_sqrtHz * poorer, noise.stamp_s_sqrtHz * self._change(rows.acc))
+        level, upright = self._change(rows.acc[:, :2]), self._change(rows.acc[:, 2:])
+        white = np.outer(poorer, [noise.acc_m_s2_sqrtHz] * 2 + [noise.upright])
+        self.acc_sd = np.hypot(white, noise.stamp_s_sqrtHz * np.stack([level, level, upright], axis=1))
         self.gyro_sd = np.hypot(noise.gyro_rad_s_sqrtHz * poorer, noise.stamp_s_sqrtHz * self._change(rows.gyro))
         self.params = params_of(self.gtsam, noise)
         self.keys = {letter: [self.gtsam.symbol(letter, i) for i in range(self.count)] for letter in "xvbc"}
         self.increments = [self._increment(i) for i in range(self.count - 1)]
 
     def _change(self, values: np.ndarray) -> np.ndarray:
-        """RMS over each interval of the time derivative of (n, 3) values, over CHANGE_S, per axis."""
+        """RMS over each interval of the time derivative of (n, d) values, over CHANGE_S, mean of axes."""
         time_s = self.rows.time_s
         ahead = np.clip(np.searchsorted(time_s, time_s + 0.5 * CHANGE_S), 0, len(time_s) - 1)
         back = np.clip(np.searchsorted(time_s, time_s - 0.5 * CHANGE_S), 0, len(time_s) - 1)
@@ -96,7 +101,7 @@ class Problem:
     def _increment(self, i: int) -> Any:
         """Preintegrated interval i, with its own noise."""
         eye = np.eye(3)
-        self.params.setAccelerometerCovariance(eye * self.acc_sd[i] ** 2)
+        self.params.setAccelerometerCovariance(np.diag(self.acc_sd[i] ** 2))
         self.params.setGyroscopeCovariance(eye * self.gyro_sd[i] ** 2)
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
         integrate = one.integrateMeasurement
@@ -161,7 +166,18 @@ class Problem:
                 break
             converged = small
             values, (state, path, linear, cost) = trial, new
-        return Solution(state, path, iteration, converged, float(cost))
+        covariance = self._covariance(linear, ordering, start) if converged else None
+        return Solution(state, path, iteration, converged, float(cost), covariance)
+
+    def _covariance(self, linear: Any, ordering: Any, like: State) -> np.ndarray | None:
+        if like.others:
+            return None
+        keys = [list(row) for row in zip(*(self.keys[letter][: self.count] for letter in "xvbc"), strict=True)]
+        try:
+            net = linear.eliminateSequential(ordering)
+            return covariance_of(net, keys, [6, 3, 6, like.slow.shape[1]])
+        except (RuntimeError, np.linalg.LinAlgError):  # too weakly held to say
+            return None
 
     def _optimised(self, linear: Any, ordering: Any) -> Any:
         try:

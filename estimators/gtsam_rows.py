@@ -24,6 +24,9 @@ STEP_S = 0.1
 NEAR_S = 0.09
 """A pose starts a new state if the last one is at least so old."""
 
+WARMS_M_S3 = 0.00085
+"""By how much the bias of the vertical accelerometer rises as the board warms; as of ``drag_ekf``."""
+
 LEAST_POSES, LEAST_S = 5, 1.0
 GAP_S = 1.0
 """A hole in the IMU that no integral bridges."""
@@ -52,9 +55,9 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
     """InputError without an IMU, with a hole in it, or without a second of poses to start from.
 
     Rows with nan, rows whose time does not rise and the straight line that a resampler draws after the last packet are
-    left out. A pose that comes late is taken at the time it was
-    measured, if the delay was told (``metadata["pose_delay_s"]``). ``causal``: packets are not counted, which takes
-    the whole recording.
+    left out. A pose that comes late is taken at the time it was measured, if the delay was told
+    (``metadata["pose_delay_s"]``). The drift of a warming accelerometer is taken out. ``causal``: packets are not
+    counted, which takes the whole recording.
     """
     place = flight.provenance.path
     imu, mocap = flight["imu"], flight["mocap"]
@@ -83,7 +86,8 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
         raise InputError(place, f"the IMU has a hole of {holes.max():.2f} s at {at:.2f} s, no smoother bridges it")
     quaternion = so3.make_continuous(poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True))
     noise_m = float(flight.metadata.get("pose_noise_m", math.nan))
-    acc, gyro, packets = values[:, :3], values[:, 3:6], values[:, 6]
+    acc, gyro, packets = values[:, :3].copy(), values[:, 3:6], values[:, 6]
+    acc[:, 2] -= WARMS_M_S3 * (time_s - time_s[0])
     return Rows(values[:, 8], time_s, acc, gyro, packets, pose_s, poses[:, :3], quaternion, noise_m, place)
 
 

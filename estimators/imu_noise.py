@@ -19,7 +19,7 @@ from nanobench_tools.flight import Stream
 
 SCHEMA = "nanobench-imu-noise/1"
 NOMINAL_HZ = 100.0
-MAY_BE_ZERO = ("stamp_s_sqrtHz", "gyro_walk_rad_s2_sqrtHz", "acc_walk_m_s3_sqrtHz")
+MAY_BE_ZERO = ("stamp_s_sqrtHz", "vertical_m_s2_sqrtHz", "gyro_walk_rad_s2_sqrtHz", "acc_walk_m_s3_sqrtHz")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class ImuNoise:
 
     gyro [rad/s/sqrt(Hz)], acc [m/s^2/sqrt(Hz)]; walks [rad/s^2/sqrt(Hz)], [m/s^3/sqrt(Hz)]; stamp [s/sqrt(Hz)] is the
     wander of the stamps, which makes noise of a signal as fast as that changes (0 where it is part of the densities);
-    rate_hz the true rate of the packets they were measured at. The defaults are a 40 g Crazyflie in flight, its log
+    vertical [m/s^2/sqrt(Hz)] is acc along the rotors' axis (0: as acc); rate_hz the true rate of the packets they were
+    measured at. The defaults are a 40 g Crazyflie in flight, its log
     sent over radio: ten times the sensor's at rest, for vibration and for stamps that are late by a varying time.
     """
 
@@ -39,7 +40,13 @@ class ImuNoise:
     gyro_bias_sd_rad_s: float = 0.03
     acc_bias_sd_m_s2: float = 0.3
     stamp_s_sqrtHz: float = 0.0
+    vertical_m_s2_sqrtHz: float = 0.0
     rate_hz: float = NOMINAL_HZ
+
+    @property
+    def upright(self) -> float:
+        """Of the accelerometer along the rotors' axis."""
+        return self.vertical_m_s2_sqrtHz or self.acc_m_s2_sqrtHz
 
     def at_rate(self, rate_hz: float) -> ImuNoise:
         """The same sensor with ``rate_hz`` packets per second; itself where the rate is not known."""
@@ -47,7 +54,8 @@ class ImuNoise:
             return self
         more = math.sqrt(self.rate_hz / rate_hz)
         return replace(self, gyro_rad_s_sqrtHz=self.gyro_rad_s_sqrtHz * more,
-                       acc_m_s2_sqrtHz=self.acc_m_s2_sqrtHz * more, rate_hz=rate_hz)
+                       acc_m_s2_sqrtHz=self.acc_m_s2_sqrtHz * more,
+                       vertical_m_s2_sqrtHz=self.vertical_m_s2_sqrtHz * more, rate_hz=rate_hz)
 
     def to_toml(self, about: str = "") -> str:
         """The file's text; ``about`` goes in front as comments."""
@@ -69,7 +77,7 @@ def reckon_with(method: Any, noise: ImuNoise) -> None:
         method.noise = noise
     elif hasattr(method, "settings"):
         method.settings = {**method.settings, "gyro_noise": noise.gyro_rad_s_sqrtHz, "acc_noise": noise.acc_m_s2_sqrtHz,
-                           "vertical_noise": noise.acc_m_s2_sqrtHz, "gyro_walk": noise.gyro_walk_rad_s2_sqrtHz,
+                           "vertical_noise": noise.upright, "gyro_walk": noise.gyro_walk_rad_s2_sqrtHz,
                            "acc_walk": noise.acc_walk_m_s3_sqrtHz, "stamp": noise.stamp_s_sqrtHz}
     else:
         raise UsageError(f"estimator {getattr(method, 'name', method)!r} takes no noise of an IMU")

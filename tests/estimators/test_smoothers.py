@@ -19,6 +19,7 @@ from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
 from estimators.gtsam_graph import Problem  # noqa: E402
 from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
 from estimators.gtsam_rows import rows_of, stands  # noqa: E402
+from estimators.gtsam_sure import covariance_of  # noqa: E402
 from estimators.imu_noise import ImuNoise  # noqa: E402
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
@@ -125,6 +126,40 @@ def test_late_poses_count_when_they_were_measured():
     estimate = GtsamBatch().estimate(late)
     true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
     assert rms(estimate.position_m - true) < 1e-3
+
+
+def test_covariances_of_a_chain_are_those_of_the_dense_inverse():
+    """Random factors on two variables a time and between times, eliminated in time."""
+    rng, sizes, count, n = np.random.default_rng(2), [2, 3], 6, 5
+    keys = [[gtsam.symbol("a", i), gtsam.symbol("b", i)] for i in range(count)]
+    flat, at = [key for row in keys for key in row], np.cumsum([0, *sizes * count])
+    graph, dense = gtsam.GaussianFactorGraph(), np.zeros((n * count, n * count))
+    for j in range(2 * count):
+        use = list(range(j, min(j + 3, 2 * count)))  # each with the next two: all of a time, and half of the next
+        rows = np.zeros((8, n * count))
+        rows[:, at[use[0]] : at[use[-1] + 1]] = rng.normal(size=(8, at[use[-1] + 1] - at[use[0]]))
+        parts = [part for k in use for part in (flat[k], rows[:, at[k] : at[k + 1]])]
+        graph.push_back(gtsam.JacobianFactor(*parts, np.zeros(8), gtsam.noiseModel.Unit.Create(8)))
+        dense += rows.T @ rows
+    ordering = gtsam.Ordering()
+    for row in keys:
+        for key in row:
+            ordering.push_back(key)
+    found = covariance_of(graph.eliminateSequential(ordering), keys, sizes)
+    whole = np.linalg.inv(dense)
+    assert np.allclose(found, [whole[i * n : i * n + n, i * n : i * n + n] for i in range(count)], rtol=1e-6)
+
+
+def test_a_smoother_says_how_sure_it_is():
+    """As sure as it is right, within a factor of two, and surer than the poses alone."""
+    flight, t, p, _ = known_motion(noise_m=0.01)
+    estimate = GtsamBatch().estimate(flight)
+    true = np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+    error = estimate.position_m - true
+    said = estimate.covariance[:, :3, :3]
+    assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+    assert 0.2 < np.mean(np.einsum("ni,nij,nj->n", error, np.linalg.inv(said), error)) / 3.0 < 2.0
+    assert np.sqrt(said[len(said) // 2].trace()) < 0.017
 
 
 def test_bad_input_is_one_line():
