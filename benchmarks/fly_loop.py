@@ -23,10 +23,21 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 CONTROLLERS = ("onboard_pid", "onboard_mellinger", "geometric", "mpc_daqp")
-HIDDEN = {
-    "nothing": lambda model: model,
-    "weak motor": lambda model: model.with_term("motor_imbalance", g=(0.88, 1.04, 1.04, 1.04)),
-    "payload of 2 g": lambda model: model.with_term("mass", m=model.vehicle.mass_kg + 0.002),
+SAG_V = 3.55
+"""Voltage that a simulator without a battery believes in: that of a flight's beginning."""
+
+
+def constant_voltage(model):
+    """``model`` as one that knows PWM only sees it."""
+    c = model.values_of("thrust_voltage")["c"]
+    return model.without("thrust_voltage").with_term("thrust_pwm", c=tuple(c[k] * SAG_V**k for k in range(len(c))))
+
+
+HIDDEN = {  # what is flown, and what is believed, both made of the shipped model
+    "nothing": (lambda model: model, lambda model: model),
+    "weak motor": (lambda model: model.with_term("motor_imbalance", g=(0.88, 1.04, 1.04, 1.04)), lambda model: model),
+    "payload of 2 g": (lambda model: model.with_term("mass", m=model.vehicle.mass_kg + 0.002), lambda model: model),
+    "battery sag ignored": (lambda model: model, constant_voltage),
 }
 SERVE = """
 import sys, time
@@ -119,16 +130,17 @@ def hidden(effects: list[str], flights: int, seconds: float) -> None:
     """SYNTHETIC: what ``diagnose`` says of recordings of a vehicle that has more in it than the simulator."""
     from controllers.ensemble import shipped_simulator
     from nanobench_tools.cli.main import main
-    from nanobench_tools.physics.simulator import loads
+    from nanobench_tools.physics.simulator import loads, write_simulator
 
     nominal = loads(shipped_simulator(), "shipped")
     with tempfile.TemporaryDirectory() as place:
-        simulator = Path(place) / "believed.toml"
-        simulator.write_text(shipped_simulator())
         for what in effects:
+            flown, believed = (made(nominal) for made in HIDDEN[what])
+            simulator = Path(place) / "believed.toml"
+            write_simulator(believed, simulator)
             folder, out = Path(place) / what.replace(" ", "_"), Path(place) / "verdict" / what.replace(" ", "_")
             for seed in range(flights):
-                fly_virtual("onboard_pid", folder, seed, seconds, HIDDEN[what](nominal))
+                fly_virtual("onboard_pid", folder, seed, seconds, flown)
             main(["diagnose", "--data", str(folder), "--simulator", str(simulator), "--out", str(out), "--jobs", "1",
                   "--quiet"])
             verdict = json.loads((out / "verdict.json").read_text())

@@ -67,6 +67,7 @@ _OPTIONS: tuple[Callable, ...] = (
                  "seconds in the mean, such as 2,0.06."),
     click.option("--mocap-hz", "mocap_hz", type=float, metavar="HZ", help="Served: poses a second. Default: 100."),
     click.option("--mocap-noise-m", type=float, metavar="M", help="Served: noise of poses. Default: 0.0003."),
+    click.option("--mocap-noise-rad", type=float, metavar="RAD", help="Served: of their turns. Default: 0.002."),
     click.option("--mocap-delay-s", type=float, metavar="S", help="Served: from exposure to sending."),
     click.option("--clock-drift", "ticks_ppm", type=float, metavar="PPM", help="Served: its ticks are this much too "
                  "fast."),
@@ -78,8 +79,8 @@ _OPTIONS: tuple[Callable, ...] = (
     click.option("--seconds", "seconds", type=click.FloatRange(min=0.0), metavar="S", help="Served: end by itself."),
 )
 SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
-                 "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_delay_s", "ticks_ppm",
-                 "boot_offset_s", "pace", "bind_anywhere", "seconds")
+                 "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad", "mocap_delay_s",
+                 "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere", "seconds")
 
 
 def serve_options(function: Callable) -> Callable:
@@ -145,7 +146,8 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
     def air(seed: int) -> tuple[RadioOptions, MocapOptions]:
         radio = RadioOptions(**_some(given, latency_s="latency_s", jitter_s="jitter_s", loss="loss",
                                      packets_per_s="packets_per_s"), hangs_per_s=hangs[0], hang_s=hangs[1], seed=seed)
-        mocap = MocapOptions(**_some(given, rate_hz="mocap_hz", noise_m="mocap_noise_m", delay_s="mocap_delay_s"),
+        mocap = MocapOptions(**_some(given, rate_hz="mocap_hz", noise_m="mocap_noise_m", noise_rad="mocap_noise_rad",
+                                     delay_s="mocap_delay_s"),
                              seed=seed)
         return radio, mocap
 

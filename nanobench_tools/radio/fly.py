@@ -30,8 +30,9 @@ GROUND_M = 0.03
 FLYING, STILL_S = 1 << 4, 4.0
 """Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
 ECHO_S = 0.1
-LIFT_S, LIFT_AGAIN_S = 2.4, 0.8
-"""A vehicle that stands on the ground so long after the command to take off does not fly; it is told again before."""
+LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
+"""A vehicle that stands on the ground so long after the command to take off does not fly. It is told again before:
+soon, as the command may have been lost, then late, as the integrals of one that is heavy need time."""
 
 
 class Listener(Protocol):
@@ -97,14 +98,14 @@ class Flight:
         self.pacer = Pacer(self.clock, PERIOD_S)
         start = self.clock.now()
         self._enter(TAKEOFF, start)
-        lifted_at = [0.0]
+        told = [start]
         self.link.release()  # the zero set-point with which the last client closed still stands above the planner
         self.link.take_off(self.plan.height_m, 2.0)
         while True:
             due = self.pacer.wait()
-            time_s = due - start
+            time_s = due - told[-1]
             self._look(time_s)
-            stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(time_s, lifted_at)
+            stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(due, told)
             if stop is None:
                 phase = self.plan.phase(time_s)
                 if phase != self._phase:
@@ -207,14 +208,16 @@ class Flight:
         for listener in self._listeners:
             listener.note(text)
 
-    def _does_not_lift(self, time_s: float, told_at: list[float]) -> Stop | None:
-        """Tells the vehicle again to take off when it stands; gives up after LIFT_S."""
+    def _does_not_lift(self, now_s: float, told_s: list[float]) -> Stop | None:
+        """Tells the vehicle again to take off when it stands, after which the plan begins anew; gives up after LIFT_S.
+        ``told_s``: when it was told."""
         if self._phase != TAKEOFF or self._height() > self.ground_m + GROUND_M:
             return None
-        if time_s > LIFT_S:
-            return Stop("take-off", "the vehicle does not leave the ground", time_s, TAKEOFF)
-        if time_s - told_at[0] > LIFT_AGAIN_S:
-            told_at[0] = time_s
+        if now_s - told_s[0] > LIFT_S:
+            reason = f"the vehicle does not leave the ground: too heavy? battery {self._now.battery_V:.2f} V"
+            return Stop("take-off", reason, now_s - told_s[0], TAKEOFF)
+        if now_s - told_s[-1] > LIFT_AGAIN_S[min(len(told_s), len(LIFT_AGAIN_S)) - 1]:
+            told_s.append(now_s)
             self.link.release()
             self.link.take_off(self.plan.height_m, 2.0)
         return None

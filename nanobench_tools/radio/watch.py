@@ -75,12 +75,13 @@ class Watch:
         from rich.table import Table
 
         link, errors = self._link, list(self._errors)
-        last = errors[-1] if errors else float("nan")
+        last = f"{100.0 * errors[-1]:.1f} cm" if errors and np.isfinite(errors[-1]) else "nothing is asked yet"
         trips = list(link.round_trips_s)
         table = Table.grid(padding=(0, 2))
         table.add_row("phase", f"{self._phase}, {self._time_s:.1f} s")
-        table.add_row("error", f"{sparkline(errors, FULL_M)} {100.0 * last:.1f} cm")
-        table.add_row("battery", f"{link.values.get('pm.vbat', float('nan')):.2f} V")
+        table.add_row("error", f"{sparkline(errors, FULL_M)} {last}".lstrip())
+        battery = link.values.get("pm.vbat")
+        table.add_row("battery", "not known yet" if battery is None else f"{battery:.2f} V")
         quality = f"round trip {1e3 * float(np.median(trips)):.1f} ms" if trips else "no echo"
         table.add_row("link", f"{quality}, last packet {1e3 * max(time.time() - link.heard_s, 0.0):.0f} ms ago")
         beat = self.beat_of()
