@@ -28,7 +28,7 @@ NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.003, acc_m_s2_sqrtHz=0.018, vertical_m_s2_s
                  gyro_walk_rad_s2_sqrtHz=5e-5, acc_walk_m_s3_sqrtHz=1.5e-3, stamp_s_sqrtHz=0.0103)
 """In flight, where the stamps' wander is told apart: it counts as much as the signal changes. As of ``drag_ekf``."""
 
-CLOCK_SD_M = 0.005
+CLOCK_SD_M = 0.003
 """What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose."""
 
 ATTITUDE_SD_RAD, UNTOLD_SD_M = 0.005, 0.001

@@ -107,7 +107,7 @@ def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
             share = [max(v, 1.0) for v in share]  # the axis is logarithmic
             inside.append({"name": method, "published": False, "x": at, "y": share, "low": share, "high": share})
     if inside:
-        panels.append({"title": "errors inside 3 sigma (99.7 would be right)", "unit": "%", "lines": inside})
+        panels.append({"title": "inside 3 sigma", "unit": "%", "lines": inside})
     if not panels:
         return {"absent": "No dead reckoning after the poses stopped among the results."}
     return {"panels": panels}

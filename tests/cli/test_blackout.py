@@ -5,6 +5,8 @@ from statistics import median
 
 import pytest
 
+from nanobench_tools.protocols import blackout as protocol
+
 
 def blackout(nanobench, folder, out, *more):
     code, _, err = nanobench("estimate", "--data", folder, "--protocol", "blackout", "--json", out, "--jobs", 1,
@@ -13,11 +15,22 @@ def blackout(nanobench, folder, out, *more):
     return json.loads(out.read_text())
 
 
-def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
+def test_every_row_is_there_unasked(nanobench, wandering, tmp_path, monkeypatch):
+    """One start a flight: what each row is worth is not asked here."""
+    monkeypatch.setattr(protocol, "EVERY_S", 1000.0)
     body = blackout(nanobench, wandering, tmp_path / "a.json")
     assert {row["method"] for row in body["rows"]} == {
         "strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf", "invariant_ekf", "hold_position",
         "constant_velocity"}
+    assert {w["method"] for w in body["windows"] if w["h_s"] == 5.0} == {row["method"] for row in body["rows"]}
+    said = {w["method"] for w in body["windows"] if w["inside_3_sigma"] is not None}
+    assert said == {"strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf"}
+
+
+def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
+    body = blackout(nanobench, wandering, tmp_path / "a.json", "--method", "hold_position", "--method",
+                    "constant_velocity", "--method", "drag_ekf")
+    assert {row["method"] for row in body["rows"]} == {"hold_position", "constant_velocity", "drag_ekf"}
     for row in (r for r in body["rows"] if r["group"] == "all"):
         mine = [w for w in body["windows"] if w["method"] == row["method"] and w["h_s"] == 5.0]
         flights = {w["flight"] for w in mine}
