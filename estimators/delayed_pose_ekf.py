@@ -14,7 +14,7 @@ from nanobench_tools.methods import Estimate
 
 from .drag_ekf import DragMatrixEkf
 
-OFFSET_SD_S = 0.1
+OFFSET_SD_S = 0.05
 """Before anything is seen."""
 
 

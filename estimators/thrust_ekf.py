@@ -10,8 +10,8 @@ from .drag_ekf import TUNED as DRAG
 from .inertial import Inertial
 
 TUNED: dict[str, float] = {**DRAG, "drag_cross": 0.00134, "thrust_sd": 3.73, "scale_walk": 0.00496, "scale_sd": 0.0458,
-                           "inflow": 0.0539}
-"""As ``drag_ekf.TUNED``."""
+                           "inflow": 0.02}
+"""As ``drag_ekf.TUNED``; inflow, which level flights do not show, as before."""
 
 
 class ThrustEkf(Inertial):
