@@ -29,8 +29,9 @@ SAG_V = 3.55
 
 def constant_voltage(model):
     """``model`` as one that knows PWM only sees it."""
-    c = model.values_of("thrust_voltage")["c"]
-    return model.without("thrust_voltage").with_term("thrust_pwm", c=tuple(c[k] * SAG_V**k for k in range(len(c))))
+    terms = dict(model.as_dict())
+    c = terms.pop("thrust_voltage")["c"]
+    return type(model)(model.vehicle, {"thrust_pwm": {"c": tuple(v * SAG_V**k for k, v in enumerate(c))}, **terms})
 
 
 HIDDEN = {  # what is flown, and what is believed, both made of the shipped model

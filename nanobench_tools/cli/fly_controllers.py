@@ -55,9 +55,7 @@ def _is_predictive(kind: type) -> bool:
 
 def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
     from controllers.disturbance import Tuning
-    from controllers.mpc_setpoints import OverRadio
 
-    from ..radio.fly_pilot import StreamingPilot
     from ..radio.fly_planned import PlannedPilot
 
     model = None
@@ -65,11 +63,8 @@ def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) ->
         from ..physics.simulator import read_simulator
 
         model = read_simulator(simulator)
-    if setpoints == "velocity":
-        return StreamingPilot(kind.name, setpoints,
-                              lambda delay_s: OverRadio("velocity", delay_s, kind, model=model, tuning=Tuning(**NOW)))
     if setpoints != "thrust-rates":
-        raise UsageError(f"--setpoints: {name} makes thrust-rates or velocity, not {setpoints}")
+        raise UsageError(f"--setpoints: {name} plans for motors; it is sent as thrust-rates")
 
     def make(delay_s: float) -> Any:
         return kind(model, delay_s=delay_s, tuning=Tuning(**NOW))

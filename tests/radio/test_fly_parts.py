@@ -123,7 +123,8 @@ def test_onboard_pilots_are_told_where_to_be():
 
 
 @pytest.mark.parametrize(("name", "kind"), [("onboard_pid", "thrust-rates"), ("geometric", "velocity"),
-                                            ("geometric", "full-state"), ("nobody", None)])
+                                            ("geometric", "full-state"), ("mpc_daqp", "velocity"),
+                                            ("nobody", None)])
 def test_controllers_and_setpoints_that_do_not_go_together(name, kind):
     with pytest.raises(UsageError):
         pilot_for(name, kind, None)
