@@ -126,7 +126,7 @@ def gtsam_filter(rows: Rows) -> np.ndarray | None:
 
 def first_rows(rows: Rows, n: int) -> Rows:
     """The first n rows alone: for what takes long."""
-    cut = {name: getattr(rows, name)[:n] for name in ("time_s", "clock_s", "acc", "gyro", "flying", "thrust")}
+    cut = {name: getattr(rows, name)[:n] for name in ("time_s", "clock_s", "acc", "gyro", "drawn", "flying", "thrust")}
     return replace(rows, **cut, arrived=rows.arrived[:n + 1])
 
 
