@@ -25,9 +25,11 @@ OWN = {"physics_network": "fit_balanced", "physics_network_past": "fit_observed"
 
 @dataclass(frozen=True)
 class Wanted:
-    """epochs of the published rows; voltage: each of them also with the battery as an input; own: our rows too."""
+    """published: the published rows, of so many epochs; voltage: each of them also with the battery as an input; own:
+    our rows too."""
 
     epochs: int = 500
+    published: bool = True
     voltage: bool = True
     own: bool = True
     seed: int = 0
@@ -57,7 +59,7 @@ def trained_rows(cases: Sequence[Case], wanted: Wanted, folder: Path, physics: M
     settings = Settings(epochs=wanted.epochs, seed=wanted.seed)
     jobs: list[tuple[str, Callable[[], tuple[Any, float]]]] = [
         (row_name(kind, voltage), functools.partial(_published, kind, voltage, rows, settings, folder, quiet))
-        for voltage in ((False, True) if wanted.voltage else (False,)) for kind in KINDS]
+        for voltage in ((False, True) if wanted.voltage else (False,)) for kind in (KINDS if wanted.published else ())]
     if wanted.own:
         jobs += [(name, functools.partial(_own, name, rung, cases, physics[rung], fit, folder, wanted.seed, quiet))
                  for name, rung in OWN.items() if rung in physics]

@@ -78,7 +78,7 @@ HEADS = ("folder", "there", "said", "motors", "right", "thrust asked of motors 1
 
 def rows(body: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Of every folder and every normal flight left out: texts under HEADS."""
-    found = []
+    found: list[tuple[str, ...]] = []
     for case in body["cases"]:
         trim, size = case["trim"], case["size"]
         said = case["cause"] or (" or ".join(case["causes"]) if case["causes"] else case["outcome"])

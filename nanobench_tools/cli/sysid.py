@@ -37,8 +37,9 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle.")
-@click.option("--methods", "learned", type=click.Choice(["learned"]),
-              help="Train and score the learned rows too: published networks, and networks on the fitted physics.")
+@click.option("--methods", "learned", type=click.Choice(["learned", "own"]),
+              help="Train and score learned rows too: published networks and networks on the fitted physics, or these "
+                   "(own) alone.")
 @click.option("--epochs", type=click.IntRange(min=1), default=500, show_default=True,
               help="Of the published networks.")
 @click.option("--train-family", metavar="NAME", help="Train on the recordings of this family, test on all others.")
@@ -75,16 +76,17 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
 
         parts = family_parts(flights, train_family)
     return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
-                                              epochs=epochs if learned else None))
+                                              epochs=epochs if learned else None, published=learned != "own"))
 
 
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
-               mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None) -> dict[str, Any]:
+               mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None,
+               published: bool = True) -> dict[str, Any]:
     """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
-    learned rows, None for no such rows."""
+    learned rows, None for no such rows; ``published``: the published ones too."""
     from ..harness import make_item
     from ..protocols import task1
 
@@ -96,7 +98,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     if epochs is not None:
         from .sysid_learned import learned_predictors
 
-        learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, mass_kg)
+        learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, mass_kg,
+                                     published)
         predictors = [*predictors, *learned]
     work = [(predictor, truth, case) for predictor in predictors for truth in task1.TRUTHS for case in chosen.test]
     items = [make_item(task1.score, {"case": case, "predictor": predictor, "truth": truth},

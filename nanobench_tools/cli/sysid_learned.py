@@ -22,8 +22,9 @@ def checkpoint_folder(options: Options) -> Path:
 
 
 def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping[str, Predictor], epochs: int,
-                       mass_kg: float) -> list[Any]:
-    """Predictors trained on ``train``; ``physics``: what was fitted to it, by name. Failures are kept in ``options``.
+                       mass_kg: float, published: bool = True) -> list[Any]:
+    """Predictors trained on ``train``, the ``published`` ones too or our own alone; ``physics``: what was fitted to it,
+    by name. Failures are kept in ``options``.
     MissingExtraError without JAX, InputError without training flights."""
     from identification.learned.libraries import libraries
     from identification.learned.study import Wanted, trained_rows
@@ -43,8 +44,8 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
             raise InputError(place, f"{rung} could not be fitted without some flights", "see the failure above")
         return predictor_of(values[item.key])
 
-    found, failed = trained_rows(train, Wanted(epochs=epochs, seed=options.seed), checkpoint_folder(options), physics,
-                                 fit, options.quiet, options.say)
+    chosen = Wanted(epochs=epochs, published=published, seed=options.seed)
+    found, failed = trained_rows(train, chosen, checkpoint_folder(options), physics, fit, options.quiet, options.say)
     options.failed += failed
     return found
 
