@@ -17,6 +17,11 @@ from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import cut_windows
 
 TITLES = ("position m", "velocity m/s", "attitude rad", "rate rad/s")
+SHOWN = ("naive", "published_physics", "fit_balanced", "fit_observed")
+"""Of the rows that were not trained, those drawn beside the trained ones."""
+STYLE = """
+body { font: 1rem/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 0 .8rem; color: #1c2024 }
+h1 { font-size: 1.5rem } .banner { color: #b04a00; font-weight: 600 }"""
 APART = 5
 """Every fifth window is drawn, so that predicted paths follow one another."""
 
@@ -34,19 +39,19 @@ def plotly() -> tuple[Any, Any]:
 def horizon_figure(rows: Sequence[Mapping[str, Any]]) -> Any:
     """Mean error against the horizon of every row of group ``all``, onboard truth."""
     go, make_subplots = plotly()
-    figure = make_subplots(2, 2, subplot_titles=TITLES)
-    mine = [r for r in rows if (r["group"], r["truth"]) == ("all", "onboard") and not r.get("trouble")]
+    figure = make_subplots(4, 1, subplot_titles=TITLES, vertical_spacing=0.06)
+    mine = [r for r in rows if (r["group"], r["truth"]) == ("all", "onboard") and not r.get("trouble")
+            and (r["model"] in SHOWN or not r["model"].startswith(("fit_", "published_")))]
     seconds = 0.01 * np.arange(1, 51)
     for i, row in enumerate(mine):
         for k, name in enumerate(QUANTITIES):
             figure.add_trace(go.Scatter(x=seconds, y=row["curve"][name], name=row["model"], legendgroup=row["model"],
                                         showlegend=not k, line={"color": colour(i),
                                                                 "dash": "solid" if "fit" in row["model"] else "dot"}),
-                             row=k // 2 + 1, col=k % 2 + 1)
-    figure.update_xaxes(title_text="s after the start")
-    figure.update_yaxes(rangemode="tozero")
-    return figure.update_layout(title="Mean error against the horizon, held-out flights (fits solid, others dotted)",
-                                height=800)
+                             row=k + 1, col=1)
+    figure.update_xaxes(title_text="s after the start", row=4, col=1)
+    figure.update_yaxes(type="log", exponentformat="power")
+    return _laid_out(figure, "Mean error against the horizon,<br>held-out flights (fits solid, others dotted)", 1500)
 
 
 def learning_figure(learned: Mapping[str, Mapping[str, Any]]) -> Any:
@@ -61,7 +66,7 @@ def learning_figure(learned: Mapping[str, Mapping[str, Any]]) -> Any:
                                             showlegend=not (column or number), line={"color": colour(i), "dash": dash}))
     figure.update_yaxes(type="log", title_text="loss, each in its own unit")
     figure.update_xaxes(title_text="epoch", type="log")
-    return figure.update_layout(title="Learning curves: loss (solid), validation (dotted)", height=600)
+    return _laid_out(figure, "Learning curves:<br>loss (solid), validation (dotted)", 640)
 
 
 def path_figure(cases: Sequence[Case], predictors: Sequence[Predictor], family: str = "helix") -> Any:
@@ -84,10 +89,10 @@ def path_figure(cases: Sequence[Case], predictors: Sequence[Predictor], family: 
     line(came.position_m, "motion capture", len(predictors), 4.0)
     for i, predictor in enumerate(predictors):
         line(predictor.predict(windows).position_m, predictor.name, i, 1.5)
-    figure.update_yaxes(scaleanchor="x", title_text="y m")
-    figure.update_xaxes(title_text="x m")
-    return figure.update_layout(title=f"Predicted half seconds along {case.flight.name}, which nobody trained on",
-                                height=800)
+    figure.update_yaxes(scaleanchor="x", title_text="y m", constrain="domain")
+    figure.update_xaxes(title_text="x m", constrain="domain")
+    title = f"Predicted half seconds along a {family_of(case.flight)}<br>that nobody trained on ({case.flight.name})"
+    return _laid_out(figure, title, 760)
 
 
 def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name: str) -> Any:
@@ -101,7 +106,15 @@ def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name
                                         showlegend=not motor, line={"color": colour(i), "width": 1.0}),
                              row=motor + 1, col=1)
     figure.update_xaxes(title_text="s", row=4, col=1)
-    return figure.update_layout(title=f"PWM ratios along {name}, which no policy was shown", height=900)
+    return _laid_out(figure, f"PWM ratios along {name},<br>which no policy was shown", 1000)
+
+
+def _laid_out(figure: Any, title: str, height: int) -> Any:
+    """Legible on a phone too: the legend stands below."""
+    figure.update_annotations(font_size=14)
+    return figure.update_layout(title={"text": title, "font": {"size": 16}, "x": 0.0, "xref": "paper"}, height=height,
+                                template="plotly_white", margin={"l": 56, "r": 12, "t": 90, "b": 40},
+                                legend={"orientation": "h", "yanchor": "top", "y": -60.0 / height, "x": 0.0})
 
 
 def colour(number: int) -> str:
@@ -112,7 +125,10 @@ def colour(number: int) -> str:
 def write_page(path: Path, figures: Sequence[Any], synthetic: bool) -> None:
     """One self-contained page."""
     word = "SYNTHETIC" if synthetic else "real"
-    parts = [figure.to_html(full_html=False, include_plotlyjs=not i) for i, figure in enumerate(figures)]
-    page = (f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Learned models</title>'
-            f"<h1>Learned models, {word} flights</h1>{''.join(parts)}</html>")
+    parts = [figure.to_html(full_html=False, include_plotlyjs=not i, config={"responsive": True, "displaylogo": False})
+             for i, figure in enumerate(figures)]
+    banner = '<p class="banner">SYNTHETIC: from simulated practice flights, not from recordings of a vehicle.</p>'
+    page = (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Learned models</title>'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head><body>'
+            f"<h1>Learned models, {word} flights</h1>{banner if synthetic else ''}{''.join(parts)}</body></html>")
     write_bytes(path, page.encode())
