@@ -44,7 +44,7 @@ that is larger than has to be, and the mixer then takes thrust from all."""
 
 def tutorial() -> dict[str, list[list[str]]]:
     """The commands of README's section, by verb, without the program's name."""
-    section = README.read_text().split("### Fly it and record it\n")[1].split("\n### ")[0]
+    section = README.read_text().split("### Fly it and record it\n")[1].split("\n## ")[0]
     found: dict[str, list[list[str]]] = {}
     for line in section.split("With a real vehicle")[0].splitlines():
         if line.startswith("    nanobench "):
