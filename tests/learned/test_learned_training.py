@@ -236,13 +236,14 @@ def test_bad_settings_and_flights(flights, cases):
     with pytest.raises(InputError, match="none is left after the audit"):
         trained_rows([], Wanted(), None, {}, None)
 
+    with pytest.raises(InputError, match="no recording of 'multisine'"):
+        family_parts(flights, "multisine")
+    assert [len(part) for part in family_parts(flights, "helix")] == [1, 2]
+
 
 def test_without_published_rows_and_physics_nothing_is_trained(cases, tmp_path):
     assert trained_rows(cases, Wanted(published=False), tmp_path, {}, None) == ([], [])
     assert not list(tmp_path.iterdir())
-    with pytest.raises(InputError, match="no recording of 'multisine'"):
-        family_parts(flights, "multisine")
-    assert [len(part) for part in family_parts(flights, "helix")] == [1, 2]
 
 
 def test_without_jax_one_line_says_what_to_install(monkeypatch):
