@@ -51,7 +51,7 @@ def verdict(nanobench, tmp_path, *arguments):
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    (lambda t: {k: v for k, v in t.items() if k not in MOTORS}, "Without motor (m1, m2 and so on, one a rotor) nothing says"),
+    (lambda t: {k: v for k, v in t.items() if k not in MOTORS}, "Without motor (m1, m2 and so on, one a rotor) noth"),
     (lambda t: {k: v for k, v in t.items() if "gyro" not in k}, "no torque, inertia, lag or delay can be asked for"),
     (lambda t: {k: v for k, v in t.items() if "vbat" not in k}, "one with thrust_pwm could be"),
     (lambda t: t | {k: ["30000"] * len(t[k]) for k in MOTORS}, "Nothing can be said about physics"),

@@ -51,7 +51,7 @@ def test_record_and_a_second_client(server, tmp_path, capsys, monkeypatch):
     last = read_packets(raw).records[-1].time_s
     assert killed - last < (0.1 if os.getloadavg()[0] < os.cpu_count() else 2.0)
     time.sleep(0.6)  # the vehicle notices that its client has gone
-    assert main(["record", "--uri", server.uri, "--mocap", mocap(server), "--seconds", "1", "--out", str(tmp_path),
+    assert main(["record", "--uri", server.uri, "--mocap", mocap(server), "--seconds", "2", "--out", str(tmp_path),
                  "--quiet"]) == 0
     assert len(list(tmp_path.glob("*.csv"))) == 1
     assert len(list(tmp_path.glob(".raw/*/imu.parquet"))) == 1
