@@ -12,6 +12,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.sources.kinks import carries_no_packet, count_packets
 
+from .drag_ekf import TUNED
 from .imu_noise import packet_rate_hz
 from .radio_clock import lateness
 
@@ -24,8 +25,8 @@ STEP_S = 0.1
 NEAR_S = 0.09
 """A pose starts a new state if the last one is at least so old."""
 
-WARMS_M_S3 = 0.00085
-"""By how much the bias of the vertical accelerometer rises as the board warms; as of ``drag_ekf``."""
+WARMS_M_S3 = TUNED["slope_mean"]
+"""By how much the bias of the vertical accelerometer rises as the board warms."""
 
 LEAST_POSES, LEAST_S = 5, 1.0
 GAP_S = 1.0

@@ -74,12 +74,14 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     from ..physics.simulator import read_simulator, write_simulator
     from .convert import export_simulators
 
+    if normal:
+        if bound:
+            raise UsageError("diagnose: --bound predicts paths, which --normal does not; give --simulator WHAT")
+        return _against_normal(options, simulator, simulated, mass_kg, normal)
     if bound:
         from identification.learned.libraries import libraries
 
         libraries()  # its absence is said before anything is computed
-    if normal:
-        return _against_normal(options, simulator, simulated, mass_kg, normal)
     if (simulator is None) == (not simulated):
         raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed, or "
                          "--normal DIR, flights to compare with")
