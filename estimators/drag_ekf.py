@@ -20,7 +20,8 @@ TUNED: dict[str, float] = {
 """Searched so that the true positions of nine of the 36 circles and trefoils are most likely (mean log density of
 what the filter says of itself, among few noisy poses and after the last pose); the noise was then made a little smaller
 by hand on all 36. Other families had no vote, but their results were seen between searches. The wander of the stamps is
-nearly all of the noise: at rest the sensors are far better, and what a filter loses grows with how fast signals change."""
+nearly all of the noise: at rest the sensors are far better, and what a filter loses grows with how fast signals
+change."""
 
 
 class DragEkf(Inertial):
