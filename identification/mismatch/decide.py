@@ -48,6 +48,7 @@ NORMAL95 = 1.96
 MOST_SURE, UNSURE = 0.86, 0.5
 """Stated confidence: of names with much to show 18 in 21 were right in blind cases; where others had to be withdrawn,
 or flights differ from each other, real flights have shown that a name may be a stand-in."""
+UNPROVED = "it does not predict flights better that were left out of the fit"
 BESIDE = 0.1
 """Share of all structure from which something left beside a name is worth saying."""
 
@@ -157,8 +158,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
 
 def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
     """The decision without names that do not predict unseen flights better."""
-    why = "it does not predict flights better that were left out of the fit"
-    withdrawn = (*decision.withdrawn, *((f.hypothesis.term, why) for f in decision.findings))
+    withdrawn = (*decision.withdrawn, *((f.hypothesis.term, UNPROVED) for f in decision.findings))
     found = decision.unknown
     worst = int(np.argmax(decision.before))
     if not found and decision.before[worst] > 4.0 * LEAST_LEFT:

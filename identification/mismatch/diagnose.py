@@ -19,7 +19,7 @@ from nanobench_tools.physics.adapters.given import Simulator
 
 from .believe import start_of
 from .commanded import believed
-from .decide import UNSURE, Decision, decide, unproved, without
+from .decide import UNPROVED, UNSURE, Decision, decide, unproved, without
 from .equivalent import Equivalent, equivalent
 from .fitting import Slopes, fit, slopes
 from .leftover import Structure
@@ -76,20 +76,25 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     if strange is not None and decision.outcome == "none":
         decision = replace(decision, outcome="unknown", unknown=(strange,))
     say("prediction on flights that were left out")
-    try:
-        proof = prove(moments, decision, simulator, seed)
-        decision, proof = _without_idle_yaw(moments, decision, proof, simulator, seed)
-        axes = [axis for f in decision.findings for axis in f.axes]
-        turns = all(axis.startswith("torque") for axis in axes) and not all(axis == YAW for axis in axes)
-        pushes = all(axis.startswith("force") for axis in axes)
-        stands = (proof.better or (turns and proof.better_along(seed)) or (pushes and proof.better_pushed(seed))
-                  or not (decision.findings and proof.held_out))
-    except InputError:  # what was named together is no possible vehicle
-        stands = False
-    if not stands:
-        decision = unproved(moments, decision, space)
-        proof = prove(moments, decision, simulator, seed)
+    decision, proof = _proved(moments, decision, simulator, space, seed)
     return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space, seed: int) -> tuple[Decision, Proof]:
+    """What of a decision predicts unseen flights better: all its names, else those that push, else none."""
+    turning = [f.hypothesis.term for f in decision.findings if all(axis.startswith("torque") for axis in f.axes)]
+    for gone in ([], turning) if 0 < len(turning) < len(decision.findings) else ([],):
+        tried = without(moments, decision, gone, UNPROVED) if gone else decision
+        try:
+            proof = prove(moments, tried, simulator, seed)
+            tried, proof = _without_idle_yaw(moments, tried, proof, simulator, seed)
+        except InputError:  # what was named together is no possible vehicle
+            continue
+        pushes = all(axis.startswith("force") for f in tried.findings for axis in f.axes)
+        if proof.better or (pushes and proof.better_pushed(seed)) or not (tried.findings and proof.held_out):
+            return tried, proof
+    decision = unproved(moments, decision, space)
+    return decision, prove(moments, decision, simulator, seed)
 
 
 def _without_idle_yaw(moments: Moments, decision: Decision, proof: Proof, simulator: Model,

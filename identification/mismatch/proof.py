@@ -72,8 +72,7 @@ class Proof:
 
     def better_along(self, seed: int = 0) -> bool:
         """The residual along the measured states of flights that were left out gets smaller, with an interval above
-        nothing. Torques are judged by this: recorded commands answer disturbances that a prediction does not know, so
-        that a vehicle that turns too sluggishly in simulation predicts an open loop better than the true one."""
+        nothing."""
         if not self.held_out or len(self.along) < 2:
             return False
         drawn = np.random.default_rng(seed).choice(self.along, (2000, len(self.along))).mean(axis=1)

@@ -25,7 +25,7 @@ from identification.mismatch.diagnose import recorded
 from identification.mismatch.space import with_other_map
 from identification.thrust.data import flown_rows
 from identification.thrust.export import rising_cubic
-from identification.thrust.flight_fit import find_delay, fit_flights, models
+from identification.thrust.flight_fit import BALANCED, find_delay, fit_flights, models
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
@@ -44,6 +44,8 @@ FLIGHTS = 6
 DEAD = "dead_stream"
 RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
 MAP, DRAG = "thrust_voltage", "drag_linear"
+BALANCED_MAP = f"{MAP}{BALANCED}"
+"""Fitted around the level of each flight: differences between flights say nothing about how thrust rises."""
 THIN = 20
 """Of the rows of all flights, every so many shape a cubic."""
 
@@ -109,7 +111,7 @@ def thrust_item(cases: Sequence[Case], mass_kg: float) -> dict[str, Any]:
     flown = [(case.flight, case.spans) for case in cases]
     rows = flown_rows(flown, find_delay(flown, mass_kg)).files
     u, volts = np.concatenate([f.u for f in rows]), np.concatenate([f.battery_V for f in rows])[:, None]
-    thrust = fit_flights(models(mass_kg)[MAP], rows).fit.predict(u, volts)
+    thrust = fit_flights(models(mass_kg)[BALANCED_MAP], rows).fit.predict(u, volts)
     return {"c": rising_cubic((u * volts).ravel()[::THIN], thrust.ravel()[::THIN]).tolist(),
             "battery_V": float(np.median(volts))}
 
