@@ -161,9 +161,10 @@ def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
     withdrawn = (*decision.withdrawn, *((f.hypothesis.term, UNPROVED) for f in decision.findings))
     found = decision.unknown
     worst = int(np.argmax(decision.before))
-    if not found and decision.before[worst] > 4.0 * LEAST_LEFT:
+    if not found and decision.before[worst] > LEAST_LEFT:
+        like = " and ".join(f.hypothesis.term for f in decision.findings)
         found = (Structure("motion", 0.0, float(decision.before[worst]), (CHANNELS[worst],),
-                           f"{CHANNELS[worst]} differs, and no term predicts how"),)
+                           f"{CHANNELS[worst]} differs, most like {like}, which predicts unseen flights no better"),)
     outcome = "unknown" if found else "data_fault" if decision.faults else "none"
     return Decision(outcome, (), withdrawn, found, fit(Slopes(moments), space.model, []), space, (), decision.faults,
                     decision.before, decision.before, decision.rejected, decision.scores)
