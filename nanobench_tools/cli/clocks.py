@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
 
-MERGED = ("rows", "per_flight", "windows")
+MERGED = ("rows", "per_flight", "windows", "bands")
 """Lists of a result that hold one part after the other."""
 
 SIMULATOR_RETIMED = "simulator_retimed.toml"

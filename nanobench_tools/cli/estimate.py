@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
+from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .methods import load_methods
 from .options import AS_RECORDED, PATH, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
@@ -65,9 +66,12 @@ ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10,
               help="aided: SD of the noise put on each axis of the position. Default: 0.01.")
 @click.option("--pose-loss", "losses", multiple=True, type=click.FloatRange(min=0.0, max=1.0, max_open=True),
               metavar="SHARE", help="aided: share of the poses that never arrive. Default: 0.")
+@click.option("--attribution", "explained", is_flag=True,
+              help="Also say what the onboard filter's error comes from: its logged estimate by clock, and the filter "
+                   "run again with one thing changed at a time.")
 def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...],
              rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
-             losses: tuple[float, ...], noise_file: Path | None) -> int:
+             losses: tuple[float, ...], noise_file: Path | None, explained: bool) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
     as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
@@ -103,6 +107,8 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     seen = options.see_on_clock(flights, audits, judges_estimator=True)
     body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps,
                          aidings=grid(rates, delays, noises, losses))
+    if explained:
+        body["attribution"] = attribution(options, flights, audits)
     return options.finish("estimate", body)
 
 
@@ -129,32 +135,43 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
     written. Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
     """
     from ..protocols import aided, task3
+    from ..protocols.dead_logs import dead_logs
 
     rows: list[dict[str, Any]] = []
     per_flight: list[dict[str, Any]] = []
     windows: list[dict[str, Any]] = []
+    bands: list[dict[str, Any]] = []
+    dead: list[dict[str, Any]] | None = None
     written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
     for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
         work = [(method, case) for method in chosen for case in cases]
+        if protocol == task3.PUBLISHED[0]:
+            dead = dead_logs(cases, audits)
         if protocol == task3.BLACKOUT:
-            scored, ends = _score_blackout(options, work)
+            scored, ends, drawn = _score_blackout(options, work)
             rows += scored
             windows += ends
+            bands += drawn
             continue
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
         out = options.out if trajectories and protocol == written else None
         for aiding in (aidings or aided.grid()) if protocol == task3.AIDED else [None]:
-            scored, single = _score(options, protocol, work, out, aiding)
+            scored, single, drawn = _score(options, protocol, work, out, aiding)
             rows += scored
             per_flight += single
+            bands += drawn
             out = None
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     left_out = show_left_out(options, flights, rows, audits, task3.NEEDED, failed)
     body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
     if windows:
         body["windows"] = windows
+    if bands:
+        body["bands"] = bands
+    if dead is not None:
+        body["dead_logs"] = dead
     if options.clock != AS_RECORDED:
         used = {name for row in rows for name in row["flights"]}
         taken_out = {name: warp for name, warp in (warps or {}).items() if name in used}
@@ -185,9 +202,9 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
 
 
 def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None,
-           aiding: Aiding | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them and the scores of
-    every single flight."""
+           aiding: Aiding | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
+    single flight, and what is drawn of one flight."""
     from ..harness import make_item
     from ..protocols import task3, whole_flight
     from ..protocols.labels import speed_of
@@ -217,12 +234,13 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
                    "speed": speed_of(case.flight), "clock": options.clock, **said, "metrics": value["metrics"]}
-                  for method, case, value in done]
+                  for method, case, value in done], [] if aiding is None else aided_bands(options, done, aiding)
 
 
-def _score_blackout(options: Options,
-                    work: Sequence[tuple[Any, Case]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The rows of the protocol, shown, and its windows [{flight, method, clock, t0_s, h_s, end_m, error_m}]."""
+def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
+                    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+    """The rows of the protocol, shown, its windows [{flight, method, clock, t0_s, h_s, end_m, error_m}], and what is
+    drawn of one of them."""
     from ..harness import make_item
     from ..protocols import blackout
 
@@ -241,7 +259,7 @@ def _score_blackout(options: Options,
     _show(options, "blackout", rows, ENDS)
     _show_windows(options, rows)
     return rows, [{"flight": case.flight.name, "method": method.name, "clock": options.clock, **window}
-                  for method, case, value in done for window in value["windows"]]
+                  for method, case, value in done for window in value["windows"]], blackout_bands(options, done)
 
 
 def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:

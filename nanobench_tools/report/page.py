@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from ..audit import Audit
 from ..flight import Flight
 from ..version import __version__
-from . import control, pictures, words
+from . import control, estimates, pictures, words
 from .clock_error import typical
 from .quantities import DASH
 from .recording import payload
@@ -23,7 +23,7 @@ from .tables import Column, Score, Table, score_text, write_tables
 
 SECTIONS = (("overview", "Overview"), ("task1", "Task 1"), ("task2", "Task 2"), ("task3", "Task 3"),
             ("audit", "Data audit"), ("flights", "Flights"), ("manifest", "How this was made"))
-SCRIPTS = ("draw.js", "clock.js", "control.js", "overview.js", "flights.js", "page.js")
+SCRIPTS = ("draw.js", "clock.js", "control.js", "estimates.js", "overview.js", "flights.js", "page.js")
 SUBTITLES = {"task1": "Which physics does it obey?", "task2": "How well was it flown?", "task3": "Where was it really?"}
 
 
@@ -69,7 +69,7 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
     overview = {"task1": pictures.task1(results.get("sysid")),
                 "task3": pictures.task3(results.get("estimate"), words.way(bool(label))),
                 **control.pictures(results.get("control")), "blackout": pictures.blackout(results.get("estimate")),
-                "clocks": pictures.clocks(results.get("audit")),
+                **estimates.pictures(results.get("estimate")), "clocks": pictures.clocks(results.get("audit")),
                 "wander": shown_wander(results.get("estimate"), entries, [r["name"] for r in recordings])}
     return environment.get_template("report.html").render(
         label=label, sections=SECTIONS, subtitles=SUBTITLES, version=__version__, library=library,

@@ -64,3 +64,20 @@ def test_it_is_not_run_unasked(nanobench, wandering, tmp_path):
     assert nanobench("estimate", "--data", wandering, "--method", "hold_position", "--json", out, "--jobs", 1,
                      "--quiet")[0] == 0
     assert "windows" not in json.loads(out.read_text())
+
+
+def test_pictures_and_attribution(nanobench, recordings, tmp_path):
+    """One flight and one window of every estimator that says how sure it is; what the onboard error comes from."""
+    out = tmp_path / "d.json"
+    code, shown, err = nanobench("estimate", "--data", recordings, "--protocol", "aided", "--protocol", "blackout",
+                                 "--method", "drag_ekf", "--method", "hold_position", "--attribution", "--json", out,
+                                 "--jobs", 1)
+    assert code == 0, err
+    body = json.loads(out.read_text())
+    assert [(band["protocol"], band["method"]) for band in body["bands"]] == [("aided", "drag_ekf"),
+                                                                              ("blackout", "drag_ekf")]
+    assert len(body["bands"][0]["t_s"]) == len(body["bands"][0]["sd_m"])
+    assert [row["what"] for row in body["attribution"]["logged"]] == ["as-recorded", "offset", "retimed"]
+    assert body["attribution"]["n_replayed"] == 3
+    assert "SYNTHETIC" in shown
+    assert "process noise doubled" in shown

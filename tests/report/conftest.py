@@ -65,6 +65,24 @@ def envelope(name: str, body: dict, failed=()) -> dict:
             "manifest": {"versions": {"numpy": "2.0"}, "argv": ["nanobench", "run"], "seed": 7, "inputs": []}, **body}
 
 
+def single_estimates() -> dict:
+    """One estimate with its standard deviations, one dead log, a small attribution."""
+    t = np.linspace(0.0, 10.0, 40)
+    path, error = np.column_stack([np.cos(t), np.sin(t), 0.1 * t]), 0.01 * np.sin(5.0 * t)[:, None] * [1.0, -1.0, 0.5]
+    band = {"protocol": "aided", "name": "10 Hz: loop one", "flight": "loop one", "clock": "as-recorded",
+            "t_s": t.tolist(), "truth_m": path.tolist(), "error_m": error.tolist(), "sd_m": [[0.005, 0.006, 0.01]] * 40,
+            "cov_xy_m2": [1e-5] * 40}
+    away = np.where(t < 6.0, 0.02, 1.0 + t)
+    logged = [{"what": clock, "metrics": {"ate_m": summary(v, 0.002, 0.9 * v, 1.1 * v)}}
+              for clock, v in (("as-recorded", 0.021), ("retimed", 0.009))]
+    replayed = [{"what": what, "metrics": {"ate_m": summary(0.008), "change_m": summary(v, 0.001, v - 2e-4, v + 2e-4)}}
+                for what, v in (("replay", 0.0), ("poses late", 0.011), ("rows held", -0.0004))]
+    return {"bands": [{**band, "method": name} for name in ("one", "two")],
+            "dead_logs": [{"flight": "loop one", "speed": "fast", "t_s": t.tolist(), "error_m": away.tolist(),
+                           "dead": [[6.0, 10.0]], "live_rmse_m": 0.02, "all_rmse_m": 5.0}],
+            "attribution": {"n": 9, "n_replayed": 9, "logged": logged, "replayed": replayed}}
+
+
 def make_results(flights) -> dict[str, dict]:
     """All result files, small; numbers chosen so that ratios are easy to say."""
     names = [f.name for f in flights]
@@ -101,7 +119,7 @@ def make_results(flights) -> dict[str, dict]:
         for protocol, reference, rmse, heading in (("as-published", "as-published", 0.3, 6.0),
                                                    ("clean", "circle", 0.27, 1.0))]
     return {"audit": envelope("audit", {"flights": [make_entry(f) for f in flights], "copies": [["a", "b"]]}),
-            "estimate": envelope("estimate", {"rows": estimate_rows, "clocks": clocks}),
+            "estimate": envelope("estimate", {"rows": estimate_rows, "clocks": clocks, **single_estimates()}),
             "sysid": envelope("sysid", {"rows": sysid_rows, "parameters": {
                 "physics": {"mass": {"value": 0.04, "ci95": None, "unit": "kg"}}}}),
             "control": envelope("control", {"rows": control_rows})}

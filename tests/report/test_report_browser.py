@@ -14,7 +14,8 @@ from nanobench_tools.report import write_report
 
 pytestmark = pytest.mark.browser
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-PICTURES = ("task1", "wander", "task3", "clocks", "space", "plane", "errors", "clock", "timeline", "battery", "motors")
+PICTURES = ("task1", "wander", "task3", "deadlogs", "bands", "attribution", "clocks", "space", "plane", "errors",
+            "clock", "timeline", "battery", "motors")
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
              "--ignore-gpu-blocklist"]
 NASTY = "third <script>alert(1)</script> & \"Ü☃\" 50%"
@@ -235,3 +236,12 @@ def test_the_slider_of_simulated_flights_moves_their_marks(browser, tmp_path):
     assert phone.overflow() <= 0
     assert phone.trouble == []
     phone.context.close()
+
+
+def test_another_estimator_can_be_chosen_for_its_three_sigma(desk):
+    page = desk.choose("loop one")
+    before = page.page.get_attribute("#plot-bands", "data-shows")
+    page.page.locator("#fig-bands select").nth(1).select_option(label="two")
+    assert page.page.get_attribute("#plot-bands", "data-shows") != before
+    assert "all three axes" in page.page.inner_text("#fig-bands .note")
+    assert page.ink("bands") > 5

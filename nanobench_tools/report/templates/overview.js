@@ -103,5 +103,5 @@ nanobench.overview = (() => {
 
   const builders = { task1, wander, task3, blackout: data => task1({ ...data, horizon: "time since the last pose [s]" }), clocks };
   return data => [...Object.entries(builders).filter(([id]) => data[id] && !data[id].absent)
-    .map(([id, builder]) => () => nanobench.draw(id, builder(data[id]))), ...nanobench.control(data, task1)];
+    .map(([id, builder]) => () => nanobench.draw(id, builder(data[id]))), ...nanobench.estimates(data), ...nanobench.control(data, task1)];
 })();

@@ -1,0 +1,124 @@
+"""What ``estimate`` adds for pictures: single estimates with their three standard deviations, dead logs, and where the
+onboard filter's error comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from .options import AS_RECORDED, Options
+from .show import data_word
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+    from ..protocols.aided import Aiding
+    from ..protocols.task3 import Case
+
+Done = Sequence[tuple[Any, "Case", Mapping[str, Any]]]
+"""(method, case, value) of what was scored."""
+
+JUDGES = (AS_RECORDED, "offset", "retimed")
+
+
+def aided_bands(options: Options, done: Done, aiding: Aiding) -> list[dict[str, Any]]:
+    """[{protocol, flight, method, clock, name, ...band}] of the flight with the first telling method's median error."""
+    from ..protocols.bands import aided_band, median_case
+    from ..protocols.task3 import AIDED
+
+    case = next((case for scored in _by_method(done) if (case := median_case(scored)) is not None), None)
+    if case is None:
+        return []
+    kwargs = {"case": case, "aiding": aiding, "seed": options.seed}
+    name = (f"{aiding.rate_hz:g} Hz, {1e3 * aiding.delay_s:g} ms late, {1e3 * aiding.noise_m:g} mm: "
+            f"{case.flight.name}")
+    return _bands(options, aided_band, done, case, kwargs, {"protocol": AIDED, "name": name})
+
+
+def blackout_bands(options: Options, done: Done) -> list[dict[str, Any]]:
+    """The same for the window with the median end error."""
+    from ..protocols.bands import blackout_band, median_window
+    from ..protocols.task3 import BLACKOUT
+
+    found = next((one for scored in _by_method(done) if (one := median_window(scored)) is not None), None)
+    if found is None:
+        return []
+    case, t0, h = found
+    name = f"no pose for {h:g} s: {case.flight.name}, from {t0:.1f} s on"
+    kwargs = {"case": case, "t0_s": t0, "h_s": h}
+    return _bands(options, blackout_band, done, case, kwargs, {"protocol": BLACKOUT, "name": name})
+
+
+def _by_method(done: Done) -> list[list[tuple[Case, Mapping[str, Any]]]]:
+    names = dict.fromkeys(method.name for method, _, _ in done)
+    return [[(case, value) for method, case, value in done if method.name == name] for name in names]
+
+
+def _bands(options: Options, function: Any, done: Done, case: Case, kwargs: Mapping[str, Any],
+           said: Mapping[str, Any]) -> list[dict[str, Any]]:
+    from ..harness import make_item
+    from ..protocols.task3 import is_logged
+
+    methods = {method.name: method for method, one, _ in done if one is case and not is_logged(method)}
+    items = {name: make_item(function, {**kwargs, "method": method}, f"{said['protocol']} picture {name}",
+                             file=case.flight.provenance.path) for name, method in methods.items()}
+    values = options.run(list(items.values()), "3 sigma").values
+    return [{**said, "flight": case.flight.name, "method": name, "clock": options.clock, **band}
+            for name, item in items.items() if (band := (values.get(item.key) or {}).get("band"))]
+
+
+def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> dict[str, Any]:
+    """What the onboard filter's error comes from, shown; see ``protocols.attribution``. InputError as ``task3.select``
+    where no flight fits."""
+    from ..harness import make_item
+    from ..protocols import attribution as protocol
+    from ..protocols.selection import distinct
+    from ..protocols.task3 import select
+
+    kept = distinct(flights)[0]
+    on: dict[str, dict[str, Case]] = {}
+    for clock in JUDGES:
+        moved = replace(options, clock=clock)
+        seen = moved.see_on_clock(kept, audits, True) if clock != AS_RECORDED else None
+        cases = select(seen.flights, seen.audits, "clean") if seen else select(kept, audits, "clean")
+        on[clock] = {case.flight.name: case for case in cases}
+    names = [name for name in on[AS_RECORDED] if all(name in cases for cases in on.values())]
+
+    def item(function: Any, what: str, name: str, **kwargs: Any) -> Any:
+        return make_item(function, kwargs, f"attribution {what} {name}",
+                         file=on[AS_RECORDED][name].flight.provenance.path)
+
+    single = {clock: [item(protocol.logged, clock, name, case=on[clock][name]) for name in names] for clock in JUDGES}
+    again = [item(protocol.replays, "replay", name, recorded=on[AS_RECORDED][name], retimed=on["retimed"][name])
+             for name in names]
+    values = options.run([*(one for items in single.values() for one in items), *again], "attribution").values
+    body = protocol.tabulate({clock: [values[one.key] for one in items if one.key in values]
+                              for clock, items in single.items()},
+                             [values[one.key] for one in again if one.key in values], options.seed)
+    _show(options, body)
+    return body
+
+
+def _show(options: Options, body: Mapping[str, Any]) -> None:
+    from rich.table import Table
+
+    def cell(metrics: Mapping[str, Any], name: str) -> str:
+        found = metrics.get(name)
+        if not found or found["mean"] is None:
+            return "-"
+        interval = found.get("ci95")
+        return f"{1e3 * found['mean']:.2f}" + (f" ({1e3 * interval[0]:.2f} .. {1e3 * interval[1]:.2f})"
+                                               if interval else "")
+
+    tables = ((f"logged estimate of the onboard filter by clock, n = {body['n']} {data_word(options)} flights",
+               body["logged"], ("ate_m", "along_m", "across_m"), ("ATE", "along", "across")),
+              (f"the filter run again, a pose every 10 ms, n = {body['n_replayed']}", body["replayed"],
+               ("ate_m", "change_m", "moves_m"), ("ATE", "change of ATE", "moves by")))
+    for title, rows, keys, heads in tables:
+        table = Table(title=f"{title}; mean, mm (95 % interval)", title_style="", title_justify="left", box=None)
+        for head in ("", *heads):
+            table.add_column(head)
+        for row in rows:
+            table.add_row(row["what"], *(cell(row["metrics"], key) for key in keys))
+        options.show(table)

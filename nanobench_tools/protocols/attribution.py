@@ -1,0 +1,140 @@
+"""What the onboard filter's error on recordings comes from: its logged estimate by clock, and its replay with one
+thing changed at a time.
+
+The clock of ``offset`` and ``retimed`` cases must be read without the estimate (gyro and accelerometer), else judging
+the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU with a pose every 10 ms, undelayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from estimators.drag_ekf import DragMatrixEkf
+from estimators.firmware_ekf import FirmwareEkf
+from estimators.onboard_ekf import OnboardEkf
+
+from .. import so3
+from ..firmware.kalman import defaults
+from ..flight import Flight
+from ..methods import Estimate
+from ..metrics.trajectory import rms
+from .aided import Aiding, given_to
+from .tables import summaries
+from .task3 import Case, inside, score_given
+
+WHOLE = Aiding(rate_hz=100.0, delay_s=0.0, noise_m=0.0)
+LATE_S, LOST = 0.02, 0.13
+"""The lag of the logged position behind the gyro, and the share of IMU packets that did not arrive."""
+
+SCORES = {"ate_m": "ate_rmse_m", "along_m": "along_track_rmse_m", "across_m": "across_track_rmse_m"}
+"""ATE after SE(3) alignment; along and across the track without."""
+
+
+def _replay(case: Case, retimed: Case) -> Estimate:
+    return FirmwareEkf().estimate(given_to(retimed, WHOLE))
+
+
+def _as_recorded(case: Case, retimed: Case) -> Estimate:
+    return FirmwareEkf().estimate(given_to(case, WHOLE))
+
+
+def _late_poses(case: Case, retimed: Case) -> Estimate:
+    return FirmwareEkf().estimate(given_to(retimed, replace(WHOLE, delay_s=LATE_S)))
+
+
+def _lost_poses(case: Case, retimed: Case) -> Estimate:
+    return FirmwareEkf().estimate(given_to(retimed, replace(WHOLE, loss=LOST)))
+
+
+def _held_rows(case: Case, retimed: Case) -> Estimate:
+    return FirmwareEkf(held=True).estimate(given_to(retimed, WHOLE))
+
+
+def _with_drag(case: Case, retimed: Case) -> Estimate:
+    """Motors that stand: the filter then integrates all of the accelerometer, not thrust alone, and so sees drag."""
+    flight = given_to(retimed, WHOLE)
+    motor = flight["motor"]
+    return FirmwareEkf().estimate(flight.with_streams(motor=replace(motor, values=np.zeros_like(motor.values))))
+
+
+def _noisier(case: Case, retimed: Case) -> Estimate:
+    """Twice the process noise of its accelerations; it starts at the first pose all the same."""
+    flight, found = given_to(retimed, WHOLE), defaults()
+    mocap = flight["mocap"]
+    found["initial_m"] = mocap["px", "py", "pz"][0]
+    found["initial_yaw_rad"] = so3.euler_zyx(mocap["qx", "qy", "qz", "qw"][:1])[0, 2]
+    for name in ("acc_xy_m_s2", "acc_z_m_s2"):
+        found[name] = 2.0 * found[name]
+    return FirmwareEkf(found).estimate(flight)
+
+
+def _another(case: Case, retimed: Case) -> Estimate:
+    return DragMatrixEkf().estimate(given_to(retimed, WHOLE))
+
+
+BASE = "replay on the re-timed IMU"
+REPLAYS: dict[str, Callable[[Case, Case], Estimate]] = {
+    BASE: _replay,
+    "IMU as recorded (telemetry clock)": _as_recorded,
+    f"poses {1e3 * LATE_S:.0f} ms late": _late_poses,
+    f"{100 * LOST:.0f} % of the poses lost": _lost_poses,
+    "IMU rows held, not on lines": _held_rows,
+    "drag seen (all of the accelerometer)": _with_drag,
+    "process noise doubled (parameters)": _noisier,
+    "another filter (drag_matrix_ekf)": _another,
+}
+
+
+class _Made:
+    """An estimate that is there already, to be scored as all are."""
+
+    name, causal = "made", True
+
+    def __init__(self, estimate: Estimate) -> None:
+        self.made = estimate
+
+    def estimate(self, flight: Flight) -> Estimate:
+        return self.made
+
+
+def _scores(case: Case, estimate: Estimate) -> dict[str, float]:
+    found = score_given(case, _Made(estimate), "clean", case.flight, -np.inf)["metrics"]
+    return {name: found[metric] for name, metric in SCORES.items()}
+
+
+def logged(case: Case) -> dict[str, float]:
+    """{ate_m, along_m, across_m} of what the vehicle logged, on the clock of the case."""
+    return _scores(case, OnboardEkf().estimate(case.flight))
+
+
+def replays(recorded: Case, retimed: Case) -> dict[str, dict[str, float]]:
+    """{what was changed: {ate_m; change_m: of the ATE against the replay with nothing changed; moves_m: RMS distance of
+    the two estimates}} of one flight, judged on the re-timed clock."""
+    made = {name: make(recorded, retimed) for name, make in REPLAYS.items()}
+    base = made[BASE]
+    level = _scores(retimed, base)["ate_m"]
+    found = {}
+    for name, estimate in made.items():
+        ate_m = _scores(retimed, estimate)["ate_m"]
+        found[name] = {"ate_m": ate_m, "change_m": ate_m - level, "moves_m": _apart(retimed, base, estimate)}
+    return found
+
+
+def _apart(case: Case, a: Estimate, b: Estimate) -> float:
+    """RMS distance of two estimates in the scored spans [m], at the stamps of a."""
+    rows = inside(case.spans, a.time_s)
+    other = np.stack([np.interp(a.time_s[rows], b.time_s, b.position_m[:, k]) for k in range(3)], axis=1)
+    return rms(np.linalg.norm(a.position_m[rows] - other, axis=1))
+
+
+def tabulate(logged_by_clock: Mapping[str, Sequence[Mapping[str, float]]],
+             replayed: Sequence[Mapping[str, Mapping[str, float]]], seed: int = 0) -> dict[str, Any]:
+    """{n, logged: [{what: clock, metrics: summaries over flights}], n_replayed, replayed: [{what, metrics}]}."""
+    what = list(replayed[0]) if replayed else []
+    return {"n": min(map(len, logged_by_clock.values())), "n_replayed": len(replayed),
+            "logged": [{"what": clock, "metrics": summaries(found, seed)} for clock, found in logged_by_clock.items()],
+            "replayed": [{"what": name, "metrics": summaries([one[name] for one in replayed], seed)} for name in what]}
