@@ -21,6 +21,7 @@ from nanobench_tools.methods import Estimate
 from .gtsam_aided import GtsamAided, drag
 from .gtsam_batch import ATTITUDE_SD_RAD, CLOCK_SD_M, NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
 from .gtsam_graph import CHANGE_S, Linear, load, params_of
+from .gtsam_lag_sure import Carried
 from .gtsam_path import State, quaternion_of
 from .gtsam_rows import NEAR_S, Rows, rows_of
 from .imu_noise import ImuNoise
@@ -80,6 +81,7 @@ class _Run:
         self.force, self.rate = list(middle[:, :3]), list(middle[:, 3:])
         self.flying = _flying(flight, rows)
         self.update_s: list[float] = []
+        self.sure = Carried()
         self.count, self.state_s = 0, float(rows.pose_s[0])
 
     def through(self) -> Estimate:
@@ -106,7 +108,9 @@ class _Run:
                 break
             if made:
                 tail = self._increment(self.state_s, now_s)
+                self._said()
             found.append(tail.predict(self.there, self.bias))
+            self.sure.row(tail)
             slow.append(self.slow)
         return self._given_out(first, found, np.array(slow))
 
@@ -122,6 +126,12 @@ class _Run:
             self._update(now_s, None)
         return self.count > before, taken
 
+    def _said(self) -> None:
+        """What the smoother says of its newest state."""
+        keys = [self.x, self.v, self.b, self.c]
+        joint = self.smoother.getISAM2().jointMarginalCovariance(keys).fullMatrix()
+        self.sure.states.append((joint, self.there.attitude().matrix()))
+
     def _given_out(self, first: int, found: list[Any], slow: np.ndarray) -> Estimate:
         rows = self.rows
         position, velocity = np.array([s.position() for s in found]), np.array([s.velocity() for s in found])
@@ -130,7 +140,8 @@ class _Run:
         ahead = (stamp + slow[:, 3] - rows.time_s[first : first + len(found)])[:, None]
         turn = so3.exp(rows.gyro[first : first + len(found)] * (ahead + slow[:, 4:5]))
         attitude = so3.multiply(so3.multiply(rotation, turn), so3.exp(slow[:, :3]))
-        return Estimate(stamp, position + velocity * ahead, attitude, velocity)
+        covariance = self.sure.covariance(velocity, slow, rows.gyro[first : first + len(found)])
+        return Estimate(stamp, position + velocity * ahead, attitude, velocity, covariance)
 
     def _begin(self) -> None:
         """The first state: the first pose, at rest give or take."""
@@ -151,6 +162,7 @@ class _Run:
             values.insert(key, value)
         self.smoother.update(graph, values, dict.fromkeys((self.x, self.v, self.b, self.c), self.state_s))
         self.there = gtsam.NavState(pose.rotation(), pose.translation(), zero)
+        self._said()
 
     def _update(self, at_s: float, pose: int | None) -> None:
         """One more state; the smoother takes what was measured since the last one."""
