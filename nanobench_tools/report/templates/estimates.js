@@ -29,7 +29,7 @@ nanobench.estimates = (() => {
       }
       traces.push({ ...outline, mode: "lines", line: { color: c.sky, width: 1.5 }, hoverinfo: "skip" });
       traces.push({ x: one.truth.x, y: one.truth.y, mode: "lines", line: { color: c.mocap, width: 3 }, hoverinfo: "skip" });
-      traces.push({ x: px, y: py, mode: "lines", line: { color: c.blue, width: 1.8 }, text: one.t.map(t => `${t.toFixed(1)} s`),
+      traces.push({ x: px, y: py, mode: "lines", line: { color: c.orange, width: 1.8 }, text: one.t.map(t => `${t.toFixed(1)} s`),
         hovertemplate: "%{text}: x %{x:.3f} m, y %{y:.3f} m<extra></extra>" });
       const most = Math.max(...["x", "y", "z"].flatMap(k => one.t.map((_, i) => Math.max(3 * one.sd[k][i], Math.abs(one.error[k][i])))));
       const [unit, factor] = most < 0.5 ? ["mm", 1e3] : ["m", 1];
@@ -50,7 +50,7 @@ nanobench.estimates = (() => {
       });
       const inside = one.t.filter((_, i) => ["x", "y", "z"].every(k => Math.abs(one.error[k][i]) <= 3 * one.sd[k][i])).length;
       return { traces, layout: out, height: wide ? 430 : 780,
-        legend: [{ name: "motion capture", colour: c.mocap, traces: [1] }, { name: escape(one.name), colour: c.blue, traces: [2] },
+        legend: [{ name: "motion capture", colour: c.mocap, traces: [1] }, { name: one.name, colour: c.orange, traces: [2] },
           { name: "error", colour: c.red, traces: [4, 6, 8] }, { name: "three standard deviations", colour: c.sky, shape: "bar", traces: [0, 3, 5, 7] }],
         note: `From above, with the ellipse of three standard deviations at ${ellipses} moments, and error by axis with the band of ± 3 standard deviations that the estimator states: of this flight ${((100 * inside) / one.t.length).toFixed(0)} % of the time all three axes are inside. The flight is the one with the median error of its protocol; nanobench estimate --data FILE draws any other.` };
     };
