@@ -28,8 +28,9 @@ NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.003, acc_m_s2_sqrtHz=0.018, vertical_m_s2_s
                  gyro_walk_rad_s2_sqrtHz=5e-5, acc_walk_m_s3_sqrtHz=1.5e-3, stamp_s_sqrtHz=0.0103)
 """In flight, where the stamps' wander is told apart: it counts as much as the signal changes. As of ``drag_ekf``."""
 
-CLOCK_SD_M = 0.003
-"""What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose."""
+CLOCK_SD_M, ALONE_SD_M = 0.003, 0.001
+"""What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose: where several
+poses come to one state, whose errors hang together, and where one comes alone."""
 
 ATTITUDE_SD_RAD, UNTOLD_SD_M = 0.005, 0.001
 """Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
@@ -111,7 +112,7 @@ class Poses:
         self.index, self.first, self.counts = np.unique(self.owner, return_index=True, return_counts=True)
         self.rows, self.time_s = rows, time_s
         noise = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
-        own = np.sqrt(noise**2 / self.counts + CLOCK_SD_M**2)
+        own = np.hypot(noise / np.sqrt(self.counts), np.where(self.counts > 1, CLOCK_SD_M, ALONE_SD_M))
         turn = np.sqrt(0.5 * ATTITUDE_SD_RAD**2 * (1.0 + 1.0 / self.counts))
         self.sigma = np.column_stack([own] * 3 + [turn] * 3)
 

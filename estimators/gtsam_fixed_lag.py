@@ -20,7 +20,7 @@ from nanobench_tools.methods import Estimate
 
 from .gtsam_aided import GtsamAided, drag
 from .gtsam_batch import ATTITUDE_SD_RAD, CLOCK_SD_M, NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
-from .gtsam_graph import CHANGE_S, Linear, load, params_of
+from .gtsam_graph import CHANGE_S, LIFT_SD_M_S2, Linear, load, params_of
 from .gtsam_lag_sure import Carried
 from .gtsam_path import State, quaternion_of
 from .gtsam_rows import NEAR_S, Rows, rows_of
@@ -224,6 +224,10 @@ class _Run:
         level, upright, gyro = self.noise.stamp_s_sqrtHz**2 * self.slope[a : max(b, a + 1)].mean(axis=0)
         level += self.noise.acc_m_s2_sqrtHz**2
         self.params.setAccelerometerCovariance(np.diag([level, level, upright + self.noise.upright**2]))
+        walk = self.noise.acc_walk_m_s3_sqrtHz**2
+        if self.rows.lift[a:b].any():
+            walk += LIFT_SD_M_S2**2 / max(end_s - start_s, 1e-3)
+        self.params.setBiasAccCovariance(EYE * walk)
         self.params.setGyroscopeCovariance(EYE * (self.noise.gyro_rad_s_sqrtHz**2 + gyro))
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
         times, values = between(rows, self.values, start_s, end_s)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from nanobench_tools.errors import MissingExtraError
 from nanobench_tools.units import GRAVITY_M_S2
 
+from .drag_ekf import TUNED
 from .gtsam_path import Path, State, steps_of
 from .gtsam_rows import Rows
 from .gtsam_sure import covariance_of
@@ -30,6 +32,9 @@ INTEGRATION_SD_M = 1e-3
 
 LEAST_PACKETS = 0.1
 """Packets an interval without any counts as: what happened there is known to about 10 times the usual noise."""
+
+LIFT_SD_M_S2 = TUNED["lift_bias_sd"]
+"""By how much the accelerometer's biases jump when the motors begin to shake it, as of ``drag_ekf``."""
 
 ITERATIONS, HALVINGS, SMALL_GAIN = 20, 6, 1e-3
 """Converged: the linearised problem promises to lower the cost by less than this share of it."""
@@ -84,6 +89,9 @@ class Problem:
         self.acc_sd = np.hypot(white, noise.stamp_s_sqrtHz * np.stack([level, level, upright], axis=1))
         self.gyro_sd = np.hypot(noise.gyro_rad_s_sqrtHz * poorer, noise.stamp_s_sqrtHz * self._change(rows.gyro))
         self.params = params_of(self.gtsam, noise)
+        edges = np.searchsorted(rows.time_s, time_s, side="right")
+        self.lifts = np.array([rows.lift[a:b].any() for a, b in pairwise(edges)], bool)
+        self.acc_walk = np.hypot(noise.acc_walk_m_s3_sqrtHz, self.lifts * LIFT_SD_M_S2 / np.sqrt(np.diff(time_s)))
         self.keys = {letter: [self.gtsam.symbol(letter, i) for i in range(self.count)] for letter in "xvbc"}
         self.increments = [self._increment(i) for i in range(self.count - 1)]
 
@@ -103,6 +111,7 @@ class Problem:
         eye = np.eye(3)
         self.params.setAccelerometerCovariance(np.diag(self.acc_sd[i] ** 2))
         self.params.setGyroscopeCovariance(eye * self.gyro_sd[i] ** 2)
+        self.params.setBiasAccCovariance(eye * self.acc_walk[i] ** 2)
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
         integrate = one.integrateMeasurement
         at = slice(self.steps.first[i], self.steps.first[i] + self.steps.lengths[i])

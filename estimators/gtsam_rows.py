@@ -14,6 +14,7 @@ from nanobench_tools.sources.kinks import carries_no_packet, count_packets
 
 from .drag_ekf import TUNED
 from .imu_noise import packet_rate_hz
+from .inertial import lifted
 from .radio_clock import lateness
 
 ACC = ("acc_x", "acc_y", "acc_z")
@@ -38,7 +39,8 @@ class Rows:
     """report_s (n,): stamps of the IMU rows; time_s (n,) those less what missing packets say they are late, acc
     [m/s^2] and gyro [rad/s] (n, 3), packets (n,) how many packets a row stands for (less than one where a resampler
     drew it); poses: pose_s (m,) when they were measured, position (m, 3), quaternion (m, 4), noise_m the SD of a
-    position that was told, or nan."""
+    position that was told, or nan; lift (n,) whether a row is the first in the air, where the accelerometer's biases
+    change."""
 
     report_s: np.ndarray
     time_s: np.ndarray
@@ -50,6 +52,7 @@ class Rows:
     quaternion: np.ndarray
     noise_m: float
     place: str
+    lift: np.ndarray
 
 
 def rows_of(flight: Flight, causal: bool = False) -> Rows:
@@ -70,8 +73,9 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
     if not causal:
         packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
         logged = imu.time_s <= count_packets(imu.time_s, imu[ACC + GYRO]).last_s
+    late = lateness(flight) if imu.time_sd_s is None else np.zeros(len(imu))  # re-timed: nothing is left to be told
     good = logged & np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
-    values = np.column_stack([imu[ACC + GYRO], packets, lateness(flight), imu.time_s])[good]
+    values = np.column_stack([imu[ACC + GYRO], packets, late, imu.time_s])[good]
     values = _rising(values[:, 8], values)[1]
     time_s, values = _rising(values[:, 8] - values[:, 7], values)
     if len(time_s):
@@ -89,7 +93,8 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
     noise_m = float(flight.metadata.get("pose_noise_m", math.nan))
     acc, gyro, packets = values[:, :3].copy(), values[:, 3:6], values[:, 6]
     acc[:, 2] -= WARMS_M_S3 * (time_s - time_s[0])
-    return Rows(values[:, 8], time_s, acc, gyro, packets, pose_s, poses[:, :3], quaternion, noise_m, place)
+    lift = lifted(flight, values[:, 8])
+    return Rows(values[:, 8], time_s, acc, gyro, packets, pose_s, poses[:, :3], quaternion, noise_m, place, lift)
 
 
 def _rising(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,7 @@
 """The inertial rows: nothing later leaks in, bad input is said, covariances stay sound, clocks are found."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from estimators import inertial, inertial_core, radio_clock
 from estimators.delayed_pose_ekf import DelayedPoseEkf
 from estimators.drag_ekf import DragEkf, DragMatrixEkf
 from estimators.error_state_ekf import ErrorStateEkf, Strapdown
+from estimators.inertial import STAMP_LEFT, lifted
 from estimators.invariant_ekf import InvariantEkf
 from estimators.thrust_ekf import ThrustEkf
 from nanobench_tools.audit import audit
@@ -224,6 +226,30 @@ def test_stamps_that_wander_make_noise_of_what_changes(case):
     a, b = (inertial.run(rows, inertial.values_of(s)).covariance[300:, 3, 3] for s in (steady, wandering))
     assert b.mean() > 1.5 * a.mean()
     assert np.std(b / a) > 0.1
+
+
+def test_re_timed_stamps_are_not_set_back_again_and_trusted_more(case):
+    """A stream that says how well its stamps are known has had its clock's error taken out."""
+    given = aided.given_to(case, aided.Aiding())
+    imu = given["imu"]
+    told = given.with_streams(imu=replace(imu, time_sd_s=np.full(len(imu), 0.008)))
+    found, class_settings = DragEkf().estimate(told), DragEkf.settings
+
+    class Trusting(DragEkf):
+        radio = False
+        settings: ClassVar = {**class_settings, "stamp": STAMP_LEFT * class_settings["stamp"]}
+
+    assert np.array_equal(found.position_m, Trusting().estimate(given).position_m)
+    assert not np.array_equal(found.position_m, DragEkf().estimate(given).position_m)
+
+
+def test_lift_off_is_seen_once_and_only_with_motors(case):
+    given = case.flight
+    time_s = given["imu"].time_s
+    lift = lifted(given, time_s)
+    assert lift.sum() == 1
+    assert abs(time_s[lift][0] - case.spans[0].start_s) < 1.5
+    assert not lifted(given.without_streams("motor"), time_s).any()
 
 
 def test_missing_packets_tell_how_late_rows_are(flight):

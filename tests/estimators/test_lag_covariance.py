@@ -20,7 +20,7 @@ def increment(bias=None):
     rng = np.random.default_rng(0)
     made = gtsam.PreintegratedCombinedMeasurements(params_of(gtsam, ImuNoise()), gtsam.imuBias.ConstantBias())
     for _ in range(8):
-        acc, gyro = rng.normal(size=3) + [0.0, 0.0, 9.81], rng.normal(size=3)
+        acc, gyro = rng.normal(size=3) + np.array([0.0, 0.0, 9.81]), rng.normal(size=3)
         made.integrateMeasurement(acc, gyro, 0.01)
     return made
 

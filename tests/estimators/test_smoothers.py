@@ -16,7 +16,7 @@ gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobenc
 from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
 from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402
 from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
-from estimators.gtsam_graph import Problem  # noqa: E402
+from estimators.gtsam_graph import LIFT_SD_M_S2, Problem  # noqa: E402
 from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
 from estimators.gtsam_rows import rows_of, stands  # noqa: E402
 from estimators.gtsam_sure import covariance_of  # noqa: E402
@@ -116,6 +116,19 @@ def test_states_stand_at_poses_and_not_closer_than_a_tenth_of_a_second():
     later = stands(rows_of(early))
     assert later[-1] == t[-1]
     assert np.isclose(later, early["mocap"].time_s[-1]).any()
+
+
+def test_the_accelerometers_bias_may_jump_at_lift_off():
+    flight, t, *_ = known_motion()
+    motors = np.where(t[:, None] < 3.02, 0.0, 0.8) * np.ones(4)
+    flight = flight.with_streams(motor=make_stream("motor", t, motors, ("m1", "m2", "m3", "m4")))
+    rows = rows_of(flight)
+    problem = Problem(rows, ImuNoise(), stands(rows))
+    at = np.flatnonzero(problem.lifts)
+    assert len(at) == 1
+    assert problem.time_s[at[0]] <= 3.02 <= problem.time_s[at[0] + 1]
+    assert problem.acc_walk[at[0]] ** 2 * 0.1 == pytest.approx(LIFT_SD_M_S2**2, rel=0.05)
+    assert np.ptp(np.delete(problem.acc_walk, at)) == 0.0
 
 
 def test_late_poses_count_when_they_were_measured():
