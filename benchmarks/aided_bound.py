@@ -3,8 +3,8 @@
 python benchmarks/aided_bound.py [--data DIR]
 
 10 Hz poses, 30 ms late, 1 cm (protocol ``aided``). Per clock: mean ATE and the RMS that the estimators' own covariances
-state; where both agree, the error is what the noise of IMU and stamps leaves, and only less noise would lower it. Then
-SYNTHETIC flights whose log has no clock error. Last the least error of any causal estimate (steady Riccati equation of
+state; where both agree, the error is what the noise of IMU and stamps leaves, and only less noise would lower it. Last
+the least error of any causal estimate (steady Riccati equation of
 position and velocity along one axis, three axes alike) and of any that looks ahead, by the noise of the acceleration.
 """
 
@@ -14,7 +14,6 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
@@ -31,14 +30,6 @@ from nanobench_tools.protocols.selection import distinct
 AIDING = aided.Aiding()
 NOISES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """m/s^2 per root Hz."""
-
-
-class Ideal(DragEkf):
-    """``drag_ekf`` told that stamps do not wander."""
-
-    name = "drag_ekf, stamps trusted"
-    settings: ClassVar = {**DragEkf.settings, "stamp": 0.0, "drawn": 0.0, "late_sd": 0.002, "wander_sd": 0.0}
-    radio = False
 
 
 class Kept:
@@ -107,22 +98,10 @@ def main() -> None:
                          ("real, re-timed", task3.select(seen.flights, seen.audits, "clean"))):
         for method in methods:
             line(label, cases, method)
-    line("SYNTHETIC, no clock error", practice(), Ideal())
     print("white noise of the acceleration -> least RMS of any estimate, causal | looking ahead [mm]")
     for density in NOISES:
         causal, smoothed = riccati(density)
         print(f"  {density:5.2f} m/s^2/sqrt(Hz) -> {1e3 * causal:5.1f} | {1e3 * smoothed:5.1f}")
-
-
-def practice() -> list[task3.Case]:
-    from nanobench_tools.audit import audit
-    from nanobench_tools.practice.flights import practice_flight
-    from nanobench_tools.practice.logging_chain import LoggingChain
-
-    chain = LoggingChain(wander_sd_s=0.0, offset_s=0.0)
-    flights = [practice_flight(seed, family=family, speed_m_s=0.8, chain=chain)
-               for seed, family in enumerate(("circle", "trefoil", "helix", "star"))]
-    return task3.select(flights, {flight.name: audit(flight) for flight in flights}, "clean")
 
 
 if __name__ == "__main__":
