@@ -31,6 +31,7 @@ class Fallback:
         self.counts = {"plan": 0, "geometric": 0, "land": 0, "empty": 0}
         self.missing_s, self._empty_s = np.zeros((2, n))
         self.landing = np.zeros(n, bool)
+        self._whole = False  # whether every vehicle has a fresh plan
         self._place, self._yaw = np.zeros((n, 3)), np.zeros(n)
         self._geometric = Geometric(vehicle)
         self._geometric.reset(n)
@@ -39,7 +40,10 @@ class Fallback:
 
     def asked(self, state: VehicleState, reference: Reference) -> tuple[Reference, np.ndarray]:
         """The reference, replaced for vehicles that land by one that comes down where landing began, and which do."""
-        self._empty_s = np.where(state.battery_V < LEAST_V, self._empty_s + self.period_s, 0.0)
+        low = state.battery_V < LEAST_V
+        if not (low.any() or self._empty_s.any() or self.missing_s.any() or self.landing.any()):
+            return reference, self.landing
+        self._empty_s = np.where(low, self._empty_s + self.period_s, 0.0)
         empty = self._empty_s > EMPTY_S
         self.counts["empty"] += int(np.count_nonzero(empty))
         begins = (empty | (self.missing_s > PLAN_S + GEOMETRIC_S)) & ~self.landing
@@ -60,6 +64,7 @@ class Fallback:
 
     def note(self, planned: np.ndarray) -> None:
         """planned (n,) bool: vehicles for which a plan was found in this period."""
+        self._whole = bool(planned.all())
         self.missing_s = np.where(planned, 0.0, self.missing_s + self.period_s)
 
     def from_plan(self) -> np.ndarray:
@@ -68,6 +73,9 @@ class Fallback:
 
     def replaced(self, time_s: float, state: VehicleState, reference: Reference, command: np.ndarray) -> np.ndarray:
         """PWM (n, 4) with those of vehicles that have been without a plan for longer replaced."""
+        if self._whole and not self.landing.any():
+            self._motors.filtered_V[:] = state.battery_V
+            return command
         old = self.from_plan()
         without = (self.missing_s > 0.0) & ~old
         self.counts["plan"] += int(np.count_nonzero(old))

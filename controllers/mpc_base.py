@@ -24,6 +24,7 @@ from .mpc_code import Call
 from .mpc_horizon import Gains, Horizon, most_tilt, within_reach, without_leaps
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
 from .mpc_thrust import ThrustMap
+from .mpc_tilt import MARGIN_RAD, MOST_RAD
 
 PERIOD_S = 0.01
 OUTAGE_S = 0.6
@@ -82,13 +83,11 @@ def tuned(gains: Mapping[str, float], weights: Weights, tuning: Tuning, who: str
 
 
 class Plan:
-    """Thrusts asked (n, N, 4) N from the time at which the command acts, every ``dt_s``, and the states (n, N + 1, 17)
-    they are thought to lead to."""
+    """Thrusts asked (n, N, 4) N from the time at which the command acts, every ``dt_s``."""
 
     def __init__(self, n: int, horizon: int, dt_s: float, thrust_N: float) -> None:
         self.dt_s = dt_s
         self.thrust_N = np.full((n, horizon, 4), thrust_N)
-        self.states = np.zeros((n, horizon + 1, STATES))
         self.age_s = np.zeros(n)
 
     def shifted(self, i: int, seconds: float) -> np.ndarray:
@@ -105,6 +104,8 @@ class Mpc:
     """Full references in, with their future where it is given; motor PWM out, every PERIOD_S.
 
     ``delay_s``: how long after ``command`` returns its result begins to act (the model's command_delay by default).
+    ``tilt_rad``: plans tip no further, and less on a battery that could not carry the vehicle then (``mpc_tilt``);
+    ``steep_rad`` (n,) is what held last.
     ``guard``, ``fallback`` and ``counts`` say what was replaced. ``plan`` holds the last plans.
     """
 
@@ -115,7 +116,8 @@ class Mpc:
 
     def __init__(self, model: Model | None = None, *, delay_s: float | None = None, horizon: int = 20,
                  dt_s: float = 0.025, weights: Weights | None = None, tuning: Tuning | None = None,
-                 states: int = ERRORS, period_s: float = PERIOD_S, gains: Mapping[str, float] | None = None) -> None:
+                 states: int = ERRORS, period_s: float = PERIOD_S, tilt_rad: float = MOST_RAD,
+                 gains: Mapping[str, float] | None = None) -> None:
         model = model or default_model()
         if gains:
             weights, tuning = tuned(gains, weights or Weights(), tuning or Tuning(), self.name)
@@ -123,7 +125,7 @@ class Mpc:
         self.delay_s = known_s if delay_s is None else delay_s
         self.model = model.without("command_delay") if "command_delay" in model else model
         self.horizon, self.dt_s, self.states = horizon, dt_s, states
-        self.period_s, self.weights = period_s, weights or Weights()
+        self.period_s, self.weights, self.tilt_rad = period_s, weights or Weights(), tilt_rad
         self.thrust_map = ThrustMap(self.model)
         self.observer = Observer(self.model, period_s, tuning)
         self._targets = Call(targets_function(self.model, horizon + 1))
@@ -173,6 +175,7 @@ class Mpc:
         self._time_s = np.nan
         self._start = self.observer.state
         self._command = np.zeros((n, 4))
+        self.steep_rad = np.full(n, self.tilt_rad)
         self._pose = np.full((n, 7), np.nan)
         self._same_s, self._way_m = np.zeros((2, n))
 
@@ -196,7 +199,7 @@ class Mpc:
             ratios = self.thrust_map.ratios(asked, state.battery_V)
             ratios = self.fallback.replaced(time_s, state, reference, ratios)
             self._command = self.guard.release(ratios)
-            self._way.give(np.clip(asked, *limits))
+            self._way.give(asked)
             self.observer.advance(self._way.acting())
             return self._command
 
@@ -251,7 +254,9 @@ class Mpc:
         gravity = self.model.vehicle.gravity_m_s2
         d = self.observer.disturbance[:, :3]
         lift = limits[1].sum(axis=1) / (4.0 * self.hover_N) * gravity + d[:, 2]  # m/s^2, all that carries
-        level = gravity * np.tan(most_tilt(lift / gravity))
+        tilt = np.minimum(most_tilt(lift / gravity), max(self.tilt_rad - MARGIN_RAD, 0.5 * self.tilt_rad))
+        level = gravity * np.tan(tilt)
+        self.steep_rad = np.minimum(tilt + MARGIN_RAD, self.tilt_rad)
         without_leaps(rows, self._horizon.seconds)
         within_reach(rows, x, self._near_hover.position_1_s2, self._near_hover.velocity_1_s, level, lift - gravity, d)
         planned = np.zeros(self.n, bool)
@@ -265,7 +270,7 @@ class Mpc:
             except Exception:  # solvers are other people's code; without an answer there is a fallback
                 found = None
             if found is not None and np.isfinite(found).all():
-                self.plan.thrust_N[i] = np.clip(found, limits[0, i], limits[1, i])
+                np.minimum(np.maximum(found, limits[0, i]), limits[1, i], out=self.plan.thrust_N[i])
                 self.plan.age_s[i] = 0.0
                 planned[i] = True
         self.counts["solver"] += int(np.count_nonzero(~planned))
@@ -280,6 +285,7 @@ class Mpc:
     def _asked(self, limits: np.ndarray) -> np.ndarray:
         """Thrusts (n, 4) of the plans now."""
         now = self.plan.thrust_N[:, 0].copy()
-        for i in np.flatnonzero(self.plan.age_s > 0.0):
-            now[i] = self.plan.shifted(int(i), float(self.plan.age_s[i]))[0]
-        return np.clip(now, *limits)
+        if self.plan.age_s.any():
+            for i in np.flatnonzero(self.plan.age_s > 0.0):
+                now[i] = self.plan.shifted(int(i), float(self.plan.age_s[i]))[0]
+        return np.minimum(np.maximum(now, limits[0]), limits[1])

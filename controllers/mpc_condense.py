@@ -15,9 +15,10 @@ UNIT_N = 0.1
 
 
 @nb.njit(cache=True, fastmath=True)
-def condense(a, b, c, start, residual, q, p, r, offset, h, g):
+def condense(a, b, c, start, residual, q, p, r, offset, h, g, turns, fixed):
     """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,) dx_0, residual (N + 1, S), q (S,) diagonal, p (S, S),
-    r (4, 4), offset (N, 4) input minus its target [N] -> writes h (4 N, 4 N) and g (4 N)."""
+    r (4, 4), offset (N, 4) input minus its target [N] -> writes h (4 N, 4 N) and g (4 N); the
+    errors of the attitude of stages 1.. are fixed (N, 3) + turns (N, 3, 4 N) z."""
     n, s = c.shape
     wide = 4 * n
     free = start.copy()
@@ -43,6 +44,10 @@ def condense(a, b, c, start, residual, q, p, r, offset, h, g):
             free[i] = weighted[i, 0]
         gamma, grown = grown, gamma
         used += 4
+        for i in range(3):
+            fixed[k, i] = residual[k + 1, 6 + i] + free[6 + i]
+            for j in range(used):
+                turns[k, i, j] = gamma[6 + i, j]
         for i in range(s):
             if k < n - 1:
                 for j in range(used):

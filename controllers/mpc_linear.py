@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba as nb
 import numpy as np
 
 from nanobench_tools.errors import UsageError
@@ -17,6 +18,7 @@ from .mpc_condense import UNIT_N, condense, headed
 from .mpc_model import stage_pattern
 from .mpc_qp import Daqp, DenseOsqp, DenseSolver, import_solver
 from .mpc_sparse import SparseOsqp
+from .mpc_tilt import ROUNDS, halfplanes, rows_of, turned
 
 SOLVERS: dict[str, type[Daqp] | type[DenseOsqp]] = {"daqp": Daqp, "osqp": DenseOsqp}
 
@@ -34,14 +36,18 @@ class Linearised(Mpc):
         return a.reshape(n, s, s), b.reshape(n, 4, s), c, error(x, targets[0])[:s]
 
 
-def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
+@nb.njit(cache=True)
+def error(x, target):
     """(16): ``mpc_model.error`` of numbers."""
     (ax, ay, az, aw), (bx, by, bz, bw) = target[6:10], x[6:10]
     w = aw * bw + ax * bx + ay * by + az * bz
     sign = 2.0 if w >= 0.0 else -2.0
-    turn = (sign * (aw * bx - ax * bw - ay * bz + az * by), sign * (aw * by + ax * bz - ay * bw - az * bx),
-            sign * (aw * bz - ax * by + ay * bx - az * bw))
-    return np.concatenate([x[:6] - target[:6], turn, x[10:] - target[10:]])
+    out = np.empty(16)
+    out[:6], out[9:] = x[:6] - target[:6], x[10:] - target[10:]
+    out[6] = sign * (aw * bx - ax * bw - ay * bz + az * by)
+    out[7] = sign * (aw * by + ax * bz - ay * bw - az * bx)
+    out[8] = sign * (aw * bz - ax * by + ay * bx - az * bw)
+    return out
 
 
 class MpcDaqp(Linearised):
@@ -59,15 +65,43 @@ class MpcDaqp(Linearised):
         self._p = np.zeros_like(self.p)
         self._residual = np.zeros((self.horizon + 1, self.states))
         self._offset = np.zeros((self.horizon, 4))
+        self._turns, self._fixed = np.zeros((self.horizon, 3, wide)), np.zeros((self.horizon, 3))
+        self._turned, self._normal = np.zeros((2, self.horizon, 3))
+        self._bound = np.zeros(self.horizon)
+        self._rows, self._most = np.zeros((self.horizon, wide)), np.zeros(self.horizon)
+
+    def reset(self, n: int) -> None:
+        super().reset(n)
+        self._multipliers: list[np.ndarray | None] = [None] * n
 
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
         a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
         headed(self.p, yaw, self._p)
-        condense(a, b, c, start, self._residual, self.q, self._p, self.r, self._offset, self.h, self.g)
-        low, high = ((bound - inputs[:-1]).ravel() / UNIT_N for bound in (least, most))
-        z = self._solver(self.h, self.g, low, high)
+        condense(a, b, c, start, self._residual, self.q, self._p, self.r, self._offset, self.h, self.g, self._turns,
+                 self._fixed)
+        z = self.program(i, (least - inputs[:-1]).ravel() / UNIT_N, (most - inputs[:-1]).ravel() / UNIT_N, targets)
         return None if z is None else inputs[:-1] + UNIT_N * z.reshape(-1, 4)
+
+    def program(self, i: int, low: np.ndarray, high: np.ndarray, targets: np.ndarray,
+                stages: int | None = None) -> np.ndarray | None:
+        """z (4 N) of the condensed program of vehicle i within low and high, tipped no further than ``steep_rad`` over
+        the first ``stages``."""
+        z = self._solver(self.h, self.g, low, high, start=self._multipliers[i])
+        given = self._solver.multipliers
+        self._multipliers[i] = given if given is not None and given.any() else None
+        radius = float(np.sin(self.steep_rad[i]))
+        self._bound[:] = np.nan
+        for _ in range(ROUNDS if z is not None else 0):
+            turned(self._turns, self._fixed, z, self._turned)
+            if not halfplanes(targets, self._turned[:stages], radius, self._normal, self._bound):
+                return z
+            count = rows_of(self._turns, self._fixed, self._normal, self._bound, self._rows, self._most)
+            found = self._solver(self.h, self.g, low, high, self._rows[:count], self._most[:count], given)
+            if found is None:  # better tipped than without a plan
+                return z
+            z = found
+        return z
 
 
 class MpcOsqp(Linearised):
@@ -88,5 +122,6 @@ class MpcOsqp(Linearised):
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
         a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
-        found = self._solvers[i](a, b, c, start, yaw, least - inputs[:-1], most - inputs[:-1])
+        found = self._solvers[i](a, b, c, start, yaw, least - inputs[:-1], most - inputs[:-1], targets,
+                                 float(np.sin(self.steep_rad[i])))
         return None if found is None else inputs[:-1] + found

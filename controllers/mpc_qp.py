@@ -10,6 +10,11 @@ from nanobench_tools.errors import MissingExtraError
 
 MOST_ITERATIONS = 400
 TOLERANCE = 1e-5
+SOFT, SOLVED = 8, (1, 2)
+"""DAQP's words for a row that may be missed, and for answers: 2 is one that misses a row."""
+FAR = 1e30
+MISSED = 1e-2
+"""A row that is missed by this costs 1/2, as it does in DAQP."""
 
 
 def import_solver(name: str) -> Any:
@@ -21,9 +26,13 @@ def import_solver(name: str) -> Any:
 
 
 class DenseSolver(Protocol):
-    """min 1/2 z'Hz + g'z with low <= z <= high; None when no answer was found."""
+    """min 1/2 z'Hz + g'z with low <= z <= high and, where that is possible, rows z <= most; None when no answer was
+    found. ``start``: multipliers of a program that was much the same, from ``multipliers`` after it was solved."""
 
-    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray | None: ...
+    multipliers: np.ndarray | None
+
+    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray | None = None,
+                 most: np.ndarray | None = None, start: np.ndarray | None = None) -> np.ndarray | None: ...
 
 
 class Daqp:
@@ -31,11 +40,26 @@ class Daqp:
 
     def __init__(self) -> None:
         self._solve = import_solver("daqp").solve
+        self._kinds: dict[tuple[int, int], np.ndarray] = {}
+        self.multipliers = None
 
-    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
-        z, _, flag, _ = self._solve(h, g, np.zeros((0, len(g))), high, low, np.zeros(len(g), np.intc),
-                                    iter_limit=MOST_ITERATIONS)
-        return z if flag == 1 and np.isfinite(z).all() else None
+    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray | None = None,
+                 most: np.ndarray | None = None, start: np.ndarray | None = None) -> np.ndarray | None:
+        more = 0 if rows is None else len(rows)
+        if rows is not None and most is not None:
+            low, high = np.concatenate([low, np.full(more, -FAR)]), np.concatenate([high, most])
+        else:
+            rows = np.empty((0, len(g)))
+        kind = self._kinds.get((len(g), more))
+        if kind is None:
+            kind = self._kinds[len(g), more] = np.repeat(np.array([0, SOFT], np.intc), [len(g), more])
+        if start is not None and more:
+            start = np.concatenate([start[:len(g)], np.zeros(more)])
+        # it writes which bounds were active into the kinds
+        z, _, flag, info = self._solve(h, g, rows, high, low, kind.copy(), iter_limit=MOST_ITERATIONS,
+                                       dual_start=start, rho_soft=MISSED**2)
+        self.multipliers = info["lam"][:len(g)]
+        return z if flag in SOLVED and np.isfinite(z).all() else None
 
 
 class DenseOsqp:
@@ -44,11 +68,15 @@ class DenseOsqp:
     def __init__(self) -> None:
         self._osqp = import_solver("osqp")
         self._solver: Any = None
+        self.multipliers = None
 
-    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
+    def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray | None = None,
+                 most: np.ndarray | None = None, start: np.ndarray | None = None) -> np.ndarray | None:
         from scipy import sparse
 
         n = len(g)
+        if rows is not None and most is not None:
+            return self._with_rows(h, g, low, high, rows, most)
         if self._solver is None:
             rows, cols = np.triu_indices(n)
             order = np.lexsort((rows, cols))  # column by column
@@ -60,4 +88,23 @@ class DenseOsqp:
         else:
             self._solver.update(Px=h[self._rows, self._cols], q=g, l=low, u=high)
         found = self._solver.solve(raise_error=False)
+        return self._answer(found)
+
+    def _with_rows(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray,
+                   most: np.ndarray) -> np.ndarray | None:
+        """Set up anew, an unknown more to a row: how far it is missed."""
+        from scipy import sparse
+
+        n, more = len(g), len(most)
+        cost = sparse.block_diag([np.triu(h), sparse.eye(more)], format="csc")
+        bounds = sparse.block_array([[sparse.eye(n), None], [rows, -MISSED * sparse.eye(more)]], format="csc")
+        solver = self._osqp.OSQP()
+        solver.setup(cost, np.concatenate([g, np.zeros(more)]), bounds, np.concatenate([low, np.full(more, -FAR)]),
+                     np.concatenate([high, most]), verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
+                     max_iter=MOST_ITERATIONS * 10)
+        found = self._answer(solver.solve(raise_error=False))
+        return None if found is None else found[:n]
+
+    @staticmethod
+    def _answer(found: Any) -> np.ndarray | None:
         return found.x if found.info.status_val == 1 and np.isfinite(found.x).all() else None

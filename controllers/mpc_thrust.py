@@ -59,7 +59,7 @@ class ThrustMap:
         self._table = np.ascontiguousarray(rising)
 
     def _places(self, battery_V: np.ndarray) -> np.ndarray:
-        return (np.clip(battery_V, LEAST_V, MOST_V) - LEAST_V) * ((VOLTAGES - 1) / (MOST_V - LEAST_V))
+        return (np.minimum(np.maximum(battery_V, LEAST_V), MOST_V) - LEAST_V) * ((VOLTAGES - 1) / (MOST_V - LEAST_V))
 
     def limits(self, battery_V: np.ndarray) -> np.ndarray:
         """battery (n,) V -> least and most thrust [N] of each motor (2, n, 4)."""

@@ -20,6 +20,9 @@ from .mpc_model import rollout_function
 LEAST_W = 0.2
 """Least cosine of half the angle between a flight and its target in the change of charts: beyond, half round."""
 
+NEAR_RAD = 0.5
+"""What a program about a flight says of its tilt further from the target is not believed."""
+
 
 @nb.njit(cache=True)
 def _turned(m, v):
@@ -61,6 +64,15 @@ def against(flown, targets, a, b, residual):
             last = np.linalg.inv(chart).T
 
 
+@nb.njit(cache=True)
+def near(residual):
+    """Stages of a flight (N + 1, S) that come before the first whose attitude is beyond NEAR_RAD of its target."""
+    for k in range(1, residual.shape[0]):
+        if np.sqrt(np.sum(residual[k, 6:9] ** 2)) > NEAR_RAD:
+            return k - 1
+    return residual.shape[0] - 1
+
+
 class Nmpc(MpcDaqp):
     """13 states and the rotors'. ``iterations``: programs solved for a command."""
 
@@ -82,9 +94,9 @@ class Nmpc(MpcDaqp):
             a, b, _, _ = self.linearise(x, flown, np.concatenate([thrusts, thrusts[-1:]]), d)
             against(flown, targets, a, b, self._residual)
             condense(a, b, self._zero, self._zero[0], self._residual, self.q, self._p, self.r, thrusts - inputs[:-1],
-                     self.h, self.g)
-            low, high = ((bound - thrusts).ravel() / UNIT_N for bound in (least, most))
-            z = self._solver(self.h, self.g, low, high)
+                     self.h, self.g, self._turns, self._fixed)
+            z = self.program(i, (least - thrusts).ravel() / UNIT_N, (most - thrusts).ravel() / UNIT_N, targets,
+                             near(self._residual))
             if z is None:
                 return None
             thrusts = thrusts + UNIT_N * z.reshape(-1, 4)

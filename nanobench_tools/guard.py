@@ -59,29 +59,75 @@ def commanded(controller: Controller, time_s: float, state: VehicleState, refere
 
 
 @nb.njit(cache=True)
-def _judge(values, least, most, good):
-    """Takes ``good`` (n,) from rows of values (n, k) with an absolute value out of bounds, or none at all."""
-    for i in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            if not least <= abs(values[i, k]) <= most:
-                good[i] = False
+def _within(values, least, most):
+    """Whether all absolute values lie between; one that is no number does not."""
+    good = True
+    for value in values:
+        good &= least <= abs(value) <= most
+    return good
 
 
 @nb.njit(cache=True)
-def _judge_length(values, good):
-    """The same for the length of the rows."""
-    for i in range(values.shape[0]):
-        if not SHORTEST**2 <= np.sum(values[i] * values[i]) <= LONGEST**2:
-            good[i] = False
-
-
-@nb.njit(cache=True)
-def _take(values, good, kept):
-    """Copies the good rows of values (n, k) into ``kept``."""
-    for i in range(values.shape[0]):
+def _measured(place, speed, attitude, rate, battery, kept_place, kept_speed, kept_attitude, kept_rate, kept_battery,
+              good):
+    """Takes the good rows (n, k) into what is kept, and whether they are into good (n,); counts of bad measurements
+    and of bad batteries."""
+    bad = empty = 0
+    for i in range(place.shape[0]):
+        length = np.sum(attitude[i] * attitude[i])
+        good[i] = (_within(place[i], 0.0, LARGEST) and _within(speed[i], 0.0, LARGEST)
+                   and _within(rate[i], 0.0, LARGEST) and SHORTEST**2 <= length <= LONGEST**2)
         if good[i]:
-            for k in range(values.shape[1]):
-                kept[i, k] = values[i, k]
+            kept_place[i], kept_speed[i], kept_rate[i] = place[i], speed[i], rate[i]
+            kept_attitude[i] = attitude[i] / np.sqrt(length)
+        else:
+            bad += 1
+        if _within(battery[i], LEAST_V, MOST_V):
+            kept_battery[i] = battery[i]
+        else:
+            empty += 1
+    return bad, empty
+
+
+@nb.njit(cache=True)
+def _asked(goal, yaw, turn, speed, acceleration, jerk, place, known, kept_goal, kept_yaw, kept_turn, kept_speed,
+           kept_acceleration, kept_jerk):
+    """Takes the good rows of a reference into what is kept; rows that are not rest where the last good one was, or at
+    ``place`` while there was none, which ``known`` (n,) says. Counts the bad."""
+    bad = 0
+    for i in range(goal.shape[0]):
+        if (_within(goal[i], 0.0, LARGEST) and _within(yaw[i], 0.0, LARGEST) and _within(turn[i], 0.0, LARGEST)
+                and _within(speed[i], 0.0, LARGEST) and _within(acceleration[i], 0.0, LARGEST)
+                and _within(jerk[i], 0.0, LARGEST_JERK_M_S3)):
+            known[i] = True
+            kept_goal[i], kept_yaw[i], kept_turn[i] = goal[i], yaw[i], turn[i]
+            kept_speed[i], kept_acceleration[i], kept_jerk[i] = speed[i], acceleration[i], jerk[i]
+        else:
+            bad += 1
+            if not known[i]:
+                kept_goal[i] = place[i]
+            kept_speed[i], kept_acceleration[i], kept_jerk[i], kept_turn[i] = 0.0, 0.0, 0.0, 0.0
+    return bad
+
+
+@nb.njit(cache=True)
+def _released(command, last, lost, mean, share, out):
+    """Writes what may be sent of command (n, 4) into out and learns from it what carries; counts the bad."""
+    bad = 0
+    for i in range(command.shape[0]):
+        good = np.isfinite(command[i]).all()
+        bad += not good
+        total = 0.0
+        for k in range(4):
+            value = min(max(command[i, k] if good else last[i, k], 0.0), 1.0)
+            if lost[i]:  # 0 for one that was never measured
+                value = SINK * mean[0, i] / max(mean[1, i], 1e-9)
+            out[i, k] = value
+            total += value
+        if not lost[i]:
+            mean[0, i] += share * (total / 4.0 - mean[0, i])
+            mean[1, i] += share * (1.0 - mean[1, i])
+    return bad
 
 
 def _table(values: np.ndarray, n: int) -> np.ndarray:
@@ -101,7 +147,7 @@ class Guard:
         self._place, self._speed, self._rate = np.zeros((3, n, 3))
         self._quaternion = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
         self._battery = np.full((n, 1), REST_BATTERY_V)
-        self._asked = np.zeros(n, bool)
+        self._known = np.zeros(n, bool)
         self._goal, self._wish = np.zeros((n, 3)), np.zeros((3, n, 3))
         self._yaw = np.zeros((2, n, 1))
         self._mean = np.zeros((2, n))  # of the commands, and the weight that it rests on so far
@@ -116,53 +162,35 @@ class Guard:
                 Reference(self._goal, self._yaw[0, :, 0], speed, acceleration, jerk, self._yaw[1, :, 0]))
 
     def _measure(self, given: VehicleState) -> None:
-        n = self.n
-        good, charged = np.ones(n, bool), np.ones(n, bool)
-        moving = ((_table(given.position_m, n), self._place), (_table(given.velocity_m_s, n), self._speed),
-                  (_table(given.rate_rad_s, n), self._rate))
-        attitude, battery = _table(given.quaternion, n), _table(given.battery_V, n)
-        for values, _ in moving:
-            _judge(values, 0.0, LARGEST, good)
-        _judge_length(attitude, good)
-        _judge(battery, LEAST_V, MOST_V, charged)
-        for values, kept in (*moving, (attitude, self._quaternion)):
-            _take(values, good, kept)
-        _take(battery, charged, self._battery)
-        self._quaternion /= np.sqrt(np.sum(self._quaternion**2, axis=1, keepdims=True))
-        self._missing_s = np.where(good, 0.0, self._missing_s + self.period_s)
-        self.lost, self.measured = self._missing_s > self.hold_s, good
-        for name, bad in (("measurement", ~good), ("lost", self.lost), ("battery", ~charged)):
-            self.counts[name] += int(np.count_nonzero(bad))
+        n, good = self.n, np.empty(self.n, bool)
+        bad, empty = _measured(
+            *(_table(x, n) for x in (given.position_m, given.velocity_m_s, given.quaternion, given.rate_rad_s,
+                                     given.battery_V)),
+            self._place, self._speed, self._quaternion, self._rate, self._battery, good)
+        self.measured = good
+        if bad == 0:
+            self._missing_s[:] = 0.0
+            self.lost = np.zeros(n, bool)
+        else:
+            self._missing_s = np.where(good, 0.0, self._missing_s + self.period_s)
+            self.lost = self._missing_s > self.hold_s
+            self.counts["lost"] += int(np.count_nonzero(self.lost))
+        self.counts["measurement"] += bad
+        self.counts["battery"] += empty
 
     def _ask(self, given: Reference) -> None:
         n = self.n
-        zero = np.zeros((n, 3))
-        jerk = zero if given.jerk_m_s3 is None else given.jerk_m_s3
-        turn = zero[:, :1] if given.yaw_rate_rad_s is None else given.yaw_rate_rad_s
-        asked = [_table(x, n) for x in (given.position_m, given.yaw_rad, turn, given.velocity_m_s,
-                                        given.acceleration_m_s2, jerk)]
-        good = np.ones(n, bool)
-        for values, most in zip(asked, (LARGEST,) * 5 + (LARGEST_JERK_M_S3,), strict=True):
-            _judge(values, 0.0, most, good)
-        self._asked |= good
-        if not good.all():
-            self.counts["reference"] += int(np.count_nonzero(~good))
-            self._goal[~self._asked] = self._place[~self._asked]
-            self._wish[:, ~good], self._yaw[1, ~good] = 0.0, 0.0
-        for values, kept in zip(asked, (self._goal, *self._yaw, *self._wish), strict=True):
-            _take(values, good, kept)
+        jerk = np.zeros((n, 3)) if given.jerk_m_s3 is None else given.jerk_m_s3
+        turn = np.zeros((n, 1)) if given.yaw_rate_rad_s is None else given.yaw_rate_rad_s
+        self.counts["reference"] += _asked(
+            *(_table(x, n) for x in (given.position_m, given.yaw_rad, turn, given.velocity_m_s,
+                                     given.acceleration_m_s2, jerk)),
+            self._place, self._known, self._goal, *self._yaw, *self._wish)
 
     def release(self, command: np.ndarray) -> np.ndarray:
         """PWM ratios (n, 4): finite, within 0..1, those of lost vehicles replaced."""
-        good = np.isfinite(command).all(axis=1)
-        if not good.all():
-            self.counts["command"] += int(np.count_nonzero(~good))
-            command = np.where(good[:, None], command, self._command)
-        command = np.clip(command, 0.0, 1.0)
-        if self.lost.any():
-            carried = self._mean[0] / np.maximum(self._mean[1], 1e-9)  # 0 for one that was never measured
-            command = np.where(self.lost[:, None], SINK * carried[:, None], command)
-        share = np.where(self.lost, 0.0, self.period_s / SMOOTH_S)
-        self._mean = self._mean + share * (np.stack([command.mean(axis=1), np.ones(self.n)]) - self._mean)
-        self._command = command
-        return command
+        out = np.empty((self.n, 4))
+        self.counts["command"] += _released(np.ascontiguousarray(command, float), self._command, self.lost, self._mean,
+                                            self.period_s / SMOOTH_S, out)
+        self._command = out
+        return out

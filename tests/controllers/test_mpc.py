@@ -108,7 +108,9 @@ def programs(count):
     spec, found = path_spec("figure_eight", "fast"), []
 
     class Keep:
-        def __call__(self, h, g, low, high):
+        multipliers = None
+
+        def __call__(self, h, g, low, high, **_):
             found.append((h.copy(), g.copy(), low.copy(), high.copy()))
 
     kept, controller._solver = controller._solver, Keep()
@@ -188,7 +190,9 @@ def test_the_program_of_the_nonlinear_one_has_the_slope_of_the_true_cost():
     kept = {}
 
     class Keep:
-        def __call__(self, h, g, low, high):
+        multipliers = None
+
+        def __call__(self, h, g, low, high, **_):
             kept["g"] = g.copy()
 
     solver, controller._solver = controller._solver, Keep()
@@ -323,7 +327,7 @@ def test_without_an_answer_the_last_plan_then_the_geometric_controller_then_a_la
 def test_a_solver_that_raises_is_a_solver_without_an_answer(monkeypatch):
     controller = fresh("mpc_daqp")
 
-    def broken(*_):
+    def broken(*_, **__):
         raise RuntimeError("out of memory")
 
     monkeypatch.setattr(controller, "_solver", broken)
