@@ -16,6 +16,7 @@ LEAP_M = 0.15
 """Between two points of a horizon, beside what its velocity explains: a leap that no vehicle flies, and is answered
 when it has come."""
 LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
+NEAR_M = 0.25
 MOST_SINK_M_S2 = 4.0
 """A reference that asks to fall faster is answered by this."""
 
@@ -110,7 +111,9 @@ def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, push
     vehicle moved so that its lag x (n, 17) behind the first, answered by ``Gains``, does not ask for more.
 
     What is moved away is given up: height first, as turning motors must stay free to turn the vehicle, and a vehicle
-    that lifts little more than its weight loses height when it tips after a reference that has jumped.
+    that lifts little more than its weight loses height when it tips after a reference that has jumped. Nearer than
+    NEAR_M nothing is moved: the program knows its bounds, and sees further ahead than these gains; from there to twice
+    as far it comes in. A vehicle that cannot carry itself is told to sink wherever it is.
     """
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -128,8 +131,10 @@ def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, push
             ask[j] = (first[6 + j] + position_1_s2[j] * (first[j] - x[i, j])
                       + velocity_1_s[j] * (first[3 + j] - x[i, 3 + j]) - pushed_m_s2[i, j])
         size = np.sqrt(ask[0] * ask[0] + ask[1] * ask[1])
-        over = 1.0 - level_m_s2[i] / size if size > level_m_s2[i] else 0.0
-        high = ask[2] - min(max(ask[2], -MOST_SINK_M_S2), up_m_s2[i])
+        gap = first[:3] - x[i, :3]
+        share = min(max(np.sqrt(np.sum(gap * gap)) / NEAR_M - 1.0, 0.0), 1.0) if up_m_s2[i] > 0.0 else 1.0
+        over = share * (1.0 - level_m_s2[i] / size) if size > level_m_s2[i] else 0.0
+        high = share * (ask[2] - min(max(ask[2], -MOST_SINK_M_S2), up_m_s2[i]))
         for k in range(rows.shape[1]):
             rows[i, k, 0] -= over / position_1_s2[0] * ask[0]
             rows[i, k, 1] -= over / position_1_s2[1] * ask[1]

@@ -102,6 +102,14 @@ def test_a_vehicle_that_cannot_carry_itself_is_asked_to_sink_and_keeps_upright(r
     assert rows[0, 0, 8] + GAINS[0][2] * rows[0, 0, 2] == pytest.approx(-0.981)
 
 
+def test_what_is_near_is_left_to_the_program(rows):
+    x = np.zeros((2, 17))
+    x[0, 2] = -0.2
+    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)))
+    assert np.all(rows[0, :, :3] == 0.0)
+    assert np.all(rows[0, :, 8] == 1.0)
+
+
 def test_a_leap_is_not_looked_forward_to():
     rows = np.zeros((1, 5, WIDTH))
     rows[0, :, 3] = 1.0
