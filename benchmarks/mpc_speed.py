@@ -1,12 +1,10 @@
 """How long predictive controllers take from a measurement to the command, everything included; do-mpc beside them.
 
     python benchmarks/mpc_speed.py [--steps 2000] [--referee 40]
-    python benchmarks/mpc_speed.py --memory 1000000 [--controller mpc_daqp]
 
 A SYNTHETIC vehicle is flown round a fast figure of eight; every command is timed on the clock of the wall and on that
 of the thread, which runs only while the thread does (on a machine with other work the first is longer). Horizons are 20
 steps of 25 ms. do-mpc (IPOPT) gets the same problem as nmpc: equations, targets, weights, bounds, from the same starts.
-The second form counts the memory of the process while commands are given.
 """
 
 from __future__ import annotations
@@ -65,7 +63,7 @@ def flown(controller: Mpc, steps: int, each=None) -> np.ndarray:
     plant.state[:3], plant.state[VELOCITY], plant.state[THRUST] = first.position_m.T, first.velocity_m_s.T, 0.1
     plant.ground_z[:] = -1e9
     controller.reset(1)
-    spent = np.zeros((steps, 2))
+    spent = np.full((steps, 2), np.nan)  # written, so that its memory is taken now
     for k in range(steps):
         reference, s = now(controller.period_s * k), plant.state
         state = VehicleState(s[:3].T.copy(), s[VELOCITY].T.copy(), s[QUATERNION].T.copy(), s[RATE].T.copy(),
@@ -166,35 +164,11 @@ def against_do_mpc(count: int) -> None:
           f"{1e3 * np.max(gaps):.3f} mN most; first thrust of one iteration: {1e3 * np.median(one):.3f} mN median")
 
 
-def resident_MB() -> float:
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def memory(name: str, steps: int) -> None:
-    controller = {"mpc_daqp": MpcDaqp, "mpc_osqp": MpcOsqp, "nmpc": Nmpc}[name](PRACTICE, tuning=FRESH)
-    marks: list[float] = []
-
-    def each(k: int, _: Mpc) -> None:
-        if k % max(steps // 20, 1) == 0:
-            marks.append(resident_MB())
-
-    flown(controller, steps, each)
-    marks.append(resident_MB())
-    print(f"{name}: {steps} commands; resident MB at start, after 5 %, half, end: {marks[0]:.1f} {marks[1]:.1f} "
-          f"{marks[len(marks) // 2]:.1f} {marks[-1]:.1f}; not planned {controller.counts['solver']}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--referee", type=int, default=40, help="programs given to do-mpc; 0 leaves it out")
-    parser.add_argument("--memory", type=int, default=0, help="count memory over so many commands, nothing else")
-    parser.add_argument("--controller", default="mpc_daqp", choices=("mpc_daqp", "mpc_osqp", "nmpc"))
     given = parser.parse_args()
-    if given.memory:
-        memory(given.controller, given.memory)
-        return
     print(f"SYNTHETIC, n = {given.steps} commands each, N = 20; ms from measurement to command")
     print(f"{'':28}{'wall: median':>14}{'99 %':>8}{'thread: median':>16}{'99 %':>8}{'no plan':>9}  C code")
     for name, create in ROWS.items():

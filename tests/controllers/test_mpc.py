@@ -1,6 +1,8 @@
 """Predictive control: programs against other solvers and limits, and what flies when something fails."""
 
 import functools
+import gc
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -439,6 +441,30 @@ def test_vehicles_fly_in_a_batch_as_they_do_alone():
         batch = together.command(0.01 * k, *pair)[1]
         one = (type(x)(*(v if v is None else v[[1]] for v in vars(x).values())) for x in pair)
         np.testing.assert_allclose(alone.command(0.01 * k, *one)[0], batch, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_commands_leave_no_memory_behind(name):
+    controller, spec = fresh(name), path_spec("figure_eight", "fast")
+    world = World(spec.reference(np.zeros(1)))
+    seen = world.seen()
+    seen.rate_rad_s[:] = [[9.0, 0.0, 0.0]]  # beyond limits now and then: rows and restarts too
+
+    def go(first, count):
+        for k in range(first, first + count):
+            controller.command(0.01 * k, seen if k % 7 == 0 else world.seen(), with_future(spec, 0.01 * k))
+
+    go(0, 40)
+    gc.collect()
+    tracemalloc.start()
+    try:
+        go(40, 20)
+        before = tracemalloc.get_traced_memory()[0]
+        go(60, 80)
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] - before < 4000  # 50 bytes a command
+    finally:
+        tracemalloc.stop()
 
 
 def test_unknown_solvers_are_refused_in_one_line():
