@@ -21,7 +21,7 @@ from .disturbance import Observer, Tuning
 from .fallback import Fallback
 from .gains import Gain, around, whole
 from .mpc_code import Call
-from .mpc_horizon import Gains, Horizon, most_tilt, within_reach, without_leaps
+from .mpc_horizon import NEAR_M, Gains, Horizon, most_tilt, within_reach, without_leaps
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
 from .mpc_thrust import ThrustMap
 from .mpc_tilt import MARGIN_RAD, MOST_RAD
@@ -104,8 +104,9 @@ class Mpc:
     """Full references in, with their future where it is given; motor PWM out, every PERIOD_S.
 
     ``delay_s``: how long after ``command`` returns its result begins to act (the model's command_delay by default).
-    ``tilt_rad``: plans tip no further, and less on a battery that could not carry the vehicle then (``mpc_tilt``);
-    ``steep_rad`` (n,) is what held last.
+    ``tilt_rad``: plans tip no further (``mpc_tilt``); targets less, and less still on a battery that could not carry
+    the vehicle then. ``near_m``: nearer errors are left to the program (``mpc_horizon.within_reach``); not where other
+    loops stand between a plan and the motors.
     ``guard``, ``fallback`` and ``counts`` say what was replaced. ``plan`` holds the last plans.
     """
 
@@ -117,7 +118,7 @@ class Mpc:
     def __init__(self, model: Model | None = None, *, delay_s: float | None = None, horizon: int = 20,
                  dt_s: float = 0.025, weights: Weights | None = None, tuning: Tuning | None = None,
                  states: int = ERRORS, period_s: float = PERIOD_S, tilt_rad: float = MOST_RAD,
-                 gains: Mapping[str, float] | None = None) -> None:
+                 near_m: float = NEAR_M, gains: Mapping[str, float] | None = None) -> None:
         model = model or default_model()
         if gains:
             weights, tuning = tuned(gains, weights or Weights(), tuning or Tuning(), self.name)
@@ -125,7 +126,7 @@ class Mpc:
         self.delay_s = known_s if delay_s is None else delay_s
         self.model = model.without("command_delay") if "command_delay" in model else model
         self.horizon, self.dt_s, self.states = horizon, dt_s, states
-        self.period_s, self.weights, self.tilt_rad = period_s, weights or Weights(), tilt_rad
+        self.period_s, self.weights, self.tilt_rad, self.near_m = period_s, weights or Weights(), tilt_rad, near_m
         self.thrust_map = ThrustMap(self.model)
         self.observer = Observer(self.model, period_s, tuning)
         self._targets = Call(targets_function(self.model, horizon + 1))
@@ -175,7 +176,6 @@ class Mpc:
         self._time_s = np.nan
         self._start = self.observer.state
         self._command = np.zeros((n, 4))
-        self.steep_rad = np.full(n, self.tilt_rad)
         self._pose = np.full((n, 7), np.nan)
         self._same_s, self._way_m = np.zeros((2, n))
 
@@ -256,9 +256,9 @@ class Mpc:
         lift = limits[1].sum(axis=1) / (4.0 * self.hover_N) * gravity + d[:, 2]  # m/s^2, all that carries
         tilt = np.minimum(most_tilt(lift / gravity), max(self.tilt_rad - MARGIN_RAD, 0.5 * self.tilt_rad))
         level = gravity * np.tan(tilt)
-        self.steep_rad = np.minimum(tilt + MARGIN_RAD, self.tilt_rad)
         without_leaps(rows, self._horizon.seconds)
-        within_reach(rows, x, self._near_hover.position_1_s2, self._near_hover.velocity_1_s, level, lift - gravity, d)
+        within_reach(rows, x, self._near_hover.position_1_s2, self._near_hover.velocity_1_s, level, lift - gravity, d,
+                     self.near_m)
         planned = np.zeros(self.n, bool)
         self.plan.age_s += self.period_s
         given, d = self._targets.given

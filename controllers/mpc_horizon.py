@@ -105,14 +105,14 @@ def most_tilt(lift_ratio: np.ndarray) -> np.ndarray:
 
 
 @nb.njit(cache=True)
-def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, pushed_m_s2):
+def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, pushed_m_s2, near_m):
     """Changes rows (n, k, WIDTH) to ask for no more level acceleration than level_m_s2 (n,) and upward one than up_m_s2
     (n,), beside what pushes already, pushed_m_s2 (n, >= 3): accelerations along the path are cut, and all points of a
     vehicle moved so that its lag x (n, 17) behind the first, answered by ``Gains``, does not ask for more.
 
     What is moved away is given up: height first, as turning motors must stay free to turn the vehicle, and a vehicle
     that lifts little more than its weight loses height when it tips after a reference that has jumped. Nearer than
-    NEAR_M nothing is moved: the program knows its bounds, and sees further ahead than these gains; from there to twice
+    near_m nothing is moved: the program knows its bounds, and sees further ahead than these gains; from there to twice
     as far it comes in. A vehicle that cannot carry itself is told to sink wherever it is.
     """
     for i in range(rows.shape[0]):
@@ -132,7 +132,9 @@ def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, push
                       + velocity_1_s[j] * (first[3 + j] - x[i, 3 + j]) - pushed_m_s2[i, j])
         size = np.sqrt(ask[0] * ask[0] + ask[1] * ask[1])
         gap = first[:3] - x[i, :3]
-        share = min(max(np.sqrt(np.sum(gap * gap)) / NEAR_M - 1.0, 0.0), 1.0) if up_m_s2[i] > 0.0 else 1.0
+        share = 1.0
+        if near_m > 0.0 and up_m_s2[i] > 0.0:
+            share = min(max(np.sqrt(np.sum(gap * gap)) / near_m - 1.0, 0.0), 1.0)
         over = share * (1.0 - level_m_s2[i] / size) if size > level_m_s2[i] else 0.0
         high = share * (ask[2] - min(max(ask[2], -MOST_SINK_M_S2), up_m_s2[i]))
         for k in range(rows.shape[1]):

@@ -85,12 +85,12 @@ class MpcDaqp(Linearised):
 
     def program(self, i: int, low: np.ndarray, high: np.ndarray, targets: np.ndarray,
                 stages: int | None = None) -> np.ndarray | None:
-        """z (4 N) of the condensed program of vehicle i within low and high, tipped no further than ``steep_rad`` over
+        """z (4 N) of the condensed program of vehicle i within low and high, tipped no further than ``tilt_rad`` over
         the first ``stages``."""
         z = self._solver(self.h, self.g, low, high, start=self._multipliers[i])
         given = self._solver.multipliers
         self._multipliers[i] = given if given is not None and given.any() else None
-        radius = float(np.sin(self.steep_rad[i]))
+        radius = float(np.sin(self.tilt_rad))
         self._bound[:] = np.nan
         for _ in range(ROUNDS if z is not None else 0):
             turned(self._turns, self._fixed, z, self._turned)
@@ -123,5 +123,5 @@ class MpcOsqp(Linearised):
               most: np.ndarray) -> np.ndarray | None:
         a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
         found = self._solvers[i](a, b, c, start, yaw, least - inputs[:-1], most - inputs[:-1], targets,
-                                 float(np.sin(self.steep_rad[i])))
+                                 float(np.sin(self.tilt_rad)))
         return None if found is None else inputs[:-1] + found

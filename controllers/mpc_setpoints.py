@@ -114,6 +114,7 @@ class OverRadio:
         keywords.setdefault("tuning", Tuning(share=(0.25, 0.25, 0.2, 0.9), moment_1_s=0.0))
         if output == "rates":
             keywords.setdefault("weights", SOFT)
+        keywords.setdefault("near_m", 0.0)  # the mixer takes thrust from all motors for a plan that needs them whole
         self.mpc = kind(delay_s=delay_s, **keywords)
         self.name = f"{self.mpc.name}_{output}"
         self._loops = _Following()

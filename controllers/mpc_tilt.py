@@ -19,7 +19,7 @@ FARTHEST = 0.7
 MOST_RAD = 0.75
 """Beside errors, targets ask for ``mpc_horizon.MOST_TILT_RAD`` at most."""
 MARGIN_RAD = 0.15
-"""Of a vehicle that is weaker than that: what corrections may take beyond the tilt at which it carries its weight."""
+"""What corrections may take beyond the tilt that targets ask for."""
 
 
 @nb.njit(cache=True)

@@ -67,7 +67,8 @@ def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) ->
         raise UsageError(f"--setpoints: {name} plans for motors; it is sent as thrust-rates")
 
     def make(delay_s: float) -> Any:
-        return kind(model, delay_s=delay_s, tuning=Tuning(**NOW))
+        # the firmware's mixer takes thrust from all motors for a plan that needs them whole, and the vehicle sinks
+        return kind(model, delay_s=delay_s, tuning=Tuning(**NOW), near_m=0.0)
 
     return PlannedPilot(make)
 

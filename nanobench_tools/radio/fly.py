@@ -79,7 +79,7 @@ class Flight:
         if self.clock.real:
             self._guardian = Guardian(HANG_S, self._take_over)
             self._guardian.start()
-        with self.interrupts.caught(), undisturbed():
+        with self.interrupts.caught(), undisturbed(self.clock.real):
             try:
                 stop = self._fly()
             except Hung:

@@ -8,17 +8,21 @@ grid.
 from __future__ import annotations
 
 import gc
+import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from .fly_clock import Clock
 
+PRIORITY = 1
+"""The least of real time: before all ordinary processes, behind the system's own."""
 SWITCH_S = 0.0005
 """Longest time for which another thread keeps the interpreter while a tick waits for it (5 ms by default)."""
 
@@ -75,15 +79,39 @@ class Pacer:
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
-    """No garbage collection, and other threads give way soon."""
+def ahead_of_others() -> Iterator[None]:
+    """This process's threads before those of other processes, where the system allows it (Linux: root, CAP_SYS_NICE or
+    a limit of rtprio); all of them, as any may hold the interpreter that a tick waits for. Taken in turns, so that a
+    controller that hangs does not keep the guardian out."""
+    before: dict[int, tuple[int, Any]] = {}
+    if hasattr(os, "sched_setscheduler"):
+        for thread in threading.enumerate():
+            number = thread.native_id
+            with suppress(OSError):  # not allowed, or ended meanwhile
+                if number is not None:
+                    policy = os.sched_getscheduler(number), os.sched_getparam(number)
+                    os.sched_setscheduler(number, os.SCHED_RR | os.SCHED_RESET_ON_FORK,
+                                          os.sched_param(PRIORITY))
+                    before[number] = policy
+    try:
+        yield
+    finally:
+        for number, (policy, parameter) in before.items():
+            with suppress(OSError):
+                os.sched_setscheduler(number, policy, parameter)
+
+
+@contextmanager
+def undisturbed(real: bool) -> Iterator[None]:
+    """No garbage collection, other threads give way soon, and on the real clock other processes at once."""
     collected, switch = gc.isenabled(), sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH_S)
     try:
-        yield
+        with ahead_of_others() if real else nullcontext():
+            yield
     finally:
         sys.setswitchinterval(switch)
         gc.unfreeze()

@@ -5,7 +5,7 @@ import pytest
 
 from controllers.ensemble import draw, shipped_simulator
 from controllers.mismatch import CASES, TOLD_RADIO_S, mismatched
-from controllers.mpc_horizon import WIDTH, most_tilt, within_reach, without_leaps
+from controllers.mpc_horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_leaps
 from controllers.simulated import Told, flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import Paths, score, specs_of
@@ -85,7 +85,7 @@ def test_a_reference_within_reach_asks_for_no_more_than_the_motors_lift(rows):
     kept = rows[1].copy()
     x = np.zeros((2, 17))
     x[0, :3] = -1.0  # a metre behind, and below
-    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)))
+    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)), NEAR_M)
     np.testing.assert_allclose(rows[1], kept)  # what is possible is left alone
     np.testing.assert_allclose(rows[0, :, 6:8], [[3.0, 0.0]] * 4)
     assert np.all(rows[0, :, 9:12] == 0.0)
@@ -98,16 +98,18 @@ def test_a_vehicle_that_cannot_carry_itself_is_asked_to_sink_and_keeps_upright(r
     lift = np.array([0.9, 1.5])
     assert most_tilt(lift)[0] < 0.11 < most_tilt(lift)[1]
     x = np.zeros((2, 17))
-    within_reach(rows, x, *GAINS, np.full(2, 1.0), 9.81 * (lift - 1.0), np.zeros((2, 3)))
+    within_reach(rows, x, *GAINS, np.full(2, 1.0), 9.81 * (lift - 1.0), np.zeros((2, 3)), NEAR_M)
     assert rows[0, 0, 8] + GAINS[0][2] * rows[0, 0, 2] == pytest.approx(-0.981)
 
 
 def test_what_is_near_is_left_to_the_program(rows):
     x = np.zeros((2, 17))
     x[0, 2] = -0.2
-    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)))
+    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)), NEAR_M)
     assert np.all(rows[0, :, :3] == 0.0)
     assert np.all(rows[0, :, 8] == 1.0)
+    within_reach(rows, x, *GAINS, np.full(2, 3.0), np.full(2, 1.0), np.zeros((2, 3)), 0.0)
+    assert np.all(rows[0, :, 2] < -0.05)
 
 
 def test_a_leap_is_not_looked_forward_to():

@@ -87,16 +87,3 @@ def test_a_hard_reference_does_not_tip_it_further_than_the_limit(kind, push, mon
     for module in (mpc_linear, mpc_sparse):
         monkeypatch.setattr(module, "halfplanes", lambda *_: 0)
     assert most_tilt_of(controller, velocity) > LIMIT + 0.1
-
-
-def test_a_weak_battery_tips_it_less():
-    controller = MpcDaqp(practice_model(), tuning=FRESH)
-    steep = []
-    for volt in (4.1, 3.1):
-        controller.reset(1)
-        still = np.zeros((1, 3))
-        state = VehicleState(still, still, np.array([[0.0, 0.0, 0.0, 1.0]]), still, np.full(1, volt))
-        controller.command(0.0, state, Reference(still, np.zeros(1), still, still, still, np.zeros(1)))
-        steep.append(float(controller.steep_rad[0]))
-    assert steep[0] == mpc_tilt.MOST_RAD
-    assert 0.2 < steep[1] < 0.7
