@@ -41,7 +41,7 @@ class Daqp:
     def __init__(self) -> None:
         self._solve = import_solver("daqp").solve
         self._kinds: dict[tuple[int, int], np.ndarray] = {}
-        self.multipliers = None
+        self.multipliers: np.ndarray | None = None
 
     def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray | None = None,
                  most: np.ndarray | None = None, start: np.ndarray | None = None) -> np.ndarray | None:
@@ -68,7 +68,7 @@ class DenseOsqp:
     def __init__(self) -> None:
         self._osqp = import_solver("osqp")
         self._solver: Any = None
-        self.multipliers = None
+        self.multipliers: np.ndarray | None = None
 
     def __call__(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray | None = None,
                  most: np.ndarray | None = None, start: np.ndarray | None = None) -> np.ndarray | None:

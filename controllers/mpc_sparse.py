@@ -99,7 +99,7 @@ class SparseOsqp:
         fixed = (-fixed / self._unit).ravel()
         least, most = (np.concatenate([fixed, (bound / self._unit_u).ravel(), np.full(self._n, -FAR)])
                        for bound in (low, high))
-        cost = {}
+        cost: dict[str, np.ndarray] = {}
         if abs(yaw - self._yaw) > 1e-3:
             cost["Px"], self._yaw = self._cost(yaw), yaw
         answer = self._solved(a, b, least, most, **cost)

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -110,7 +110,9 @@ def undisturbed(real: bool) -> Iterator[None]:
     gc.disable()
     sys.setswitchinterval(SWITCH_S)
     try:
-        with ahead_of_others() if real else nullcontext():
+        with ExitStack() as stack:
+            if real:
+                stack.enter_context(ahead_of_others())
             yield
     finally:
         sys.setswitchinterval(switch)
