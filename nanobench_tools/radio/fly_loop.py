@@ -89,10 +89,10 @@ def ahead_of_others() -> Iterator[None]:
             number = thread.native_id
             with suppress(OSError):  # not allowed, or ended meanwhile
                 if number is not None:
-                    policy = os.sched_getscheduler(number), os.sched_getparam(number)
+                    was = os.sched_getscheduler(number), os.sched_getparam(number)
                     os.sched_setscheduler(number, os.SCHED_RR | os.SCHED_RESET_ON_FORK,
                                           os.sched_param(PRIORITY))
-                    before[number] = policy
+                    before[number] = was
     try:
         yield
     finally:
