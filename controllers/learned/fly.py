@@ -11,12 +11,13 @@ import numpy as np
 
 from controllers.ensemble import draw
 from controllers.onboard_pid import OnboardPid
+from controllers.plant_flight import Flown
 from controllers.simulated import flown
 from nanobench_tools.errors import UsageError
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
-from nanobench_tools.protocols.simulated import Paths, score
+from nanobench_tools.protocols.simulated import LOST_M, TICK_S, Paths, score
 
 from .demonstrations import Demonstration, Shown
 from .pilots import PERIOD_S, ClonedPolicy, Mppi, MppiFar, MppiLearned, observation
@@ -26,8 +27,10 @@ PILOTS = ("bc_mlp", "bc_lstm", "mppi_learned", "mppi", "mppi_far")
 Draws = tuple[tuple[str, ...], list[list[float]]] | None
 
 
-def pilot_of(name: str, networks: Mapping[str, Network], simulator: str) -> Controller:
-    """One of PILOTS, or a corrected policy by the name of its network. UsageError for another name."""
+def pilot_of(name: str, networks: Mapping[str, Network], simulator: str,
+             gains: Mapping[str, float] | None = None) -> Controller:
+    """One of PILOTS, or a corrected policy by the name of its network; ``gains`` for one that has some. UsageError for
+    another name."""
     if name in networks and networks[name].kind != "dynamics":
         return ClonedPolicy(networks[name], name)
     if name == "mppi_learned":
@@ -35,16 +38,30 @@ def pilot_of(name: str, networks: Mapping[str, Network], simulator: str) -> Cont
     kinds = {"mppi": Mppi, "mppi_far": MppiFar}
     if name not in kinds:
         raise UsageError(f"unknown learned controller {name!r}; known: {', '.join(PILOTS)}")
-    return kinds[name](loads(simulator))
+    return kinds[name](loads(simulator), gains)
 
 
 def fly_learned(name: str, networks: Mapping[str, Network], specs: Sequence[PathSpec], simulator: str, plants: int,
-                seed: int = 0, draws: Draws = None) -> dict[str, Any]:
-    """{controller, information, runs: [of every path: [scores of every plant]]}, as ``simulated.fly_controller``."""
+                seed: int = 0, draws: Draws = None, gains: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """{controller, information, runs: [of every path: [scores of every plant]]}, as ``simulated.fly_controller``; the
+    scores with ``kept_s``, how long a vehicle stayed within LOST_M of where it should be, take-over included."""
     ensemble = draw(simulator, plants, seed, None if draws is None else (tuple(draws[0]), np.array(draws[1], float)))
-    controller, paths = pilot_of(name, networks, simulator), Paths(tuple(specs))
-    runs = score(flown(controller, paths, ensemble), paths, len(ensemble), controller.period_s)
-    return {"controller": name, "information": controller.information, "runs": runs}
+    controller, paths = pilot_of(name, networks, simulator, gains), Paths(tuple(specs))
+    found = flown(controller, paths, ensemble)
+    runs = score(found, paths, len(ensemble), controller.period_s)
+    for k, path in enumerate(runs):
+        for one, seconds in zip(path, kept_s(found, paths, k, len(ensemble)), strict=True):
+            one["kept_s"] = float(seconds)
+    return {"controller": f"{name} tuned" if gains is not None else name, "information": controller.information,
+            "runs": runs}
+
+
+def kept_s(found: Flown, paths: Paths, path: int, plants: int) -> np.ndarray:
+    """(plants,) s from the first command until a vehicle was LOST_M away, or the whole flight."""
+    rows = paths.scored(path).stop
+    mine = found.position_m[:rows, path * plants:(path + 1) * plants]
+    off = np.linalg.norm(mine - paths.all[0][:rows, None, path], axis=2)
+    return TICK_S * np.minimum.accumulate(off <= LOST_M, axis=0).sum(axis=0)
 
 
 class Corrected:
@@ -96,7 +113,7 @@ def corrected(kind: str, shown: Shown, network: Network, specs: Sequence[PathSpe
         flown(both, Paths(tuple(specs)), ensemble)
         extra += _taught(both, k)
         network = trained(kind, shown, replace(SETTINGS[kind], seed=seed), folder, quiet, extra,
-                          f"{kind}_dagger_{k + 1}")
+                          f"{kind}_dagger_{k + 1}_of_{rounds}")
     return network
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from identification.learned.libraries import libraries
 from nanobench_tools.errors import UsageError
 
@@ -48,19 +50,22 @@ class MppiSettings:
 
 
 def improved(plan: Any, noise: Any, cost: Callable[[Any], Any], settings: MppiSettings) -> Any:
-    """A better plan (T, 4): ``plan`` (T, 4) with ``noise`` (K, T, 4) mixed by exp(-cost / temperature).
+    """A better plan (..., T, 4): ``plan`` with ``noise`` (..., K, T, 4) mixed by exp(-cost / temperature).
 
-    cost(commands (K, T, 4)) -> (K,).
+    cost(commands (..., K, T, 4)) -> (..., K). All arrays of NumPy, or all of JAX.
     """
-    jnp, jax = libraries().jnp, libraries().jax
-    tried = jnp.clip(plan + noise, 0.0, 1.0)
-    noise = tried - plan
-    price = settings.price * settings.temperature * jnp.sum(plan * noise, axis=(1, 2)) / settings.noise**2
+    xp = np if isinstance(plan, np.ndarray) else libraries().jnp
+    middle = plan[..., None, :, :]
+    tried = xp.clip(middle + noise, 0.0, 1.0)
+    noise = tried - middle
+    price = settings.price * settings.temperature * xp.sum(middle * noise, axis=(-2, -1)) / settings.noise**2
     total = cost(tried) + price
-    share = jax.nn.softmax(-total / settings.temperature)
-    return jnp.clip(plan + jnp.einsum("k,ktu->tu", share, noise), 0.0, 1.0)
+    share = xp.exp((total.min(axis=-1, keepdims=True) - total) / settings.temperature)
+    share = share / share.sum(axis=-1, keepdims=True)
+    return xp.clip(plan + xp.einsum("...k,...ktu->...tu", share, noise), 0.0, 1.0)
 
 
 def shifted(plan: Any) -> Any:
-    """The plan one step on."""
-    return libraries().jnp.concatenate([plan[1:], plan[-1:]])
+    """The plan (..., T, 4) one step on."""
+    xp = np if isinstance(plan, np.ndarray) else libraries().jnp
+    return xp.concatenate([plan[..., 1:, :], plan[..., -1:, :]], axis=-2)

@@ -1,8 +1,11 @@
-"""Learned controllers behind the Controller Protocol: they fly the plant, an ensemble, or a simulator."""
+"""Learned controllers behind the Controller Protocol: they fly the plant, an ensemble, or a simulator.
+
+Networks run in JAX; rollouts of identified physics are compiled by ``physics``: the same equations in JAX took a
+hundred times longer on a processor.
+"""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -11,14 +14,12 @@ import numpy as np
 
 from controllers.gains import Gain, around, whole
 from identification.learned.libraries import libraries
-from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics import Model
-from nanobench_tools.physics.equations import Equations
-from nanobench_tools.physics.model import POSITION, RATE, VELOCITY
-from nanobench_tools.physics.ops import Ops
+from nanobench_tools.physics.rollout import compiled_lagged
 from nanobench_tools.units import GRAVITY_M_S2
 
+from .costs import Costs, inputs_of
 from .demonstrations import upright
 from .mppi import MppiSettings, improved, shifted
 from .policies import SEEN, Network, restored
@@ -87,25 +88,26 @@ class Mppi:
         self.model = model
 
     def reset(self, n: int) -> None:
-        jnp = libraries().jnp
-        self._plan = jnp.full((n, self.settings.horizon, 4), self.settings.first, jnp.float32)
-        self._rotors: np.ndarray | None = None
+        self._plan = np.full((n, self.settings.horizon, 4), self.settings.first)
+        self._rotors = np.full((4, n), 0.25 * self.model.vehicle.mass_kg * GRAVITY_M_S2)
         self._tick = 0
-        self._run = _planner(self.model, self.settings)
+        self._cost = Costs(self.model, self.settings)
+        self._follow = compiled_lagged(self.model, 1.0 / self.period_s)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4)."""
         body = np.concatenate([state.position_m, state.velocity_m_s, state.quaternion, state.rate_rad_s], axis=1)
-        if self._rotors is None:
-            self._rotors = np.full((len(body), 4), 0.25 * self.model.vehicle.mass_kg * GRAVITY_M_S2)
-        whole = np.concatenate([body, self._rotors], axis=1).astype(np.float32)
-        plan, action, rotors = self._run(self._plan, whole, state.battery_V.astype(np.float32),
-                                         reference.position_m.astype(np.float32), self._tick)
+        start = np.concatenate([body.T, self._rotors])
+        rng, (n, horizon, _) = np.random.default_rng([self.settings.seed, self._tick]), self._plan.shape
         self._tick += 1
-        good = np.isfinite(np.asarray(plan)).all(axis=(1, 2))
-        self._plan = libraries().jnp.where(good[:, None, None], plan, self.settings.first)
-        self._rotors = np.nan_to_num(np.asarray(rotors, float))
-        return sane(np.asarray(action, float))
+        noise = self.settings.noise * rng.standard_normal((horizon, 4, n, self.settings.samples), np.float32)
+        plan = improved(self._plan, noise.transpose(2, 3, 0, 1), lambda tried: self._cost(
+            tried, start, state.battery_V, reference.position_m), self.settings)
+        plan = np.where(np.isfinite(plan).all(axis=(1, 2))[:, None, None], plan, self.settings.first)
+        inputs = inputs_of(self.model, plan[:, :1].transpose(1, 2, 0), state.battery_V)
+        self._rotors = np.nan_to_num(self._follow(self._rotors, inputs, self.model.values, keep="last")[0])
+        self._plan = shifted(plan) if abs(self.settings.step_s - self.period_s) < 1e-9 else plan
+        return sane(plan[:, 0])
 
 
 class MppiFar(Mppi):
@@ -113,67 +115,12 @@ class MppiFar(Mppi):
     one plant; ``nanobench tune --controller controllers.learned.pilots:MppiFar`` searches further."""
 
     name = "mppi_far"
+    period_s = 0.02
     start = MppiSettings(horizon=25, samples=512, temperature=0.02, noise=0.1, velocity=0.3, effort=0.0, price=0.0,
                          first=0.82, step_s=0.02, upright=2.0, turning=0.01)
     tunable: Mapping[str, Gain] = {"temperature": around(0.02, "1"), "noise": around(0.1, "1"),
                                    "position": around(1.0, "1/m^2"), "velocity": around(0.3, "s^2/m^2"),
                                    "upright": around(2.0, "1"), "turning": around(0.01, "s^2/rad^2")}
-
-
-def model_step(model: Model, step_s: float) -> Any:
-    """step(states (17, n), motor (4, n), battery (n)) -> states (17, n) by the very equations of the model, in JAX.
-    Raises InputError for a model of rotor speeds."""
-    if model.vehicle.input != "pwm":
-        raise InputError("simulator", f"its input is {model.vehicle.input}", "MPPI commands PWM; give another one")
-    jnp = libraries().jnp
-    ops = Ops(jnp.sqrt, jnp.exp, jnp.sin, jnp.cos, jnp.abs, jnp.minimum, jnp.maximum, jnp.where)
-    made = Equations(model, model.values.tolist(), ops, step_s)
-    extra = len(model.inputs) - 5  # a delay of the commands: what was commanded before is not planned anew
-
-    def step(states, motor, battery):
-        inputs = [*motor, battery, *([*motor, 0.0 * battery] if extra else [])]
-        found = made.step(list(states), inputs, max(1, round(step_s / PERIOD_S)))
-        return jnp.stack([jnp.broadcast_to(x, states.shape[1:]) for x in found])
-
-    return step
-
-
-@functools.lru_cache(maxsize=8)
-def _planner(model: Model, settings: MppiSettings) -> Any:
-    """(plans (n, T, 4), states (n, 17), battery (n), setpoints (n, 3), tick) -> (plans one step on, commands (n, 4),
-    rotors (n, 4) after the command), compiled."""
-    with_jax = libraries()
-    jax, jnp, lax = with_jax.jax, with_jax.jnp, with_jax.lax
-    ahead, soon = model_step(model, settings.step_s), model_step(model, PERIOD_S)
-
-    def one(plan, state, battery, goal, key):
-        noise = settings.noise * jax.random.normal(key, (settings.samples, settings.horizon, 4))
-
-        def cost(tried):
-            volts = jnp.full(settings.samples, battery)
-
-            def step(states, action):
-                states = ahead(states, action.T, volts)
-                off = jnp.sum((states[POSITION] - goal[:, None]) ** 2, axis=0)
-                fast, spin = jnp.sum(states[VELOCITY] ** 2, axis=0), jnp.sum(states[RATE] ** 2, axis=0)
-                tilt = 2.0 * (states[6] ** 2 + states[7] ** 2)
-                price = (settings.position * off + settings.velocity * fast + settings.upright * tilt
-                         + settings.turning * spin + settings.effort * jnp.sum(action**2, axis=1))
-                return states, jnp.nan_to_num(price, nan=1e6, posinf=1e6)
-
-            start = jnp.broadcast_to(state[:, None], (len(state), settings.samples))
-            return lax.scan(step, start, tried.swapaxes(0, 1))[1].sum(axis=0)
-
-        plan = improved(plan, noise, cost, settings)
-        after = soon(state[:, None], plan[0][:, None], battery[None])[13:, 0]
-        return (plan if settings.step_s > PERIOD_S else shifted(plan)), plan[0], after
-
-    @jax.jit
-    def run(plans, states, battery, goals, tick):
-        keys = jax.random.split(jax.random.fold_in(jax.random.key(settings.seed), tick), len(plans))
-        return jax.vmap(one)(plans, states, battery, goals, keys)
-
-    return run
 
 
 class MppiLearned:

@@ -114,7 +114,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
         from .control_learned import learned_body
 
         paths = check_simulated((), trajectories or (task2.PUBLISHED[0],), speeds or (0.5,), seconds)
-        found = learned_body(options, flights, audits, chosen, paths, members, body.get("gate_summary"), dagger)
+        found = learned_body(options, flights, audits, chosen, paths, members, body.get("gate_summary"), dagger, gains)
         body["rows"] = [*body["rows"], *found.pop("rows")]
         body |= found
     return options.finish("control", body)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..errors import InputError
 from .options import Options, one_line
 from .show import data_word
 
@@ -14,7 +15,15 @@ if TYPE_CHECKING:
     from ..practice.references import PathSpec
     from .control_plants import Chosen
 
-ON_DYNAMICS = ("bc_mlp", "bc_lstm", "mppi")
+CLONED = ("bc_mlp", "bc_lstm")
+ON_DYNAMICS = (*CLONED, "mppi")
+NEEDED = {"bc_mlp": {"bc_mlp"}, "bc_lstm": {"bc_lstm"}, "mppi_learned": {"bc_mlp", "dynamics"}}
+"""Networks that a row stands on."""
+TAUGHT = ("circle", "figure_eight", "helix", "oval", "star", "trefoil")
+TAUGHT_PLANTS = 2
+"""A teacher corrects on the first three of these families that do not judge, on so many plants each."""
+TUNED = {"controllers.learned.pilots:MppiFar": "mppi_far"}
+"""Of what ``tune`` searches, and its row."""
 MPPI_FLIGHTS = 4
 """MPPI plans 128 rollouts at every tick of a flight: only so many of the published reference are flown."""
 COLUMNS = (("rmse_m", "RMSE m", 4), ("ade_m", "ADE m", 4), ("velocity_rmse_m_s", "velocity m/s", 4),
@@ -23,11 +32,13 @@ COLUMNS = (("rmse_m", "RMSE m", 4), ("ade_m", "ADE m", 4), ("velocity_rmse_m_s",
 
 
 def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-                 specs: Sequence[PathSpec], members: int, summary: Mapping[str, Any] | None,
-                 rounds: int) -> dict[str, Any]:
+                 specs: Sequence[PathSpec], members: int, summary: Mapping[str, Any] | None, rounds: int,
+                 gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, learned}: what was trained and on what, rows on learned dynamics (plant ``learned``) with the published
-    numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher."""
+    numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains:
+    with these, those of TUNED fly again."""
     from controllers.learned.demonstrations import demonstrations, shown
+    from controllers.learned.fly import corrected
     from controllers.learned.policies import KINDS, trained
     from identification.learned.libraries import libraries
 
@@ -36,22 +47,42 @@ def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     libraries()
     found = shown(demonstrations(flights, audits), options.seed)
     folder = checkpoint_folder(options)
-    networks = {kind: trained(kind, found, None, folder, options.quiet) for kind in KINDS}
+    networks = _each(options, KINDS, lambda kind: trained(kind, found, None, folder, options.quiet))
     options.say(f"policies learn from {len(found.train)} flights of the onboard PID, {len(found.valid)} validate")
     rows = dynamics_rows(options, found, networks)
     plain = dict(networks)
     if rounds:
-        from controllers.learned.fly import corrected
-
-        for kind in ("bc_mlp", "bc_lstm"):
-            networks[f"{kind}_dagger"] = corrected(kind, found, plain[kind], specs, chosen.simulator, rounds, 6,
-                                                   options.seed, chosen.draws, folder, options.quiet)
+        paths = taught_on(specs)
+        networks |= {f"{kind}_dagger": network for kind, network in _each(
+            options, [kind for kind in CLONED if kind in plain], lambda kind: corrected(
+                kind, found, plain[kind], paths, chosen.simulator, rounds, TAUGHT_PLANTS, options.seed, chosen.draws,
+                folder, options.quiet)).items()}
     _draw(options, found, plain)
-    rows += plant_rows(options, networks, chosen, specs, members, summary)
+    rows += plant_rows(options, networks, chosen, specs, members, summary, gains)
     return {"rows": rows, "learned": {
         **{name: network.trained for name, network in networks.items()},
         "train": [d.name for d in found.train], "valid": [d.name for d in found.valid],
         "test": [d.name for d in found.test]}}
+
+
+def taught_on(specs: Sequence[PathSpec]) -> list[PathSpec]:
+    """Paths on which the teacher corrects: of other families than ``specs``, as fast and as long."""
+    from ..protocols.simulated import specs_of
+
+    judged = {spec.family for spec in specs}
+    speeds = sorted({spec.params["speed_mps"] for spec in specs if "speed_mps" in spec.params})
+    return specs_of([name for name in TAUGHT if name not in judged][:3], speeds[:1], specs[0].duration_s)
+
+
+def _each(options: Options, kinds: Sequence[str], train: Callable[[str], Any]) -> dict[str, Any]:
+    """{kind: network}; a training that fails is kept in ``options`` and is no row, the others go on."""
+    found = {}
+    for kind in kinds:
+        try:
+            found[kind] = train(kind)
+        except InputError as error:
+            options.failed.append({"item": f"train {kind}", "file": error.place, "error": str(error)})
+    return found
 
 
 def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
@@ -62,7 +93,7 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
     from identification.learned.pictures import command_figure, learning_figure, write_page
 
     flight = next((d for d in shown.test if d.controller == "pid"), shown.test[0])
-    said = {kind: commands(networks[kind], flight) for kind in ("bc_mlp", "bc_lstm")}
+    said = {kind: commands(networks[kind], flight) for kind in CLONED if kind in networks}
     write_page(options.out / "learned_commands.html",
                [command_figure(flight.action[flight.longest], said, flight.name),
                 learning_figure({kind: network.trained for kind, network in networks.items()})], options.synthetic)
@@ -80,7 +111,7 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
     rows = []
     reference = " ".join(PUBLISHED)
     published = [d for d in shown.test if d.reference == reference]
-    for pilot in ON_DYNAMICS:
+    for pilot in (name for name in ON_DYNAMICS if {*NEEDED.get(name, CLONED[:1]), "dynamics"} <= set(networks)):
         slow = pilot == "mppi"
         flights = published[:MPPI_FLIGHTS] if slow else [*published,
                                                          *(d for d in shown.test if d.reference != reference)]
@@ -101,25 +132,35 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
 
 
 def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, specs: Sequence[PathSpec], members: int,
-               summary: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+               summary: Mapping[str, Any] | None,
+               gains: Mapping[str, Mapping[str, float]] | None = None) -> list[dict[str, Any]]:
     """Rows of the learned controllers on the ensemble of plants, with the gate's error bar."""
     from controllers.learned.fly import PILOTS, fly_learned
 
     from ..harness import make_item
-    from ..protocols.simulated import tabulate
+    from ..protocols.simulated import LOST_M, tabulate
     from .control_plants import error_bar
     from .control_tables import show_simulated
 
     bar = error_bar(options, chosen, summary)
-    names = [*PILOTS, *(name for name in networks if name.endswith("_dagger"))]
+    wanted: list[tuple[str, Mapping[str, float] | None]] = [
+        (name, None) for name in (*PILOTS, *(name for name in networks if name.endswith("_dagger")))
+        if set(NEEDED.get(name, ())) <= set(networks)]
+    wanted += [(TUNED[name], dict(found)) for name, found in (gains or {}).items() if name in TUNED]
     items = [make_item(fly_learned, {"name": name, "networks": dict(networks), "specs": list(specs),
                                      "simulator": chosen.simulator, "plants": members, "seed": options.seed,
-                                     "draws": chosen.draws}, f"simulated {name}", file=name) for name in names]
+                                     "draws": chosen.draws, "gains": tuned},
+                       f"simulated {name}{' tuned' if tuned is not None else ''}", file=name)
+             for name, tuned in wanted]
     values = options.run(items, "simulated").values
     rows = [row for item in items if item.key in values for row in tabulate([values[item.key]], specs, bar)]
     for row in rows:
         row["radio_delay_s"], row["wind_m_s"] = 0.0, 0.0
     show_simulated(options, rows, bar, 0.0, 0.0)
+    for row in rows:
+        kept = row["statistics"]["kept_s"]["median"]
+        options.show(f"{one_line(row['controller'])}, {row['reference']}: within {LOST_M:g} m of its path for "
+                     f"{kept:.1f} s (median of {row['n']} plants), {row['metrics']['lost_percent']:.0f} % lost")
     return rows
 
 

@@ -9,14 +9,16 @@ pytest.importorskip("jax", reason="JAX ABSENT: pip install 'nanobench[learned]'"
 
 from controllers.ensemble import shipped_simulator
 from controllers.learned import policies
+from controllers.learned.costs import LOST, Costs
 from controllers.learned.demonstrations import Demonstration, demonstrations, shown
 from controllers.learned.fly import Corrected, _taught, pilot_of
 from controllers.learned.mppi import MppiSettings, improved, shifted
-from controllers.learned.pilots import ClonedPolicy, Mppi, model_step
+from controllers.learned.pilots import ClonedPolicy, Mppi
 from controllers.learned.policies import Network, fresh, task_of, trained
 from controllers.learned.rollouts import rolled, score
 from identification.learned.libraries import libraries
 from identification.learned.training import Settings
+from nanobench_tools import so3
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Reference, VehicleState
@@ -123,16 +125,41 @@ def test_plan_moves_to_what_costs_less_and_stays_possible():
         MppiSettings(noise=0.0)
 
 
-def test_mppi_plans_with_the_very_equations_of_the_model():
+@pytest.mark.parametrize("step_s", [0.01, 0.02])
+def test_plans_cost_what_the_equations_of_the_model_say(step_s):
     model = loads(shipped_simulator())
     rng = np.random.default_rng(0)
-    states = np.concatenate([rng.normal(size=(5, 6)), [[0.1, -0.05, 0.02, 0.99]] * 5, rng.normal(size=(5, 3)),
-                             np.full((5, 4), 0.1)], axis=1)
-    states[:, 6:10] /= np.linalg.norm(states[:, 6:10], axis=1, keepdims=True)
-    motor, battery = rng.uniform(0.6, 0.9, (5, 4)), np.full(5, 3.6)
-    wanted = numeric.step(model, states, np.concatenate([motor, battery[:, None]], axis=1), row_hz=100.0)
-    found = model_step(model, 0.01)(states.T.astype(np.float32), motor.T.astype(np.float32), battery)
-    np.testing.assert_allclose(np.asarray(found).T, wanted, atol=2e-4)
+    settings = MppiSettings(horizon=3, step_s=step_s, upright=2.0, turning=0.01, effort=0.3)
+    start = np.concatenate([rng.normal(size=(2, 6)), [[0.1, -0.05, 0.02, 0.99]] * 2, rng.normal(size=(2, 3)),
+                            np.full((2, 4), 0.1)], axis=1)
+    start[:, 6:10] /= np.linalg.norm(start[:, 6:10], axis=1, keepdims=True)
+    tried, battery, goals = rng.uniform(0.6, 0.9, (2, 5, 3, 4)), np.array([3.6, 3.9]), rng.normal(size=(2, 3))
+    found = Costs(model, settings)(tried, start.T, battery, goals)
+    for vehicle in range(2):
+        for plan in range(5):
+            state, cost = start[vehicle:vehicle + 1], 0.0
+            for action in tried[vehicle, plan]:
+                state = numeric.step(model, state, np.array([[*action, battery[vehicle]]]), row_hz=1.0 / step_s)
+                cost += (np.sum((state[0, :3] - goals[vehicle]) ** 2) + 0.05 * np.sum(state[0, 3:6] ** 2)
+                         + 2.0 * (1.0 - so3.matrix(state[0, 6:10])[2, 2]) + 0.01 * np.sum(state[0, 10:13] ** 2)
+                         + 0.3 * np.sum(action**2))
+            assert found[vehicle, plan] == pytest.approx(cost, rel=1e-6)
+    start[1, 0] = np.nan
+    assert (Costs(model, settings)(tried, start.T, battery, goals)[1] == LOST).all()
+
+
+def test_mixing_is_the_same_for_many_vehicles_and_in_jax():
+    rng, settings = np.random.default_rng(1), MppiSettings(horizon=3, samples=6)
+    plans, noise = rng.uniform(0.0, 1.0, (2, 3, 4)), 0.2 * rng.normal(size=(2, 6, 3, 4))
+
+    def cost(tried):
+        return (tried**2).sum(axis=(-2, -1))
+
+    found = improved(plans, noise, cost, settings)
+    for one in range(2):
+        alone = improved(libraries().jnp.asarray(plans[one]), libraries().jnp.asarray(noise[one]), cost, settings)
+        np.testing.assert_allclose(np.asarray(alone), found[one], atol=1e-5)
+    np.testing.assert_array_equal(shifted(plans)[1], np.concatenate([plans[1, 1:], plans[1, 2:]]))
 
 
 def test_pilots_command_within_limits_whatever_they_see(found):
