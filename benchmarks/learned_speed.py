@@ -1,6 +1,7 @@
 """How long learned models take to predict, in this process: 1,000 windows of 50 steps, the first call (which compiles)
 and the median of ten more (wall clock, and processor time, which others do not lengthen), beside the published physics
-in NumPy; and of the networks also in PyTorch if it is there.
+in NumPy; and of the networks also in PyTorch if it is there. Then a plan of MPPI: 512 rollouts of 0.5 s on the shipped
+plant's equations, for each of 12 vehicles.
 
     python benchmarks/learned_speed.py [--windows 1000] [--repeat 10]
 
@@ -16,12 +17,15 @@ import time
 
 import numpy as np
 
+from controllers.ensemble import shipped_simulator
+from controllers.learned.pilots import MppiFar
 from identification.learned.libraries import libraries, platform
 from identification.learned.networks import DEPTH, KINDS, WIDTH, network
 from identification.learned.published import LearnedPredictor, row_name
 from identification.published_physics import PublishedPhysics
 from nanobench_tools import so3
-from nanobench_tools.methods import Windows
+from nanobench_tools.methods import Reference, VehicleState, Windows
+from nanobench_tools.physics.simulator import loads
 
 HORIZON = 50
 AIM_S = 0.2
@@ -64,6 +68,16 @@ def in_torch(n: int):
     return run
 
 
+def planned(vehicles: int = 12):
+    """A command of ``MppiFar`` for so many vehicles that hover."""
+    pilot = MppiFar(loads(shipped_simulator()))
+    pilot.reset(vehicles)
+    zero = np.zeros((vehicles, 3))
+    state = VehicleState(zero, zero, np.tile([0.0, 0.0, 0.0, 1.0], (vehicles, 1)), zero, np.full(vehicles, 3.6))
+    reference = Reference(zero, np.zeros(vehicles), zero, zero)
+    return lambda: pilot.command(0.0, state, reference)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--windows", type=int, default=1000)
@@ -84,6 +98,8 @@ def main() -> None:
         print(f"{'residual_mlp (PyTorch)':<28} {first:8.3f} {median:8.4f} {work:8.4f}")
     else:
         print("residual_mlp (PyTorch)       not installed")
+    first, median, work = seconds(planned(), args.repeat)
+    print(f"{'MPPI, one plan of 12':<28} {first:8.3f} {median:8.4f} {work:8.4f}")
 
 
 if __name__ == "__main__":

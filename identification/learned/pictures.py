@@ -98,7 +98,8 @@ def path_figure(cases: Sequence[Case], predictors: Sequence[Predictor], family: 
 def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name: str) -> Any:
     """Motor commands (m, 4) of cloned policies along a flight as it was flown, beside the logged ones."""
     go, make_subplots = plotly()
-    figure = make_subplots(4, 1, shared_xaxes=True, subplot_titles=[f"motor {i + 1}" for i in range(4)])
+    figure = make_subplots(4, 1, shared_xaxes=True, vertical_spacing=0.05,
+                           subplot_titles=[f"motor {i + 1}" for i in range(4)])
     seconds = 0.01 * np.arange(len(logged))
     for i, (label, commands) in enumerate({"logged": logged, **commanded}.items()):
         for motor in range(4):
@@ -106,7 +107,7 @@ def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name
                                         showlegend=not motor, line={"color": colour(i), "width": 1.0}),
                              row=motor + 1, col=1)
     figure.update_xaxes(title_text="s", row=4, col=1)
-    return _laid_out(figure, f"PWM ratios along {name},<br>which no policy was shown", 1000)
+    return _laid_out(figure, f"PWM ratios along a flight<br>that no policy was shown:<br>{name}", 1000)
 
 
 def _laid_out(figure: Any, title: str, height: int) -> Any:
@@ -119,7 +120,7 @@ def _laid_out(figure: Any, title: str, height: int) -> Any:
 
 def colour(number: int) -> str:
     """Hues apart from each other."""
-    return f"hsl({(47 * number + 210) % 360}, 70%, {40 + 12 * (number % 2)}%)"
+    return f"hsl({(137 * number + 210) % 360}, 70%, {40 + 12 * (number % 2)}%)"
 
 
 def write_page(path: Path, figures: Sequence[Any], synthetic: bool) -> None:

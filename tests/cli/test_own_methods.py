@@ -96,8 +96,7 @@ def test_the_examples_are_short_and_are_what_they_claim(monkeypatch):
         assert len(lines) <= 36
 
 
-def test_a_changed_own_method_is_not_answered_from_the_store(recordings, empty_cache, tmp_path, monkeypatch):
-    monkeypatch.setenv("NANOBENCH_CACHE", str(empty_cache))
+def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
     text = (EXAMPLES / "own_estimator.py").read_text()
     call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",
             "e.json", "--out", "o", "--jobs", 1]

@@ -1,17 +1,21 @@
 """``nanobench run``: everything in one folder, the same again after a kill, labelled by what it was made from."""
 
 import functools
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
 from nanobench_tools.cli import run as run_module
+from nanobench_tools.cli.main import main
+from nanobench_tools.cli.options import Options
 from nanobench_tools.harness.store import Store
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flights as practice
@@ -19,6 +23,9 @@ from nanobench_tools.practice import flights as practice
 COMMAND = [sys.executable, "-c", "import sys; from identification.greybox import study; study.SHORT = study.SHORT[:1]; "
            "from nanobench_tools.cli.main import main; sys.exit(main())"]
 """The main job with the quickest of its fits only, in a process of its own."""
+
+ODD = (b"a\xff[red]x[", b"b[bold]\nof two lines", b"c")
+"""Names of recordings."""
 
 FILES = ("audit.json", "estimate.json", "control.json", "sysid.json", "report.html")
 
@@ -34,27 +41,48 @@ def bodies(folder: Path) -> dict:
     return found
 
 
-def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recordings, tmp_path):
-    code, out, err = nanobench("run", "--data", recordings, "--out", tmp_path, "--jobs", 1)
+@pytest.fixture(scope="session")
+def whole_job(recordings, tmp_path_factory, made_once):
+    """The main job, once in a run, on recordings with odd names and a copy: (exit code, stdout, stderr, folder,
+    file of --json)."""
+    def make():
+        place = tmp_path_factory.mktemp("whole_job")
+        data, out, whole, said = place / "data", place / "out", place / "all.json", (io.StringIO(), io.StringIO())
+        data.mkdir()
+        for name, path in zip(ODD, sorted(recordings.glob("*.csv")), strict=True):
+            for end, source in ((b".csv", path), (b"_metadata.yaml", path.with_name(f"{path.stem}_metadata.yaml"))):
+                Path(os.fsdecode(os.fsencode(data) + b"/" + name + end)).write_bytes(source.read_bytes())
+        first = Path(os.fsdecode(os.fsencode(data) + b"/" + ODD[0] + b".csv"))
+        (data / "copy[blue].csv").write_bytes(first.read_bytes())
+        with redirect_stdout(said[0]), redirect_stderr(said[1]):
+            code = main(["run", "--data", str(data), "--out", str(out), "--json", str(whole), "--jobs", "1"])
+        return code, said[0].getvalue(), said[1].getvalue(), str(out), str(whole)
+
+    code, out, err, folder, whole = made_once("whole_job", make)
+    return code, out, err, Path(folder), Path(whole)
+
+
+def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
+    code, out, err, place, _ = whole_job
     assert code == 0, err
-    assert all((tmp_path / name).stat().st_size > 1000 for name in FILES)
-    page = (tmp_path / "report.html").read_text()
+    assert all((place / name).stat().st_size > 1000 for name in FILES)
+    page = (place / "report.html").read_text()
     assert all(f"Task {task}" in page for task in (1, 2, 3))
     assert "SYNTHETIC" in page
-    tables = [*tmp_path.glob("*.csv"), *tmp_path.glob("*.tex")]
+    tables = [*place.glob("*.csv"), *place.glob("*.tex")]
     assert len(tables) >= 8
     assert all("SYNTHETIC" in table.read_text() for table in tables)
-    assert all(body["synthetic"] and body["failed"] == [] for body in bodies(tmp_path).values())
-    assert all(body["rows"] for name, body in bodies(tmp_path).items() if name != "audit.json")
-    rows = bodies(tmp_path)["estimate.json"]["rows"]
+    assert all(body["synthetic"] and body["failed"] == [] for body in bodies(place).values())
+    assert all(body["rows"] for name, body in bodies(place).items() if name != "audit.json")
+    rows = bodies(place)["estimate.json"]["rows"]
     assert {r["clock"] for r in rows if r["protocol"] == "as-published"} == {"as-recorded"}
     assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"as-recorded", "offset", "retimed"}
     assert {r["clock"] for r in rows if r["protocol"] == "blackout"} == {"as-recorded", "retimed"}
     titles = [line for line in out.splitlines() if line.startswith(("Task", "SYNTHETIC"))]
     assert all("SYNTHETIC" in line for line in titles)
-    assert "3 SYNTHETIC recordings" in err
+    assert "4 SYNTHETIC recordings" in err
     assert "Task 1, before and after re-timing" in page
-    sysid = json.loads((tmp_path / "sysid.json").read_text())
+    sysid = json.loads((place / "sysid.json").read_text())
     assert {r["clock"] for r in sysid["rows"]} == {"as-recorded", "retimed"}
     assert len({(r["model"], r["truth"], r["group"], r["clock"]) for r in sysid["rows"]}) == len(sysid["rows"])
     assert (sysid["clock"], list(sysid["by_clock"])) == ("as-recorded", ["retimed"])
@@ -68,34 +96,24 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(nanobench, recording
     assert files[0].read_text() != files[1].read_text()
 
 
-def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(nanobench, one_fit, recordings, tmp_path):
-    odd, data = [b"a\xff[red]x[", b"b[bold]\nof two lines", b"c"], tmp_path / "data"
-    data.mkdir()
-    for name, path in zip(odd, sorted(recordings.glob("*.csv")), strict=True):
-        for end, source in ((b".csv", path), (b"_metadata.yaml", path.with_name(f"{path.stem}_metadata.yaml"))):
-            Path(os.fsdecode(os.fsencode(data) + b"/" + name + end)).write_bytes(source.read_bytes())
-    (data / "copy[blue].csv").write_bytes(Path(os.fsdecode(os.fsencode(data) + b"/" + odd[0] + b".csv")).read_bytes())
-    code, out, err = nanobench("run", "--data", data, "--out", tmp_path / "out", "--jobs", 1, "--json",
-                               tmp_path / "all.json")
+def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(whole_job):
+    code, out, err, place, path = whole_job
     assert code == 0, err
     assert any(line.split()[:4] == ["b[bold]", "of", "two", "lines"] for line in out.splitlines())
     assert "Copies (same numbers): a\\udcff[red]x[ = copy[blue]" in out
-    whole = json.loads((tmp_path / "all.json").read_text())
+    whole = json.loads(path.read_text())
     assert (whole["schema"], whole["synthetic"], whole["failed"]) == ("nanobench-run/1", True, [])
     for name in ("audit", "estimate", "control", "sysid"):
-        assert whole[name] == json.loads((tmp_path / "out" / f"{name}.json").read_text())
-    assert (tmp_path / "out" / "report.html").exists()
+        assert whole[name] == json.loads((place / f"{name}.json").read_text())
 
 
-def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, empty_cache, tmp_path):
-    env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache)}
-
+def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, recordings, tmp_path):
+    """As when it is not killed, in one process and not in several."""
     def command(out):
         return [*COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
 
-    whole = subprocess.run(command("whole"), env=env, capture_output=True, text=True, timeout=200)
-    assert (whole.returncode, whole.stdout, whole.stderr) == (0, "", "")
-    process = subprocess.Popen(command("killed"), env=env, start_new_session=True)
+    assert nanobench("run", "--data", recordings, "--out", tmp_path / "whole", "--jobs", 1, "--quiet") == (0, "", "")
+    process = subprocess.Popen(command("killed"), start_new_session=True)
     store = tmp_path / "killed" / ".store"
     deadline = time.monotonic() + 60
     while len(list(store.glob("*.json"))) < 8 and process.poll() is None and time.monotonic() < deadline:
@@ -107,7 +125,7 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(recordings, empty_cac
     assert all(Store(store).get(key) is not None for key in finished)
     for path in (tmp_path / "killed").glob("*.json"):
         json.loads(path.read_text())
-    again = subprocess.run(command("killed"), env=env, capture_output=True, text=True, timeout=200)
+    again = subprocess.run(command("killed"), capture_output=True, text=True, timeout=200)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
     after = {path.stem: path.stat().st_ino for path in store.glob("*.json")}
     assert {key: after[key] for key in finished} == finished
@@ -127,10 +145,12 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, one_fi
     assert "1 SYNTHETIC recording from results/practice" in err
     assert (tmp_path / "results" / "report.html").exists()
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice" / "seed_0").iterdir()}
-    assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
+    again, folder = Options(out=Path("results"), jobs=1, quiet=True), Path("results", "practice")
+    assert run_module.simulate(again, folder) == folder
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice" / "seed_0").iterdir()} == made
     next(iter(made)).write_text("")
-    assert nanobench("run", "--jobs", 1, "--quiet")[0] == 0
+    run_module.simulate(again, folder)
+    assert again.failed == []
     assert next(iter(made)).stat().st_size > 100
 
 

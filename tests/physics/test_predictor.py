@@ -27,7 +27,7 @@ SPANS = [Span(7.0, 9.0), Span(10.0, 12.0)]
 
 @pytest.fixture(scope="module")
 def flight():
-    return practice_flight(3, "circle", "slow", duration_s=12.0, spread=0.0)
+    return practice_flight(3, "circle", "slow", duration_s=8.0, spread=0.0)
 
 
 def practice_model(vehicles, rate_hz=100.0):

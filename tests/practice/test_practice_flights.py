@@ -6,7 +6,7 @@ import pytest
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import STREAM_QUANTITIES
 from nanobench_tools.methods import Controller
-from nanobench_tools.practice import fly, path_spec, practice_flight, practice_flights, write_practice
+from nanobench_tools.practice import fly, path_spec, practice_flight, practice_flights
 from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.timeline import Events
 from nanobench_tools.registry import load
@@ -99,12 +99,6 @@ def test_written_and_read_again_it_is_the_same_and_synthetic(practice, tmp_path)
             np.testing.assert_allclose(read[name].values, stream.values, atol=1e-8, err_msg=name)
             np.testing.assert_allclose(read[name].time_s, stream.time_s, atol=1e-6)
             assert read[name].samples == stream.samples, name
-
-
-def test_written_files_are_the_flights(tmp_path):
-    paths = write_practice(tmp_path, 1, seed=3, duration_s=1.0, families=("oval",))
-    assert [p.exists() for p in paths] == [True]
-    assert "synthetic: true" in paths[0].with_name(f"{paths[0].stem}_metadata.yaml").read_text()
 
 
 class Wrong:

@@ -21,6 +21,8 @@ def test_it_writes_recordings_marked_synthetic(tmp_path, capsys):
     result = json.loads(capsys.readouterr().out)
     assert result["synthetic"] is True
     assert [(out / name).exists() for name in result["files"]] == [True]
+    sheet = result["files"][0].removesuffix(".csv.gz") + "_metadata.yaml"
+    assert "synthetic: true" in (out / sheet).read_text()
     loaded = load_recordings([out], cache=False)
     assert not loaded.failed
     flight = loaded.flights[0]

@@ -4,17 +4,11 @@ import numpy as np
 import pytest
 
 from nanobench_tools.content.context import Context
-from nanobench_tools.flight import Flight, Provenance
-from nanobench_tools.practice.flying import flight_rngs, fly
-from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
-from nanobench_tools.practice.references import path_spec
+from nanobench_tools.flight import Flight
 from nanobench_tools.retiming.apply import apply_warp, find_warp
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.retiming.infer import infer
 from nanobench_tools.retiming.warp import ClockWarp, retime
-
-SEED = 41
 
 
 def lateness(clock, stamps_s):
@@ -24,15 +18,12 @@ def lateness(clock, stamps_s):
 
 
 @pytest.fixture(scope="module")
-def flown():
-    specs = [path_spec("figure_eight", "fast", duration_s=12.0), path_spec("helix", "medium", duration_s=12.0)]
-    return fly(OnboardFleet(["pid", "pid"]), specs, seed=SEED, indices=[0, 1])
+def flown(crowd):
+    return crowd
 
 
-def recording(flown, row, **chain):
-    recorded = record(flown, row, LoggingChain(**chain), flight_rngs(SEED, row, 9)[6:])
-    flight = Flight("practice", recorded.streams, {}, Provenance("practice", "", "practice", synthetic=True))
-    return flight, recorded.clock
+def recording(crowd, row, **chain):
+    return crowd.log(("fast figure_eight", "medium trefoil")[row], **chain)
 
 
 @pytest.mark.parametrize("row", [0, 1])

@@ -248,10 +248,11 @@ def test_archives_that_are_cut_or_damaged(tmp_path):
         assert "damaged" in loaded.failed[0]["error"]
 
 
-def test_a_file_named_alone_keeps_its_sheet(tmp_path):
-    from nanobench_tools.practice import write_practice
+def test_a_file_named_alone_keeps_its_sheet(tmp_path, crowd):
+    from nanobench_tools.sources.nanobench_writer import write_nanobench
 
-    path = write_practice(tmp_path, 1, seed=3, duration_s=4.0)[0]
+    path = tmp_path / "flight.csv"
+    write_nanobench(crowd.flight("short circle"), path)
     alone = load_recordings([path], cache=False).flights[0]
     assert alone.provenance.synthetic
     assert alone.metadata["family"] == load_recordings([tmp_path], cache=False).flights[0].metadata["family"]
