@@ -107,7 +107,7 @@ def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name
                                         showlegend=not motor, line={"color": colour(i), "width": 1.0}),
                              row=motor + 1, col=1)
     figure.update_xaxes(title_text="s", row=4, col=1)
-    return _laid_out(figure, f"PWM ratios along a flight<br>that no policy was shown:<br>{name}", 1000)
+    return _laid_out(figure, f"PWM ratios of a flight not shown:<br>{name}", 1000)
 
 
 def _laid_out(figure: Any, title: str, height: int) -> Any:
