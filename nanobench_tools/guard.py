@@ -164,8 +164,8 @@ class Guard:
     def _measure(self, given: VehicleState) -> None:
         n, good = self.n, np.empty(self.n, bool)
         bad, empty = _measured(
-            *(_table(x, n) for x in (given.position_m, given.velocity_m_s, given.quaternion, given.rate_rad_s,
-                                     given.battery_V)),
+            _table(given.position_m, n), _table(given.velocity_m_s, n), _table(given.quaternion, n),
+            _table(given.rate_rad_s, n), _table(given.battery_V, n),
             self._place, self._speed, self._quaternion, self._rate, self._battery, good)
         self.measured = good
         if bad == 0:
@@ -182,10 +182,12 @@ class Guard:
         n = self.n
         jerk = np.zeros((n, 3)) if given.jerk_m_s3 is None else given.jerk_m_s3
         turn = np.zeros((n, 1)) if given.yaw_rate_rad_s is None else given.yaw_rate_rad_s
+        yaw, yaw_rate = self._yaw
+        speed, acceleration, change = self._wish
         self.counts["reference"] += _asked(
-            *(_table(x, n) for x in (given.position_m, given.yaw_rad, turn, given.velocity_m_s,
-                                     given.acceleration_m_s2, jerk)),
-            self._place, self._known, self._goal, *self._yaw, *self._wish)
+            _table(given.position_m, n), _table(given.yaw_rad, n), _table(turn, n), _table(given.velocity_m_s, n),
+            _table(given.acceleration_m_s2, n), _table(jerk, n),
+            self._place, self._known, self._goal, yaw, yaw_rate, speed, acceleration, change)
 
     def release(self, command: np.ndarray) -> np.ndarray:
         """PWM ratios (n, 4): finite, within 0..1, those of lost vehicles replaced."""
