@@ -15,11 +15,10 @@ from .leftover import Structure, gusts, structures
 from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
-from .space import MAPS, Space
+from .space import LEVEL, MAPS, Space
 from .standing import (
     LEAST_FORCE_M_S2,
     LEAST_LEFT,
-    LEVEL,
     excess,
     hollow,
     in_vain,
@@ -98,6 +97,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     feigned = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
     free = free_of(named.space, [*(h.term for h in named.accepted), *feigned])
     lenient = fit(known, final.model, free, own=named.own()) if feigned else final
+    lenient = min(lenient, final, key=lambda f: f.loss)  # a search for more may end in another valley
     after = excess(moments, lenient.left)
     found = structures(moments, force_left(known, lenient))
     rough = _roughness(moments, lenient.left, after)

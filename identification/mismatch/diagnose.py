@@ -81,9 +81,15 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
 
 
 def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space, seed: int) -> tuple[Decision, Proof]:
-    """What of a decision predicts unseen flights better: all its names, else those that push, else none."""
+    """What of a decision predicts unseen flights better: all its names, else those that push, else one of these, else
+    none."""
+    names = [f.hypothesis.term for f in decision.findings]
     turning = [f.hypothesis.term for f in decision.findings if all(axis.startswith("torque") for axis in f.axes)]
-    for gone in ([], turning) if 0 < len(turning) < len(decision.findings) else ([],):
+    pushing = sorted((f for f in decision.findings if f.hypothesis.term not in turning), key=lambda f: -f.share)
+    less = [turning, *([n for n in names if n != f.hypothesis.term] for f in pushing)]
+    for k, gone in enumerate([[], *less]):
+        if k and (not gone or len(gone) == len(names) or gone in less[:k - 1]):
+            continue
         tried = without(moments, decision, gone, UNPROVED) if gone else decision
         try:
             proof = prove(moments, tried, simulator, seed)
@@ -91,7 +97,8 @@ def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space
         except InputError:  # what was named together is no possible vehicle
             continue
         pushes = all(axis.startswith("force") for f in tried.findings for axis in f.axes)
-        if proof.better or (pushes and proof.better_pushed(seed)) or not (tried.findings and proof.held_out):
+        if proof.better or (pushes and proof.better_pushed(seed)) or (not proof.held_out and not tried.own) or \
+                not tried.findings or (tried.own and proof.no_worse):
             return tried, proof
     decision = unproved(moments, decision, space)
     return decision, prove(moments, decision, simulator, seed)

@@ -19,8 +19,10 @@ from .moments import Levels, Moments
 from .space import MAPS, Space, scales
 
 GROUPS = {"frame_tilt": ("frame_tilt.roll_rad", "frame_tilt.pitch_rad"),
-          "com_offset": ("com_offset.r_m[0]", "com_offset.r_m[1]"), "thrust_scale": ("thrust_scale.s",)}
-"""Terms with a level, and the parameters that have one."""
+          "com_offset": ("com_offset.r_m[0]", "com_offset.r_m[1]"), "thrust_scale": ("thrust_scale.s",),
+          "motor_imbalance": ("motor_imbalance.g",)}
+"""Terms with a level, and the parameters that have one, or the list of them. Without the last a trim about z that is
+another in every flight is made up for by commands that seem not to turn the vehicle."""
 TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
 """Standard deviations that are tried, per scale, and how often."""
 SIGNIFICANT = 8.0
@@ -45,8 +47,8 @@ def with_levels(moments: Moments, space: Space, other: Space | None = None) -> M
         maps = np.concatenate([other.free(t) for t in MAPS if t in other.terms])
         shared = np.concatenate([shared, known.columns(other.model, maps)], axis=1)
     shared = np.concatenate([shared, known.speed_lag(model)], axis=1)  # a nuisance of every fit
-    groups = {term: [model.index(n) for n in names if n in model.names] for term, names in GROUPS.items()
-              if term in model}
+    groups = {term: [i for i, n in enumerate(model.names) if n in names or n.partition("[")[0] in names]
+              for term, names in GROUPS.items() if term in model}
     many = len(np.unique(moments.wrench.flight))
     own = {term: known.of_flights(model, which) for term, which in groups.items()} if many > 1 else {}
     everything = np.concatenate([shared, *own.values()], axis=1)

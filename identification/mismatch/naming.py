@@ -12,7 +12,7 @@ from nanobench_tools.physics.numeric import equations
 
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
-from .space import MAPS, Space, space_of_other_map
+from .space import LEVEL, MAPS, Space, space_of_other_map
 from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
@@ -140,8 +140,9 @@ class _Search:
 
     def tried(self) -> list[Hypothesis]:
         """Every hypothesis to first order, the best of them fitted to the end; best first."""
+        level = self.space.terms if not set(LEVEL) & set(self.names) else ()
         candidates = [(t, self.space, _start(self.moments, self.current.model, t)) for t in self.space.terms
-                      if t not in self.names and t != "saturation"]
+                      if t not in self.names and t != "saturation" and (t not in LEVEL or t in level)]
         if "saturation" in self.space.terms and "saturation" not in self.names:
             candidates += [("saturation", self.space, m) for m in _limits(self.moments, self.current.model)]
         if self.other is not None and not any(name in MAPS for name in self.names):

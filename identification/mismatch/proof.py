@@ -17,8 +17,7 @@ from .decide import Decision
 from .fitting import Slopes, fit
 from .moments import Moments
 from .naming import free_of
-from .space import MAPS, Space, reduced, space_around
-from .standing import LEVEL
+from .space import LEVEL, MAPS, Space, reduced, space_around
 from .track import ROW_S, Track
 
 HORIZONS = (1, 10, 50)
@@ -60,9 +59,18 @@ class Proof:
         """At h = 50 or 10 something improves with an interval above nothing, and nothing gets worse by more than it."""
         return self._better_in(slice(None))
 
-    def _better_in(self, quantities: slice) -> bool:
+    @property
+    def no_worse(self) -> bool:
+        """At h = 50 or 10 something improves by more than anything gets worse."""
+        change = self._change(slice(None))
+        return bool(change.max() > max(-change.min(), 0.0))
+
+    def _change(self, quantities: slice) -> np.ndarray:
         change = 1.0 - self.after.mean(0)[1:, quantities] / np.maximum(self.before.mean(0)[1:, quantities], 1e-12)
-        change = change[np.isfinite(change)]
+        return change[np.isfinite(change)]
+
+    def _better_in(self, quantities: slice) -> bool:
+        change = self._change(quantities)
         return any(low > 0.0 for h, (low, _) in self.interval.items() if h > 1) and change.max() > -change.min()
 
     def better_pushed(self, seed: int = 0) -> bool:

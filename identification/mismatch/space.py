@@ -16,6 +16,9 @@ from nanobench_tools.physics.model import find_term, neutral
 from .size import K_F, growth
 
 MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
+LEVEL = ("mass", "thrust_scale")
+"""What a thrust curve contains. Only their ratio pushes; both at once are a gain from command to torque, which has
+other names."""
 LEAST_SAG_V = 0.05
 """A voltage that changes by less tells nothing about its influence."""
 HELD = ("ground_effect.rho", "thrust_rpm.k_f")

@@ -12,7 +12,7 @@ from .fitting import Fit, Slopes, fit, force_left
 from .leftover import Structure, structures
 from .moments import Moments
 from .naming import Hypothesis, Named, free_of, rested
-from .space import MAPS, Space
+from .space import LEVEL, MAPS, Space
 from .wrench import CHANNELS
 
 PLAIN = 1.6
@@ -37,8 +37,6 @@ LEAST_LEFT = 150.0
 """Squared standard deviations: what is left beside a name."""
 LEAST_FORCE_M_S2 = 0.045
 """Smaller forces are no finding."""
-LEVEL = ("mass", "thrust_scale")
-"""What a thrust curve contains."""
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
