@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of, wrench_of
@@ -13,6 +15,7 @@ from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, gusts
 from identification.mismatch.naming import rested
+from identification.mismatch.proof import Proof
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
 from identification.mismatch.wrench import Wrench
@@ -129,6 +132,33 @@ def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
     assert set(moments.levels.names) == {"frame_tilt.roll_rad", "frame_tilt.pitch_rad"}
     assert names_of(decision) == ["drag_linear"]
     assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
+
+
+def test_flights_whose_motors_are_each_uneven_are_not_named_after_it(model):
+    """Without the level, gains from command to torque, masses and scales make up for a trim of every flight's own."""
+    calm = model.with_term("angular_damping", d_r=(4e-4, 4e-4, 4e-4))  # nobody flies these tracks
+    gains = 1.0 + 0.03 * np.random.default_rng(2).normal(size=(5, 4))
+    flown = [calm.with_term("motor_imbalance", g=tuple(g / g.mean())) for g in gains]
+    moments, decision = decided(Wrench([track_of(m, 10 + k, k, 12.0) for k, m in enumerate(flown)]), calm)
+    assert names_of(decision) == []
+    assert "motor_imbalance.g[0]" in moments.levels.names
+
+
+def test_mass_and_thrust_scale_are_never_named_both(plain, model):
+    wrong = Model(replace(model.vehicle, mass_kg=0.7 * model.vehicle.mass_kg), model.as_dict())
+    _, decision = decided(plain, wrong.with_term("inertia", inertia_kg_m2=(3e-5, 3e-5, 5e-5)))
+    assert len({"mass", "thrust_scale"} & set(names_of(decision))) <= 1
+
+
+def test_what_gets_worse_by_more_than_anything_improves_is_no_proof():
+    def proof(after: float) -> Proof:
+        rows = np.ones((2, 3, 4))
+        rows[..., 2], rows[..., 0] = 0.7, after
+        return Proof(np.ones((2, 3, 4)), rows, ("a", "b"), False, {10: (0.1, 0.4)}, None, (MODEL, MODEL))
+
+    for after, fine in ((1.1, True), (3.0, False)):
+        assert proof(after).no_worse == fine
+        assert proof(after).better == fine
 
 
 def test_one_flight_with_a_heavier_vehicle_is_singled_out(model):
