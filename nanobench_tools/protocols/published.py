@@ -8,22 +8,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .least_sum import least_sum
+
+RATE, ATTITUDE = "rate_mae_rad_s", "attitude_mae_rad"
+
 
 @functools.cache
 def published() -> dict[str, Any]:
     """{task1, task2, task3} as in published.toml: metrics in SI, {mean, std} over flights (task 1: by horizon)."""
     return tomllib.loads((Path(__file__).with_name("published.toml")).read_text(encoding="utf-8"))
-
-
-def least_sum(by_horizon: Mapping[str, float]) -> float:
-    """The least that errors which never shrink with the horizon add up to over h = 1..H, from the published horizons.
-
-    >>> least_sum({"1": 1.0, "3": 5.0})  # 1 + 1 + 5
-    7.0
-    """
-    steps = sorted((int(h), error) for h, error in by_horizon.items())
-    until = [h for h, _ in steps[1:]] + [steps[-1][0] + 1]
-    return float(sum(error * (end - h) for (h, error), end in zip(steps, until, strict=True)))
 
 
 def beside(row: dict[str, Any], task: str, kind: str, name: str) -> dict[str, Any]:
@@ -36,6 +29,14 @@ def beside(row: dict[str, Any], task: str, kind: str, name: str) -> dict[str, An
     found = published()[task][kind].get(name)
     if found is None:
         return row
-    metrics = {key: {**value, "sum_at_least": least_sum(value)} if task == "task1" and "sum" not in value else value
-               for key, value in found.items() if key != "n"}
+    metrics = {key: value for key, value in found.items() if key not in ("n", "holds")}
+    if task == "task1":
+        metrics = {key: {**value, "sum_at_least": _least_sum(found, key)} for key, value in metrics.items()}
     return {**row, "published": metrics, "published_n": found.get("n")}
+
+
+def _least_sum(row: Mapping[str, Any], metric: str) -> float:
+    """Of one metric of a published row of Task 1, by what the row says that it holds."""
+    turning = row[RATE]["50"] if metric == ATTITUDE and RATE in row["holds"] else None
+    held = metric in row["holds"]
+    return least_sum(row[metric], held, None if held else turning)
