@@ -64,6 +64,13 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     ratio = _lift(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
         return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
+    moments, decision, proof = judge(recordings, wrench, simulator, seed, say)
+    return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def judge(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int = 0,
+          say: Callable[[str], None] = lambda text: None) -> tuple[Moments, Decision, Proof]:
+    """What the residual of ``wrench``, that of these recordings, says: named, and proved on flights left out."""
     space = space_around(simulator, wrench.unasked)
     say("residual along the measured states")
     moments, named = _named(wrench, space, simulator, say)
@@ -76,8 +83,7 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     if strange is not None and decision.outcome == "none":
         decision = replace(decision, outcome="unknown", unknown=(strange,))
     say("prediction on flights that were left out")
-    decision, proof = _proved(moments, decision, simulator, space, seed)
-    return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+    return (moments, *_proved(moments, decision, simulator, space, seed))
 
 
 def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space, seed: int) -> tuple[Decision, Proof]:
@@ -210,4 +216,4 @@ def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int =
 
 
 __all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of",
-           "recorded"]
+           "judge", "recorded"]
