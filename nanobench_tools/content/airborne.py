@@ -10,6 +10,7 @@ import numpy as np
 
 from ..flight import Span
 from .context import Context
+from .levelled import levelled
 from .ranges import tracker_scale
 from .rows import usable_streams
 
@@ -34,7 +35,7 @@ def resting_height_m(z: np.ndarray) -> float:
 
 
 def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """time_s (n,), z (n,) m of the motion capture, else of the estimator; None without either."""
+    """time_s (n,), z (n,) m of the motion capture, less its leaps, else of the estimator; None without either."""
     streams = context.once(usable_streams)
     for name, column in (("mocap", "pz"), ("estimator", "z")):
         if name in streams and column in streams[name].quantities:
@@ -42,7 +43,7 @@ def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
             z = stream[column] / (context.once(tracker_scale) if name == "mocap" else 1.0)
             good = np.isfinite(z)
             if good.sum() > 1:
-                return stream.time_s[good], z[good]
+                return stream.time_s[good], levelled(stream.time_s[good], z[good]) if name == "mocap" else z[good]
     return None
 
 

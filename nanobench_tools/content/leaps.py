@@ -11,14 +11,12 @@ from .. import so3
 from .context import Context
 from .crashes import crash_of
 from .filled import filled_poses
+from .levelled import grouped, steps
 from .ranges import tracker_scale
 from .rows import tables, usable_streams, whole_span
 from .spikes import spikes
 
-LIMIT_M, BEND_M_S2 = 0.012, 60.0
 LIMIT_RAD, BEND_RAD_S2 = 0.17, 300.0
-SIDE = 3
-"""Frames on either side that give the velocity."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +102,9 @@ def mocap_leaps(context: Context) -> list[Leap]:
     if len(t) < 20:
         return []
     p = pose[:, :3] / context.once(tracker_scale)
-    i = np.arange(SIDE, len(t) - SIDE - 1)
-    before = (p[i] - p[i - SIDE]) / (t[i] - t[i - SIDE])[:, None]
-    after = (p[i + 1 + SIDE] - p[i + 1]) / (t[i + 1 + SIDE] - t[i + 1])[:, None]
+    i, offset, limit = steps(t, p)
     dt = t[i + 1] - t[i]
-    offset = p[i + 1] - p[i] - 0.5 * (before + after) * dt[:, None]
     step = np.linalg.norm(offset, axis=1)
-    limit = LIMIT_M + BEND_M_S2 * dt**2
     judged = (dt < 0.5) & ~_stamps_broken(context, t[i]) & (t[i] < _until(context))
     moved = (step > limit) & judged
     leap, turn = np.zeros(len(i)), np.zeros((len(i), 3))
@@ -148,6 +142,4 @@ def _stamps_broken(context: Context, at_s: np.ndarray) -> np.ndarray:
 
 def _peaks(flags: np.ndarray, size: np.ndarray) -> list[int]:
     """The largest of every group of flags that are closer than the frames a step disturbs."""
-    rows = np.flatnonzero(flags)
-    groups = np.split(rows, np.flatnonzero(np.diff(rows) > SIDE + 1) + 1) if len(rows) else []
-    return [int(g[np.argmax(size[g])]) for g in groups]
+    return [int(g[np.argmax(size[g])]) for g in grouped(np.flatnonzero(flags))]

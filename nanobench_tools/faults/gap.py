@@ -6,8 +6,10 @@ Streams with stamps of their own: stamps that far apart. For the motion capture:
 (single frames are lost ordinarily, 20-40 ms), or, where poses came irregularly, than 2.5 times the step that 95 % of
 them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
-A setpoint that is planned as a straight line is a straight chord by right, so setpoints are judged only beyond 0.25 s
-and only if most rows of the half second on either side bend (as those of a curved path streamed at 100 Hz do).
+A setpoint that is planned as a straight line is a straight chord by right, so setpoints are judged only beyond 0.25 s,
+only if most rows of the half second on either side bend (as those of a curved path streamed at 100 Hz do), and only if
+the chord begins and ends with a kink of 4 times the usual bend there: in a chord of n rows n / 2 bends are missing at
+either end, while a path that straightens by itself goes over smoothly, at least on one side of a corner.
 
 Size: seconds between the samples. Smallest found: 0.1 s (0.05 s motion capture, 0.25 s setpoint, 1 s battery), plus
 one row.
@@ -28,6 +30,7 @@ KIND = "gap"
 SHORTEST_S = 0.1
 SHORTEST_MOCAP_S = 0.05
 SHORTEST_SETPOINT_S = 0.25
+KINK = 4.0
 
 
 def shortest_s(name: str, interval_s: float) -> float:
@@ -44,6 +47,15 @@ def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
     """Whether most rows of the 50 before row ``a`` and of the 50 from row ``b`` on are bent."""
     before, after = straight[max(a - 50, 0) : a], straight[b : b + 50]
     return len(before) > 10 and len(after) > 10 and max(before.mean(), after.mean()) < 0.5
+
+
+def _kinked(values: np.ndarray, a: int, b: int) -> bool:
+    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with kinks that are larger than the
+    bends of the rows beside it."""
+    bend = np.abs(np.diff(values, 2, axis=0)).max(axis=1)  # of the row after each
+    beside = np.concatenate([bend[max(a - 52, 0):max(a - 3, 0)], bend[b + 1:b + 51]])
+    ends = [bend[max(row - 2, 0):row + 1] for row in (a - 1, b)]
+    return len(beside) > 0 and all(len(end) and bool(end.max() > KINK * np.median(beside)) for end in ends)
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -66,7 +78,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 if (
                     t[b] - t[a - 1] > shortest + 0.5 * step
                     and t[b] <= end + 1e-9
-                    and (name != "setpoint" or _bends_around(packets[name].straight, a, b))
+                    and (name != "setpoint" or (_bends_around(packets[name].straight, a, b)
+                                                and _kinked(stream.values, a, b)))
                 ):
                     found.add((float(t[a - 1]), float(t[b])))
         for start, stop in sorted(found):

@@ -7,6 +7,7 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.audit import audit
+from nanobench_tools.content.levelled import levelled
 
 WAY = np.array([0.2, -0.2, 0.1])  # 0.3 m
 POSITION, ROTATION = ["px", "py", "pz"], ["qx", "qy", "qz", "qw"]
@@ -63,3 +64,24 @@ def test_two_stretches_in_other_frames_are_two_faults(flights):
     flight = moved(moved(flights[4], 6.0, 7.0), 9.0, 9.4, offset=-2.0 * WAY)
     _, found = jumps(flight)
     assert [(round(f.start_s, 1), round(f.end_s, 1)) for f in found] == [(6.0, 7.0), (9.0, 9.4)]
+
+
+@pytest.mark.parametrize("down_m", [0.15, -0.15])
+def test_a_jump_does_not_move_the_take_off(flights, down_m):
+    """Heights of two frames: the ground of one is in the air of the other."""
+    flight = flights[4]
+    before, after = audit(flight), audit(moved(flight, 0.6 * flight.span.end_s, np.inf, offset=(0.0, 0.0, -down_m)))
+    assert [s.start_s for s in after.airborne] == [s.start_s for s in before.airborne]
+    assert after.airborne[-1].end_s == pytest.approx(before.airborne[-1].end_s, abs=0.1)
+
+
+def test_heights_of_one_frame(flights):
+    """A leap is taken out from there on, a spike is not one, and a flight without either is left alone."""
+    stream = flights[4]["mocap"]
+    time_s, z = stream.time_s, stream["pz"]
+    assert np.array_equal(levelled(time_s, z), z)
+    leapt, spiked = z.copy(), z.copy()
+    leapt[900:] -= 0.2
+    spiked[900:902] -= 0.2
+    assert np.abs(levelled(time_s, leapt) - z).max() < 0.01
+    assert np.array_equal(levelled(time_s, spiked), spiked)
