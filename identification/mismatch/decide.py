@@ -115,10 +115,11 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
             kept.append(h)
     unsure = bool(withdrawn) or any(h.own for h in kept)
     here = named.space
-    if not kept and any(t in MAPS for t, _ in withdrawn):
-        instead = _level_instead(moments, known, space, found)
+    if any(t in MAPS for t, _ in withdrawn) and not set(LEVEL) & {h.term for h in kept}:
+        instead = _level_instead(moments, known, space, kept, named.fit.model, found)
         if instead is not None:
-            named, kept, alike = instead, list(instead.accepted), {instead.accepted[0].term: instead.alike[0]}
+            named, kept = instead, list(instead.accepted)
+            alike[kept[-1].term] = named.alike[-1]
             final = named.fit
     if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
         gone = [t for t, _ in withdrawn]
@@ -230,20 +231,27 @@ def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
     return any(s.kind != "motion" and mine & set(s.axes) for s in found)
 
 
-def _level_instead(moments: Moments, known: Slopes, space: Space, found: Sequence[Structure]) -> Named | None:
-    """Where a thrust curve is no name for what is there, its level may be: mass, or thrust as a whole."""
-    nothing = fit(known, space.model, [])
+def _level_instead(moments: Moments, known: Slopes, space: Space, kept: Sequence[Hypothesis], model: Model,
+                   found: Sequence[Structure]) -> Named | None:
+    """Where a thrust curve is no name for what is there, its level may be, beside what is kept: mass, or thrust as a
+    whole. ``model``: with the curve."""
+    start = carried(model, space.model).with_parameters(
+        {n: v for n, v in space.model.parameters.items() if n.partition(".")[0] in MAPS})
+    names = [h.term for h in kept]
+    own = free_of(space, [h.term for h in kept if h.own])
+    nothing = fit(known, start, free_of(space, names), own=own)
     tried = []
     for term in (t for t in LEVEL if t in space.terms):
-        done = fit(known, space.model, space.free(term))
+        done = fit(known, nothing.model, free_of(space, [*names, term]), own=own)
         gain = nothing.loss - done.loss - PER_PARAMETER
-        if gain > LEAST_GAIN and not (impossible(term, done, space.model) or feigned(term, done, space.model, moments)):
+        if gain > LEAST_GAIN and not (impossible(term, done, nothing.model) or
+                                      feigned(term, done, nothing.model, moments)):
             tried.append(Hypothesis(term, done, gain))
     if not tried:
         return None
     best = max(tried, key=lambda h: h.gain)
     alike = tuple(h.term for h in tried if h is not best and best.gain - h.gain < ALIKE_LEFT * best.gain)
-    named = Named((best,), (alike,), space, best.fit, nothing.loss)
+    named = Named((*kept, best), (*((),) * len(kept), alike), space, best.fit, nothing.loss)
     return None if hollow(moments, known, named, best, excess(moments, best.fit.left), space, found) else named
 
 

@@ -24,6 +24,7 @@ LEAST_GAIN = 60.0
 ONE_PATH = 0.5
 """Share of the squared velocity that the place does not tell, below which flights take the same way through it."""
 PERIODS_HZ = (0.25, 6.0)
+FAST_HZ, STRONG_M_S2 = (0.8, 6.0), 0.07
 PEAK_P = 1e-8
 LATE_S = ROW_S
 """Re-timed stamps are off by less; a path flown in circles then leaves a force that goes round as often."""
@@ -159,16 +160,28 @@ def _motion(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
 
 
 def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
-    """One frequency that all flights share, far above its neighbours."""
-    best: tuple[float, float, int, float] | None = None
+    """One frequency that all flights share, far above its neighbours: beside what the residual remembers of itself, or,
+    for a strong swing that it then remembers too, faster than paths are flown, beside what one step remembers."""
+    known = [moments.channels[c].memory.whiten(force[:, c]) for c in range(3)]
+    return _peak(moments, force, known, flight, PERIODS_HZ, 0.5 * LEAST_FORCE_M_S2) or \
+        _peak(moments, force, [_one_step(force[:, c]) for c in range(3)], flight, FAST_HZ, STRONG_M_S2)
+
+
+def _one_step(values: np.ndarray) -> np.ndarray:
+    """(n,) less what each says of the next: lasting air turns white, a swing does not."""
+    x = values - values.mean()
+    return np.concatenate([[0.0], x[1:] - x[:-1] * float(x[1:] @ x[:-1]) / max(float(x @ x), 1e-12)])
+
+
+def _peak(moments: Moments, force: np.ndarray, whites: Sequence[np.ndarray], flight: np.ndarray,
+          range_hz: tuple[float, float], least_m_s2: float) -> Structure | None:
+    best: tuple[float, float, int] | None = None
     dt = FORCE_ROWS * ROW_S
-    grid = np.arange(*PERIODS_HZ, 0.02)
-    for c in range(3):
+    grid = np.arange(*range_hz, 0.02)
+    for c, white in enumerate(whites):
         power, many = np.zeros(len(grid)), 0
-        memory = moments.channels[c].memory
-        white = memory.whiten(force[:, c])  # air that lasts has no peak, but more of the slow than of the fast
         for f in np.unique(flight):
-            mine = np.flatnonzero((flight == f) & memory.judged)
+            mine = np.flatnonzero((flight == f) & moments.channels[c].memory.judged)
             x = white[mine] - white[mine].mean()
             time = moments.wrench.of("time_s", moments.wrench.force_at[mine])
             if len(x) * dt < 6.0 or not x.any():
@@ -179,15 +192,13 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
         if not many:
             continue
         near = np.array([np.median(power[np.abs(grid - g) < 0.8]) for g in grid])
-        typical = gamma.median(many)
-        ratio = power / near * typical
+        ratio = power / near * gamma.median(many)
         at = int(np.argmax(ratio))
-        p = float(gamma.sf(ratio[at], many)) * len(grid)
-        if p < PEAK_P and (best is None or ratio[at] > best[1]):
-            best = (float(grid[at]), float(ratio[at]), c, p)
+        if gamma.sf(ratio[at], many) * len(grid) < PEAK_P and (best is None or ratio[at] > best[1]):
+            best = (float(grid[at]), float(ratio[at]), c)
     if best is None:
         return None
-    hertz, ratio, c, _ = best
+    hertz, ratio, c = best
     heights = []
     for f in np.unique(flight):
         mine = flight == f
@@ -196,7 +207,7 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
         both = np.stack([force[mine, c], moments.wrench.measured[0][mine, c]], axis=1)
         heights.append(np.abs(wave @ both) * 2.0 / mine.sum())
     size, moves = np.mean(heights, axis=0) / np.sqrt(2.0)
-    if size < max(0.5 * LEAST_FORCE_M_S2, 2.0 * np.pi * hertz * LATE_S * moves):
+    if size < max(least_m_s2, 2.0 * np.pi * hertz * LATE_S * moves):
         return None
     return Structure("period", float(size), ratio * 10.0, ("xyz"[c],),
                      f"a force that swings at {hertz:.2f} Hz along body {'xyz'[c]}")

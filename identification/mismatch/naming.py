@@ -78,9 +78,14 @@ class Named:
 
 HIGH = 0.93
 """Quantile of what is commanded where the fit of a saturation begins."""
-STARTS: dict[str, dict[str, float]] = {"motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
+STARTS: dict[str, dict[str, float]] = {"command_delay": {"command_delay.delay_s": 0.008},
+                                      "motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
                                       "ground_effect": {"ground_effect.rho": 1.0}}
 """Where the fit of a term begins that acts far from linearly where it rests."""
+
+
+FAR = ("command_delay",)
+"""What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
 
 
 def _start(moments: Moments, model: Model, term: str) -> Model:
@@ -150,7 +155,7 @@ class _Search:
             candidates.append((term, self.other, carried(self.current.model, self.other.model)))
         ranked = sorted(candidates, key=lambda c: -self._promise(*c))
         found = []
-        for term, space, start in ranked[:TRIED]:
+        for term, space, start in [*ranked[:TRIED], *(c for c in ranked[TRIED:] if c[0] in FAR)]:
             done = fit(self.known, start, free_of(space, [*self.names, term]), own=self.own_of(space))
             found.append(Hypothesis(term, done, self.current.loss - done.loss - PER_PARAMETER * len(space.free(term))))
         return sorted([*found, *self._tried_own(found)], key=lambda h: -h.gain)
@@ -293,7 +298,8 @@ class _Search:
         return _explained(wide, np.concatenate([left, np.zeros(many)]))
 
     def backward(self) -> None:
-        """Out with what the others explain by now."""
+        """Out with what the others explain by now, and a level for a curve that is no more than one."""
+        self._levelled()
         while len(self.accepted) > 1:
             losses = []
             for i, h in enumerate(self.accepted):
@@ -311,6 +317,28 @@ class _Search:
                 self.space = self.home
             del self.accepted[i]
             self.current = without
+
+
+    def _levelled(self) -> None:
+        """Beside names that came after it a thrust curve may be needless where mass, or thrust as a whole, will do."""
+        curve = next((h for h in self.accepted if h.term in MAPS), None)
+        if curve is None or len(self.accepted) < 2 or set(LEVEL) & set(self.names):
+            return
+        start = rested(self.current.model, [curve.term], self.space, self.home)
+        others = [n for n in self.names if n != curve.term]
+        own = free_of(self.home, [h.term for h in self.accepted if h.own and h is not curve])
+        tried = sorted(((fit(self.known, start, free_of(self.home, [*others, t]), own=own), t) for t in LEVEL
+                        if t in self.home.terms), key=lambda entry: entry[0].loss)
+        if not tried:
+            return
+        done, term = tried[0]
+        spared = PER_PARAMETER * (len(self.space.free(curve.term)) - len(self.home.free(term)))
+        if done.loss - self.current.loss - spared >= LEAST_GAIN or impossible(term, done, start) or \
+                feigned(term, done, start, self.moments):
+            return
+        self.accepted = [Hypothesis(term, done, curve.gain) if h is curve else h for h in self.accepted]
+        self.alike[term] = tuple(t for f, t in tried[1:] if f.loss - done.loss < self._margin(self.accepted[0]))
+        self.space, self.current = self.home, done
 
 
 def _contains(wider: str, term: str) -> bool:

@@ -37,6 +37,10 @@ LEAST_LEFT = 150.0
 """Squared standard deviations: what is left beside a name."""
 LEAST_FORCE_M_S2 = 0.045
 """Smaller forces are no finding."""
+UPRIGHT = 3.0
+"""A force in the world that is so many times larger along z than across."""
+ABOUT_Z = 0.8
+"""Share of what an inertia explains, about z, from which it is that of z."""
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
@@ -62,6 +66,11 @@ def hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: 
     moved = wrench.model(named.fit.model)[0] - wrench.model(rested_in(named, [h.term], home))[0]
     acts = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
     there = [s for s in found if acting & {a.removeprefix("force ") for a in s.axes}]
+    if h.term == "force_world" and not h.own and _upright(named.fit.model):
+        return f"{h.term} would be along world z alone, where mass, thrust and a cable that is lifted pull alike"
+    if h.term == "inertia" and any(g.term == "yaw_torque" for g in named.accepted) and \
+            taken[5] > ABOUT_Z * taken.sum():
+        return "about z only the ratio of yaw_torque and inertia is seen: both at once weaken what else turns about z"
     uneven = [s for s in there if s.kind == "place"] if h.term == "force_world" else []
     if uneven:
         return f"{h.term} is the same everywhere, and there is {uneven[0].hint}"
@@ -70,6 +79,11 @@ def hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: 
         return f"{h.term} is there beside {beside[0].hint}"
     strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
     return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+
+
+def _upright(model: Model) -> bool:
+    x, y, z = np.abs(np.asarray(model.values_of("force_world")["f_N"], float))
+    return bool(z > UPRIGHT * np.hypot(x, y))
 
 
 def _vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Space) -> str:

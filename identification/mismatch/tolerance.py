@@ -29,6 +29,8 @@ MOST_GAIN, MOST_DAMPING_1_S = 0.35, 8.0
 ASKED = 0.6
 """Of this where set-points were logged, which no shaking reaches, and the vehicle leans after them (about x and y); and
 where the commands explain some of the turning, as they do not on a vehicle whose lag is not known."""
+ASKED_DAMPING = 0.4
+"""The same of damping, which slow turning tells and shaking does not: nulls ask for up to 0.7 1/s, 3.7 are told."""
 IMPLAUSIBLE = {"inertia.inertia_kg_m2": 3.0, "yaw_torque.k_m": 5.0}
 """A gain that is off by this factor is no vehicle, but a residual that something else made."""
 DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
@@ -110,14 +112,19 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
         return RELATIVE[base] * abs(values[name])
     if base in GAIN:
         share = _shake(best or before, moments, name)
-        told = moments.wrench.of("asked_rad_s2", moments.wrench.torque_at).any() and share < 1.0 and _axis(name) < 2
-        known = ASKED if told else 1.0
+        known = ASKED if _told(moments, share, name) else 1.0
         return known * min(GAIN[base] * max(share, 0.1), MOST_GAIN) * abs(values[name])
     if base == "angular_damping.d_r":
         inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
         share = _shake(best or before, moments, name)
-        return min(DAMPING_1_S * max(share, 0.1), MOST_DAMPING_1_S) * inertia[_axis(name)]
+        known = ASKED_DAMPING if _told(moments, share, name) else 1.0
+        return known * min(DAMPING_1_S * max(share, 0.1), MOST_DAMPING_1_S) * inertia[_axis(name)]
     return 0.0
+
+
+def _told(moments: Moments, share: float, name: str) -> bool:
+    """Whether set-points tell what no shaking reaches."""
+    return bool(moments.wrench.of("asked_rad_s2", moments.wrench.torque_at).any() and share < 1.0 and _axis(name) < 2)
 
 
 def _shake(model: Model, moments: Moments, name: str) -> float:

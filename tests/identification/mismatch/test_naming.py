@@ -14,10 +14,11 @@ from identification.mismatch.decide import decide
 from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, gusts
-from identification.mismatch.naming import rested
+from identification.mismatch.naming import _Search, rested
 from identification.mismatch.proof import Proof
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
+from identification.mismatch.tolerance import smallest
 from identification.mismatch.wrench import Wrench
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.physics import Model
@@ -123,6 +124,14 @@ def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
     assert any(s.kind == "period" and "0.9" in s.hint for s in decision.unknown)
 
 
+def test_a_pull_along_the_vertical_alone_has_no_name(model):
+    """A cable that is lifted pulls like this; a force across is one of the world."""
+    for force, outcome, names in (((0.0, 0.0, -0.25), "unknown", []), ((0.2, 0.0, -0.25), "named", ["force_world"])):
+        wrench = Wrench([track_of(model, 60 + k, k, push=lambda p, t, f=force: np.array(f)) for k in range(3)])
+        _, decision = decided(wrench, model)
+        assert (decision.outcome, names_of(decision)) == (outcome, names)
+
+
 def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
     """Markers sit differently in every flight: the scatter is a nuisance, and the drag behind it is found."""
     tilts = ((0.03, -0.02), (-0.01, 0.015), (0.005, 0.04), (-0.04, 0.0), (0.02, -0.035))
@@ -224,3 +233,52 @@ def test_a_term_at_rest_is_the_simulators_own_again():
 def test_a_burst_counts_as_long_as_it_lasts():
     assert Structure("bursts", 0.5, 100.0, ("z",), "", share=0.01).rms_m_s2 == pytest.approx(0.05)
     assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5
+
+
+@pytest.mark.parametrize("hertz", [1.5, 3.0])
+def test_a_strong_swing_is_found_though_the_residual_remembers_it(model, hertz):
+    """A regression on the past predicts a swing, and whitened by it no peak is left."""
+    phases = np.random.default_rng(9).uniform(0.0, 2.0 * np.pi, 5)
+
+    def swung(phase):
+        return lambda position, time: np.array([0.9 * np.sin(2.0 * np.pi * hertz * time + phase), 0.0, 0.0])
+
+    wrench = Wrench([track_of(model, 70 + k, k, push=swung(phase)) for k, phase in enumerate(phases)])
+    _, decision = decided(wrench, model)
+    assert (decision.outcome, names_of(decision)) == ("unknown", [])
+    period, = (s for s in decision.unknown if s.kind == "period")
+    assert f"{hertz:.1f}" in period.hint
+    assert period.size_m_s2 == pytest.approx(0.9 / 2**0.5, rel=0.25)
+
+
+def test_a_long_delay_is_tried_however_little_it_promises(plain, model):
+    """Its rank to first order is no word on what acts far from linearly."""
+    moments, _ = decided(plain, model)
+    space = space_around(model)
+    search = _Search(moments, space, model)
+    search._promise = lambda term, *_: -1e9 if term == "command_delay" else 0.0
+    assert "command_delay" in [h.term for h in search.tried()]
+
+
+def test_a_curve_that_is_no_more_than_a_level_gives_way_to_it(plain, model):
+    """Accepted while another effect was hidden, it is a scale once that one is named too."""
+    simulator = model.with_term("motor_lag", tau_up_s=0.0, tau_down_s=0.0).with_term(
+        "thrust_voltage", c=tuple(0.9 * c for c in MODEL.values_of("thrust_voltage")["c"]))
+    moments, _ = decided(plain, simulator)
+    search = _Search(moments, space_around(simulator), simulator)
+    for term in ("thrust_voltage", "motor_lag"):
+        search.accept(next(h for h in search.tried() if h.term == term), [])
+    search._levelled()
+    assert sorted(search.names)[0] == "motor_lag"
+    assert set(search.names) & {"thrust_scale", "mass"}
+    assert "thrust_voltage" not in search.names
+
+
+def test_damping_is_told_better_by_setpoints_than_by_shaking(plain, model):
+    """The smallest damping that is named; about z nothing is asked for."""
+    moments, _ = decided(plain, model)
+    space = space_around(model)
+    without = [smallest(f"angular_damping.d_r[{k}]", space.model, moments) for k in range(3)]
+    asked = Wrench([replace(t, asked_rad_s2=np.ones((len(t), 2))) for t in plain.tracks])
+    with_ = [smallest(f"angular_damping.d_r[{k}]", space.model, replace(moments, wrench=asked)) for k in range(3)]
+    assert with_ == pytest.approx([0.4 * without[0], 0.4 * without[1], without[2]])
