@@ -163,8 +163,9 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     """One frequency that all flights share, far above its neighbours: beside what the residual remembers of itself, or,
     for a strong swing that it then remembers too, faster than paths are flown, beside what one step remembers."""
     known = [moments.channels[c].memory.whiten(force[:, c]) for c in range(3)]
-    return _peak(moments, force, known, flight, PERIODS_HZ, 0.5 * LEAST_FORCE_M_S2) or \
-        _peak(moments, force, [_one_step(force[:, c]) for c in range(3)], flight, FAST_HZ, STRONG_M_S2)
+    found = (_peak(moments, force, known, flight, PERIODS_HZ, 0.5 * LEAST_FORCE_M_S2),
+             _peak(moments, force, [_one_step(force[:, c]) for c in range(3)], flight, FAST_HZ, STRONG_M_S2))
+    return max((s for s in found if s is not None), key=lambda s: s.size_m_s2, default=None)
 
 
 def _one_step(values: np.ndarray) -> np.ndarray:

@@ -13,7 +13,8 @@ from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
 from identification.mismatch.diagnose import _named, diagnose
 from identification.mismatch.fitting import Slopes, fit, slopes
-from identification.mismatch.leftover import Structure, gusts
+from identification.mismatch.leftover import Structure, _one_step, _period, gusts
+from identification.mismatch.memory import fit_memory
 from identification.mismatch.naming import _Search, rested
 from identification.mismatch.proof import Proof
 from identification.mismatch.recordings import Recordings
@@ -235,20 +236,24 @@ def test_a_burst_counts_as_long_as_it_lasts():
     assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5
 
 
-@pytest.mark.parametrize("hertz", [1.5, 3.0])
-def test_a_strong_swing_is_found_though_the_residual_remembers_it(model, hertz):
-    """A regression on the past predicts a swing, and whitened by it no peak is left."""
-    phases = np.random.default_rng(9).uniform(0.0, 2.0 * np.pi, 5)
-
-    def swung(phase):
-        return lambda position, time: np.array([0.9 * np.sin(2.0 * np.pi * hertz * time + phase), 0.0, 0.0])
-
-    wrench = Wrench([track_of(model, 70 + k, k, push=swung(phase)) for k, phase in enumerate(phases)])
-    _, decision = decided(wrench, model)
-    assert (decision.outcome, names_of(decision)) == ("unknown", [])
-    period, = (s for s in decision.unknown if s.kind == "period")
-    assert f"{hertz:.1f}" in period.hint
-    assert period.size_m_s2 == pytest.approx(0.9 / 2**0.5, rel=0.25)
+def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, model):
+    """A regression on the samples before predicts a swing: whitened by it, its peak is lost among the others."""
+    moments, _ = decided(plain, model)
+    rng, at = np.random.default_rng(9), plain.force_at
+    time, flight = plain.of("time_s", at), plain.flight[at]
+    air = lfilter([1.0], [1.0, -0.9], 0.02 * rng.standard_normal((len(at), 3)), axis=0)
+    force = air + np.outer(0.9 * np.sin(2.0 * np.pi * 1.45 * time + flight), [0.65, 0.75, 0.1])
+    runs = moments.channels[0].memory.runs
+    channels = [replace(c, memory=fit_memory(x, np.zeros((len(at), 0)), runs, 3))
+                for c, x in zip(moments.channels[:3], force.T, strict=True)]
+    remembered = [c.memory.whiten(x) for c, x in zip(channels, force.T, strict=True)]
+    height = [float(np.abs(np.exp(-2j * np.pi * 1.45 * time) @ w) ** 2 / (w @ w)) for w in
+              (remembered[1], _one_step(force[:, 1]))]
+    assert height[0] < 0.5 * height[1]
+    found = _period(replace(moments, channels=[*channels, *moments.channels[3:]]), force, flight)
+    assert found.kind == "period"
+    assert "1.4" in found.hint
+    assert found.size_m_s2 == pytest.approx(0.75 * 0.9 / 2**0.5, rel=0.1)
 
 
 def test_a_long_delay_is_tried_however_little_it_promises(plain, model):
