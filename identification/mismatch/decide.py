@@ -94,9 +94,9 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     faults = recordings.touching
     final = named.fit
     # what the logging can feign is no finding, and no unknown either
-    feigned = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
-    free = free_of(named.space, [*(h.term for h in named.accepted), *feigned])
-    lenient = fit(known, final.model, free, own=named.own()) if feigned else final
+    faint = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
+    free = free_of(named.space, [*(h.term for h in named.accepted), *faint])
+    lenient = fit(known, final.model, free, own=named.own()) if faint else final
     lenient = min(lenient, final, key=lambda f: f.loss)  # a search for more may end in another valley
     after = excess(moments, lenient.left)
     found = structures(moments, force_left(known, lenient))
@@ -135,8 +135,11 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
                 here, kept, final = _drop(known, here, space, kept, final, [t for t, _ in more])
     findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
     idle = [f.hypothesis.term for f in findings if not _moved(f, final.model, space)]
-    if idle:
-        withdrawn += [(term, "what is believed lies within its interval") for term in idle]
+    small = {f.hypothesis.term: why for f in findings if f.hypothesis.term not in (*TOGETHER, *idle)
+             if (why := feigned(f.hypothesis.term, final, space.model, moments))}
+    if idle or small:  # both may have come of what was withdrawn
+        withdrawn += [(term, "what is believed lies within its interval") for term in idle] + list(small.items())
+        idle += list(small)
         here, kept, final = _drop(known, here, space, kept, final, idle)
         findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
     if not kept:
@@ -178,8 +181,13 @@ def without(moments: Moments, decision: Decision, terms: Sequence[str], why: str
     own = tuple(t for t in decision.own if t not in terms)
     final = fit(Slopes(moments), decision.fit.model.with_parameters(rest),
                 free_of(decision.space, [f.hypothesis.term for f in kept]), own=free_of(decision.space, own))
-    return replace(decision, findings=kept, withdrawn=(*decision.withdrawn, *((t, why) for t in terms)), fit=final,
-                   own=own)
+    found = replace(decision, findings=kept, withdrawn=(*decision.withdrawn, *((t, why) for t in terms)), fit=final,
+                    own=own)
+    for term in (f.hypothesis.term for f in kept if f.hypothesis.term not in TOGETHER):
+        small = feigned(term, final, decision.space.model, moments)
+        if small:  # it came of what is gone
+            return without(moments, found, [term], small)
+    return found
 
 
 def _refit(known: Slopes, here: Space, kept: Sequence[Hypothesis], start: Model) -> Fit:

@@ -26,7 +26,7 @@ from .leftover import Structure
 from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
-from .proof import Proof, prove
+from .proof import Proof, prove, turned_better
 from .recordings import Recordings, look_over
 from .space import Space, space_around, space_of_other_map
 from .verdict import Verdict, data_faults
@@ -39,8 +39,6 @@ ANOTHER = 2.5
 GAINS, MUCH = ("inertia", "yaw_torque"), 600.0
 """Terms that may only be right within a factor, and the squared length, above what is plain, from which turning that
 asks for more is worth saying."""
-YAW = "torque z"
-"""Channel of what only turns about z."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
 
@@ -99,7 +97,7 @@ def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space
         tried = without(moments, decision, gone, UNPROVED) if gone else decision
         try:
             proof = prove(moments, tried, simulator, seed)
-            tried, proof = _without_idle_yaw(moments, tried, proof, simulator, seed)
+            tried, proof = _without_idle(moments, tried, proof, simulator, seed)
         except InputError:  # what was named together is no possible vehicle
             continue
         pushes = all(axis.startswith("force") for f in tried.findings for axis in f.axes)
@@ -110,18 +108,19 @@ def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space
     return decision, prove(moments, decision, simulator, seed)
 
 
-def _without_idle_yaw(moments: Moments, decision: Decision, proof: Proof, simulator: Model,
-                      seed: int) -> tuple[Decision, Proof]:
-    """Beside other names, one that only acts about z stays only where turning is predicted better with it: rows of
-    commands that are made from a shaking gyro feign gains about z."""
-    idle = [f.hypothesis.term for f in decision.findings if f.axes and all(axis == YAW for axis in f.axes)]
-    if not idle or len(idle) == len(decision.findings) or not proof.held_out:
-        return decision, proof
-    lean = without(moments, decision, idle, "turning is predicted no better with it on flights left out of the fit")
-    bare = prove(moments, lean, simulator, seed)
-    if float(proof.after[:, -1, 3].mean()) < float(bare.after[:, -1, 3].mean()):
-        return decision, proof
-    return lean, bare
+def _without_idle(moments: Moments, decision: Decision, proof: Proof, simulator: Model,
+                  seed: int) -> tuple[Decision, Proof]:
+    """Beside other names, one that only turns the vehicle stays only where turning is predicted better with it: rows of
+    commands that are made from a shaking gyro feign gains and damping, and what pushes proves nothing for them."""
+    turning = [f.hypothesis.term for f in decision.findings if f.axes and all(a.startswith("torque") for a in f.axes)]
+    for term in turning if proof.held_out else ():
+        if len(decision.findings) < 2:
+            break
+        lean = without(moments, decision, [term], "turning is predicted no better with it on flights left out")
+        bare = prove(moments, lean, simulator, seed)
+        if not turned_better(bare.after, proof.after):
+            decision, proof = lean, bare
+    return decision, proof
 
 
 def _no_vehicle(decision: Decision) -> Structure | None:

@@ -87,6 +87,12 @@ class Proof:
         return bool(np.quantile(drawn, 0.025) > 0.0)
 
 
+def turned_better(without: np.ndarray, with_it: np.ndarray) -> bool:
+    """Whether, of errors (flights, H, 4), attitude or rate at h = 10 or 50 improves by more than any gets worse."""
+    change = 1.0 - with_it.mean(0)[1:, PATH:] / np.maximum(without.mean(0)[1:, PATH:], 1e-12)
+    return bool(change.max() > max(-change.min(), 0.0)) if np.isfinite(change).all() else True
+
+
 def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0) -> Proof:
     """Leave flights out in turn (at most FOLDS times), fit what was named to the others, predict them. Where flights
     differ each is predicted with its own value, and nothing is held out."""

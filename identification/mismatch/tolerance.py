@@ -73,7 +73,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
             grown = abs(old[name]) if base_of(name) in RELATIVE else growth(before, base_of(name))
             least = DIFFERENT.get(base_of(name), 0.0) * grown
-            changed = changed or float(np.ptp(fit.own[name])) > least
+            changed = changed or (float(np.ptp(fit.own[name])) > least and two_groups(fit.own[name]))
         else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
             limit = smallest(name, before, moments, fit.model)
             changed = changed or limit == 0.0 or change - 2.0 * sd > limit
@@ -91,6 +91,21 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         return (f"{term} changes the force by {force:.3f} m/s^2 RMS and torque by {torque:.0%} of what is left: "
                 "too little")
     return ""
+
+
+def two_groups(values: np.ndarray) -> bool:
+    """Whether values (flights,) fall into two groups, as after a change, instead of scattering: the means of the best
+    two are further apart, in standard deviations within them, than those of 90 to 97 % of normal samples. Fewer
+    than four flights cannot scatter."""
+    ordered = np.sort(values)
+    many = len(ordered)
+    if many < 4:
+        return True
+    parts = [(ordered[:k], ordered[k:]) for k in range(1, many)]
+    apart = max((high.mean() - low.mean()) ** 2 / max((np.sum((low - low.mean()) ** 2) +
+                                                       np.sum((high - high.mean()) ** 2)) / (many - 2), 1e-30)
+                for low, high in parts)
+    return bool(apart > (4.0 + 10.0 / (many - 2)) ** 2)
 
 
 def _neutral(model: Model, name: str) -> float | str | None:
