@@ -116,7 +116,10 @@ def loop(minutes: float) -> None:
                                           pose_source(f"simulated://{address}", uri), ())).outcome
         finally:
             server.stdin.close()
-            server.wait()
+            try:
+                server.wait(10.0)
+            except subprocess.TimeoutExpired:
+                server.kill()
         beat = outcome.beat
         late += beat.late_s
         sent += (np.array(beat.sent_s) - np.median(beat.sent_s or [0.0])).tolist()

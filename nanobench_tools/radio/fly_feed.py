@@ -7,8 +7,11 @@ from collections.abc import Callable
 from . import fly_setpoints
 from .fly_link import Link
 from .fly_state import PoseTrack
+from .in_time import within
 from .mocap import PoseSource
 from .pose_datagram import Pose
+
+CLOSE_S = 3.0
 
 
 class Feed:
@@ -26,7 +29,8 @@ class Feed:
         self._source.start(self._pose)
 
     def close(self) -> None:
-        self._source.close()
+        """Leaves a source alone that does not end."""
+        within(CLOSE_S, self._source.close, "closing the poses")
 
     def switch(self, on: bool) -> None:
         self.feed = on

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import InputError, MissingExtraError
 from .blocks import Block, check_numbers, resolve
+from .fly_cflib import close, crazyflie
 from .fly_clock import Clock
 
 ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
@@ -29,6 +30,8 @@ SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
 """``virtual`` is a simulated vehicle in this process on a clock of its own (``fly_virtual``)."""
 GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
 HL_TAKEOFF, HL_LAND = 7, 8
+FLYING = 1 << 4
+"""Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
 ECHO_MARK = 1
 """First byte of our echoes; cflib's have 0."""
 
@@ -67,8 +70,6 @@ class CflibLink:
     """An open link. Use ``open_link``."""
 
     def __init__(self, uri: str, cache: Path | None, clock: Clock) -> None:
-        from cflib.crazyflie import Crazyflie
-
         self.uri, self.lost, self.heard_s, self._clock = uri, "", 0.0, clock
         self.round_trips_s: deque[float] = deque(maxlen=50)
         self._last: dict[str, float] = {}
@@ -81,9 +82,8 @@ class CflibLink:
         self._layouts: list[struct.Struct] = []
         self._complete = threading.Event()
         self._failed = ""
-        self._cf = Crazyflie(rw_cache=str(cache) if cache else None)
-        for caller, note in ((self._cf.connection_failed, self._on_failed), (self._cf.connection_lost, self._on_lost)):
-            caller.add_callback(note)
+        self._cf = crazyflie(cache, self._on_lost)
+        self._cf.connection_failed.add_callback(self._on_failed)
         self._cf.fully_connected.add_callback(lambda _: self._complete.set())
         self._cf.add_header_callback(self._on_log, LOG, 2)
         self._cf.add_header_callback(self._on_echo, ECHO, 0)
@@ -99,8 +99,8 @@ class CflibLink:
         while not self._complete.is_set():
             clock.sleep_until(clock.now() + 0.01)
             waited = clock.now() - started
-            if self._failed:
-                raise InputError(self.uri, f"no link ({self._failed})", "is it switched on, in reach, free?")
+            if why := self._failed or self.lost:
+                raise InputError(self.uri, f"no link ({why})", "is it switched on, in reach, free?")
             if not self.heard_s and waited > ANSWER_S:
                 raise InputError(self.uri, f"no answer in {ANSWER_S:.0f} s", "is it switched on, in reach, and not "
                                  "connected to another program?")
@@ -118,9 +118,10 @@ class CflibLink:
                              "are known here; flash firmware 2025.12")
 
     def close(self) -> None:
-        """Closes the link; cflib sends a set-point of nothing, which stops motors."""
+        """Closes the link; on the ground with a set-point of nothing, which stops motors. A vehicle that flies is left
+        to its own planner and watchdog."""
         self.on_log = self.on_echo = self.on_sent = None
-        self._cf.close_link()
+        close(self._cf, motors_off=not int(self._last.get("supervisor.info", 0)) & FLYING)
 
     @property
     def version(self) -> int:
@@ -195,7 +196,7 @@ class CflibLink:
     def _on_failed(self, _: str, why: str) -> None:
         self._failed = why.strip().splitlines()[0] if why.strip() else "failed"
 
-    def _on_lost(self, _: str, why: str) -> None:
+    def _on_lost(self, why: str) -> None:
         self.lost = why.strip().splitlines()[0] if why.strip() else "lost"
 
     def ask_echo(self) -> None:

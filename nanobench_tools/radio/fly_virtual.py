@@ -31,8 +31,6 @@ SETTLE_S = 5.0
 START_S, APART_S = 1_800_000_000.0, 3600.0
 """Worlds begin an hour apart, in the order in which they are made: sheets belong to recordings by time."""
 URI = "virtual://0"
-PINGS = "ping_thread"
-"""cflib's thread that measures round trips ten times a second of real time: nothing of it goes into a virtual world."""
 
 
 class VirtualWorld:
@@ -161,9 +159,8 @@ def _driver(world: VirtualWorld) -> type:
             world.crazyflie = error.__self__  # drivers are told whom to complain to: the Crazyflie that opens them
 
         def send_packet(self, packet: Any) -> None:
-            if (thread := threading.current_thread()).name != PINGS:
-                world.post(bytes([packet.header]) + bytes(packet.data))
-                world._sent(thread)
+            world.post(bytes([packet.header]) + bytes(packet.data))
+            world._sent(threading.current_thread())
 
         def receive_packet(self, wait: float = 0) -> Any:
             handler = world.crazyflie.incoming

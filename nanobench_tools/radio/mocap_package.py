@@ -7,12 +7,12 @@ every stamp. The clock reading of ``nanobench audit`` shows it.
 from __future__ import annotations
 
 import threading
-import time
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, MissingExtraError
+from .fly_clock import HostClock
 from .mocap import Sink
 from .pose_datagram import Pose
 
@@ -44,11 +44,12 @@ class PackageMocap:
             raise InputError(f"--mocap {self.name}", self._error, "check the type, the host and streaming")
 
     def _run(self, sink: Sink) -> None:
+        clock = HostClock()
         try:
             system = self._package.connect(self.kind, {"hostname": self.host})
             while not self._stop.is_set():
                 system.waitForNextFrame()
-                now = time.time()
+                now = clock.now()
                 sink(_pose(now, system.rigidBodies.get(self.body)))
                 self._ready.set()
         except Exception as error:  # other people's code; without poses the flight ends by itself

@@ -25,6 +25,8 @@ MAGIC = b"nanobench packets 1\n"
 FLUSH_S = 0.05
 SYNC_S = 1.0
 """The system is asked to put it on the disk this often: what a power cut may take."""
+CLOSE_S = 20.0
+"""A disk, or a server with files, that takes longer for what waits at the end is given up."""
 LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
 """Kinds. LOG: number of the block; tick [ms] in 24 bits, values. POSE: ``<d7f`` as pose datagrams. ECHO: ``<d`` host
 time at which the echo was asked for. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw
@@ -76,8 +78,11 @@ class PacketWriter:
     def close(self) -> None:
         """Writes what waits. Raises InputError if anything could not be written (a full disk)."""
         self._stop.set()
-        self._thread.join()
-        os.close(self._file)
+        self._thread.join(CLOSE_S)
+        if self._thread.is_alive():
+            self._failed = f"the disk has not answered for {CLOSE_S:.0f} s"
+        else:
+            os.close(self._file)
         if self._failed:
             raise InputError(str(self.path), f"was not written to its end ({self._failed})", "is the disk full?")
 

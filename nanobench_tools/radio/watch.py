@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .fly_clock import HostClock
 from .fly_link import Link
 from .fly_loop import Beat
 from .fly_state import Believed
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rich.live import Live
     from rich.table import Table
 
+HOST = HostClock()
 BARS = "▁▂▃▄▅▆▇█"
 WIDTH, EVERY_S, SHOWN_HZ = 60, 0.2, 5.0
 FULL_M = 0.25
@@ -83,7 +85,7 @@ class Watch:
         battery = link.values.get("pm.vbat")
         table.add_row("battery", "not known yet" if battery is None else f"{battery:.2f} V")
         quality = f"round trip {1e3 * float(np.median(trips)):.1f} ms" if trips else "no echo"
-        table.add_row("link", f"{quality}, last packet {1e3 * max(time.time() - link.heard_s, 0.0):.0f} ms ago")
+        table.add_row("link", f"{quality}, last packet {1e3 * max(HOST.now() - link.heard_s, 0.0):.0f} ms ago")
         beat = self.beat_of()
         if beat is not None and beat.late_s:
             recent = np.array(beat.call_s[-100:] or [0.0])

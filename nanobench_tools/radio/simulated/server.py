@@ -23,7 +23,7 @@ SILENCE_S, CLOSED_S = 1.0, 0.3  # of the host's own clock
 """A client that is silent for so long has gone; the shorter one holds after the zero set-point cflib closes with."""
 WAITING_S = 2.0
 """How long one that asked to connect in vain is remembered."""
-LATE_S, MOST_BEHIND_S = 0.010, 0.5
+LATE_S, MOST_BEHIND_S, STOP_S = 0.010, 0.5, 5.0
 _MOST_AT_ONCE = 64
 _CLOSING = bytes(14)
 
@@ -101,7 +101,7 @@ class SimulatedCrazyflie:
         if self._thread is None:
             return
         self._stopping.set()
-        self._thread.join()
+        self._thread.join(STOP_S)
         self._thread = None
         self._radio_socket.close()
         self._mocap_socket.close()
