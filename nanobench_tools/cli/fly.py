@@ -101,7 +101,7 @@ def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> 
 
 
 def _fly(options: Options, request: Request) -> int:
-    from ..radio.fly import summary
+    from ..radio.fly_outcome import summary
     from ..radio.fly_session import fly_session
 
     result = fly_session(request)
@@ -114,6 +114,8 @@ def _fly(options: Options, request: Request) -> int:
                 f"{loop['call_p99_ms']:.2f} ms")
     if result.recording is not None:
         body["recording"] = say_export(options, result.recording)
+    elif result.raw is not None:
+        options.say(f"what was recorded is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
     if stop is not None:
         options.failed.append({"item": "fly", "file": request.uri, "error": f"landed early: {stop}"})

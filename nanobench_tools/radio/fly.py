@@ -2,55 +2,39 @@
 
 from __future__ import annotations
 
-import signal
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from contextlib import ExitStack
 
 import numpy as np
 
 from . import fly_setpoints, safety
 from .fly_clock import Clock
+from .fly_guardian import Guardian
 from .fly_interrupts import Hung, Interrupts
-from .fly_link import Link
-from .fly_loop import Beat, Guardian, Pacer, undisturbed
+from .fly_link import FLYING, Link
+from .fly_loop import Pacer, undisturbed
+from .fly_outcome import Listener, Outcome
 from .fly_pilot import PERIOD_S, Pilot, finite
 from .fly_plan import LANDING, TAKEOFF, Plan
 from .fly_prepare import Ready
 from .fly_state import Believed, PoseTrack
+from .in_time import end_at_once
 from .safety import Limits, Situation, Stop, first_stop
-from .safety_handover import hand_over, land, place_to_hold
+from .safety_handover import hand_over, land, place_to_hold, tell_to_land
 
 HANG_S = 0.25
 """After so long in one call the guardian takes the flight from a controller."""
 LISTEN_S = 0.2
 """So long before it flies a controller is run without being heard, so that its filters know the vehicle and battery."""
-GROUND = "ground"
+GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
-FLYING, STILL_S = 1 << 4, 4.0
-"""Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
+STILL_S, WRITTEN_S = 4.0, 0.2
+"""So long at most a flight waits for motors that stand, and a program that ends at once for its recording's writer."""
 ECHO_S = 0.1
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
 """A vehicle that stands on the ground so long after the command to take off does not fly. It is told again before:
 soon, as the command may have been lost, then late, as the integrals of one that is heavy need time."""
-
-
-class Listener(Protocol):
-    """Is told what happens: the recorder, the display. ``tick`` every tick, from the loop: keep it short."""
-
-    def tick(self, time_s: float, phase: str, believed: Believed | None, asked_m: np.ndarray | None,
-             yaw_rad: float) -> None: ...
-
-    def note(self, text: str) -> None: ...
-
-
-@dataclass
-class Outcome:
-    """How it ended: ``stop`` None when the whole plan was flown. phases: (name, host time of its begin)."""
-
-    stop: Stop | None = None
-    beat: Beat | None = None
-    phases: list[tuple[str, float]] = field(default_factory=list)
 
 
 class Flight:
@@ -75,20 +59,31 @@ class Flight:
         self._hung: Stop | None = None
 
     def run(self) -> Outcome:
-        """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns."""
-        if self.clock.real:
-            self._guardian = Guardian(HANG_S, self._take_over)
-            self._guardian.start()
-        with self.interrupts.caught(), undisturbed(self.clock.real):
+        """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns, or was
+        left. What is a bug of this program is raised after the landing."""
+        with ExitStack() as stack:
+            stack.enter_context(undisturbed(self.clock.real))
+            if self.clock.real:
+                self._guardian = Guardian(HANG_S, self._take_over, self._give_up)
+                stack.enter_context(self._guardian.watching())
             try:
-                stop = self._fly()
+                with self.interrupts.caught():
+                    stop = self._flown()
             except Hung:
                 stop = self._hung
-            finally:
-                if self._guardian is not None:
-                    self._guardian.close()
+            except KeyboardInterrupt:
+                stop = self._leave()
         self._outcome.stop, self._outcome.beat = stop, self.pacer.beat
         return self._outcome
+
+    def _flown(self) -> Stop | None:
+        try:
+            stop = self._fly()
+        except Exception as error:
+            if not self._taken():
+                self._end(Stop("error", f"{type(error).__name__}: {error}", self._now.time_s, self._phase))
+            raise
+        return self._wait_for_guardian() if self._taken() else stop
 
     # -- the loop
 
@@ -103,6 +98,9 @@ class Flight:
         self.link.take_off(self.plan.height_m, 2.0)
         while True:
             due = self.pacer.wait()
+            self._alive()
+            if self._taken():
+                return None
             time_s = due - told[-1]
             self._look(time_s)
             stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(due, told)
@@ -119,8 +117,6 @@ class Flight:
                     stop = self._stream(time_s, send=False)
                 else:
                     self._tell(time_s, None)
-            if self._hung is not None:
-                return self._hung
             if stop is not None:
                 return self._end(stop)
             self.pacer.done()
@@ -168,7 +164,7 @@ class Flight:
         begun = self.clock.now()
         error, packet = "", b""
         if self._guardian is not None:
-            self._guardian.begin()
+            self._guardian.begin(self.pilot.name)
         try:
             if self._believed is None:
                 raise ValueError("no pose")
@@ -181,7 +177,7 @@ class Flight:
         self._now.call_s = self.clock.now() - begun
         self._now.controller_error = error
         if not ours:
-            return self._wait_for_guardian()
+            return None
         if error:
             return first_stop(self.rules, self._now, self._phase)
         if not send:
@@ -190,10 +186,23 @@ class Flight:
         self._now.below_m = float(asked.position_m[0, 2]) - self._height()
         self.link.send_setpoint(packet)
         self.pacer.sent(self._now.call_s)
-        if self._setpoint is not None:
-            self._setpoint(self.clock.now(), packet)
+        self._pass_on(packet)
         self._tell(time_s, asked.position_m[0], float(asked.yaw_rad[0]))
         return None
+
+    def _pass_on(self, packet: bytes) -> None:
+        """To who wants to know what was sent: anybody's code, which is not asked again once it raises."""
+        if self._setpoint is None:
+            return
+        if self._guardian is not None:
+            self._guardian.begin("who is told of set-points")
+        try:
+            self._setpoint(self.clock.now(), packet)
+        except Exception as raised:
+            self._setpoint = None
+            self._note(f"who is told of set-points raised {type(raised).__name__}: {raised}; it is not asked again")
+        if self._guardian is not None:
+            self._guardian.end()
 
     def _tell(self, time_s: float, asked_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
         for listener in self._listeners:
@@ -251,7 +260,7 @@ class Flight:
         if newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
             self.link.send_setpoint(fly_setpoints.stop())
             self.link.release()  # else the vehicle's watchdog would miss further set-points and lock it
-        self._enter("landed", self.clock.now())
+        self._enter(LANDED, self.clock.now())
         until = self.clock.now() + STILL_S
         while int(self.link.values.get("supervisor.info", 0)) & FLYING and self.clock.now() < until:
             self._idle()
@@ -262,26 +271,48 @@ class Flight:
         return self.ground_m if newest is None else float(newest.position_m[2])
 
     def _idle(self) -> None:
+        self._alive()
         self._ask_echo()
         self._tell(self._now.time_s, None)
 
-    def _take_over(self) -> None:
+    def _alive(self) -> None:
+        if self._guardian is not None:
+            self._guardian.alive()
+
+    def _taken(self) -> bool:
+        return self._guardian is not None and self._guardian.taken
+
+    def _leave(self) -> Stop:
+        """Asked twice: the vehicle is told once to land by its own planner, and nothing is waited for. Should that be
+        lost, its watchdog levels it out and then stops its motors."""
+        stop = Stop("interrupted", f"{self.interrupts.asked} twice: left to the vehicle's own landing and watchdog",
+                    self._now.time_s, self._phase)
+        self._note(f"stop: {stop}")
+        self._outcome.left = True
+        if self._phase not in (GROUND, LANDED):
+            tell_to_land(self.link, self.ground_m, self._height_now())
+        return stop
+
+    def _take_over(self, why: str) -> None:
         """The guardian's part, in its thread: hand over, then wake the loop."""
-        now = self._now
-        self._hung = self._end(Stop("overrun", f"{self.pilot.name} did not answer within {1000 * HANG_S:.0f} ms",
-                                    now.time_s, self._phase))
-        self.interrupts.hung = True
-        signal.raise_signal(signal.SIGINT)
+        stop = Stop("overrun", why, self._now.time_s, self._phase)
+        try:
+            self._end(stop)
+        except Exception as error:  # nobody else is there to end the flight
+            self._note(f"the hand-over raised {type(error).__name__}: {error}")
+        self._hung = stop
+        self.interrupts.wake()
+
+    def _give_up(self, why: str) -> None:
+        """The call does not come back, not even when it is woken: the program ends, with its recording written."""
+        why += " and cannot be stopped: the program ends"
+        self._note(why)
+        time.sleep(WRITTEN_S)
+        end_at_once(why)
 
     def _wait_for_guardian(self) -> Stop | None:
-        """The call came back while the guardian lands."""
+        """The loop goes on while the guardian lands, and is woken then."""
         while self._hung is None:
             self.clock.sleep_until(self.clock.now() + 0.05)
+        self.clock.sleep_until(self.clock.now() + 0.05)
         return self._hung
-
-
-def summary(outcome: Outcome, ready: Ready) -> dict[str, Any]:
-    """What is kept of a flight beside its recording."""
-    beat = outcome.beat.summary() if outcome.beat is not None else {}
-    return {"stopped": str(outcome.stop) if outcome.stop else None, "loop": beat,
-            "link_delay_s": ready.delay_s, "phases": [[name, time_s] for name, time_s in outcome.phases]}

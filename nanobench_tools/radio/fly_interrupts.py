@@ -8,18 +8,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+AT_ONCE = 2
+"""The second time it is the person in front of it who knows better."""
+
 
 class Hung(BaseException):
     """Raised into a call that the guardian has given up on."""
 
 
 class Interrupts:
-    """Ctrl-C and SIGTERM ask for the end; the third Ctrl-C gives up at once (the vehicle's watchdog is left)."""
+    """Ctrl-C and SIGTERM ask for the end: the first for a landing (``asked``), the second is a KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.asked = ""
-        self.hung = False
         self._count = 0
+        self._waking = False
+        self._flying: int | None = None
+        self._lock = threading.Lock()
 
     @contextmanager
     def caught(self) -> Iterator[Interrupts]:
@@ -27,16 +32,29 @@ class Interrupts:
             yield self
             return
         before = {which: signal.signal(which, self._note) for which in (signal.SIGINT, signal.SIGTERM)}
+        self._flying = threading.get_ident()
         try:
             yield self
         finally:
+            with self._lock:
+                self._flying = None
             for which, handler in before.items():
                 signal.signal(which, handler)
 
+    def wake(self) -> None:
+        """From another thread: raises Hung in the flight's, whatever it waits for, until ``caught`` ends."""
+        with self._lock:
+            if self._flying is not None:
+                self._waking = True
+                signal.pthread_kill(self._flying, signal.SIGINT)  # only this thread's own waiting is cut short by it
+
     def _note(self, which: int, frame: FrameType | None) -> None:
-        if self.hung:
-            raise Hung
+        if self._waking:
+            self._waking = False
+            if self._flying is not None:
+                raise Hung
+            return
         self.asked = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
         self._count += 1
-        if self._count >= 3:
+        if self._count >= AT_ONCE and self._flying is not None:
             raise KeyboardInterrupt

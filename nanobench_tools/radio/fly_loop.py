@@ -1,4 +1,4 @@
-"""The beat of a flight: a tick every 10 ms by the clock, deadlines and jitter counted, and a guardian beside it.
+"""The beat of a flight: a tick every 10 ms by the clock, deadlines and jitter counted.
 
 A tick that is still at work when the next is due has missed its deadline; ticks that were slept through are missed,
 too, and are not made up for. Jitter is how late a tick begins and how late its set-point leaves, against the ideal
@@ -11,8 +11,7 @@ import gc
 import os
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -119,44 +118,3 @@ def undisturbed(real: bool) -> Iterator[None]:
         gc.unfreeze()
         if collected:
             gc.enable()
-
-
-class Guardian:
-    """Watches the beat from a thread of its own: a tick that does not end within ``most_s`` (a controller that hangs)
-    is taken the flight from, by ``take_over``, which runs in this thread."""
-
-    EVERY_S = 0.02
-
-    def __init__(self, most_s: float, take_over: Callable[[], None]) -> None:
-        self.most_s, self._take_over = most_s, take_over
-        self.taken = False
-        self._begun: float | None = None
-        self._lock = threading.Lock()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="guardian", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def begin(self) -> None:
-        """A call that may hang begins."""
-        self._begun = time.monotonic()
-
-    def end(self) -> bool:
-        """It ended; False if the guardian has taken over and nothing may be sent any more."""
-        with self._lock:
-            self._begun = None
-            return not self.taken
-
-    def close(self) -> None:
-        self._stop.set()
-
-    def _run(self) -> None:
-        while not self._stop.wait(self.EVERY_S):
-            with self._lock:
-                begun = self._begun
-                if begun is None or time.monotonic() - begun < self.most_s:
-                    continue
-                self.taken = True
-            self._take_over()
-            return

@@ -18,11 +18,13 @@ from .fly_link import CflibLink
 from .fly_pilot import PERIOD_S, Pilot
 from .fly_plan import Plan
 from .fly_state import PoseTrack
+from .in_time import last_resort
 from .pose_datagram import Pose
 from .safety import Limits
 
 ECHOES, ECHOES_S, ECHO_S = 10, 3.0, 0.05
-WARM_TICKS = 40
+WARM_TICKS, WARM_S = 40, 600.0
+"""A controller is run so often on the ground; one that hangs there is ended after WARM_S: compiling may take long."""
 RESET_S = 0.4
 ARM_S = 2.0
 
@@ -122,17 +124,18 @@ class Preparation:
         battery = self.link.values["pm.vbat"]
         calls = []
         try:
-            for round_ in range(2):
+            with last_resort(WARM_S):
+                for round_ in range(2):
+                    pilot.reset()
+                    for tick in range(WARM_TICKS):
+                        time_s = PERIOD_S * tick
+                        asked = plan.reference(plan.ends["take-off"] + time_s)
+                        begun = self.clock.now()
+                        if believed is not None:
+                            pilot.packet(time_s, believed.state(battery), asked)
+                        if round_:
+                            calls.append(self.clock.now() - begun)
                 pilot.reset()
-                for tick in range(WARM_TICKS):
-                    time_s = PERIOD_S * tick
-                    asked = plan.reference(plan.ends["take-off"] + time_s)
-                    begun = self.clock.now()
-                    if believed is not None:
-                        pilot.packet(time_s, believed.state(battery), asked)
-                    if round_:
-                        calls.append(self.clock.now() - begun)
-            pilot.reset()
         except Exception as error:  # anybody's code
             raise InputError(f"controller {pilot.name}", f"raised {type(error).__name__}: {error}", "not armed") \
                 from error

@@ -11,10 +11,11 @@ from typing import Any
 from ..practice.references import PathSpec
 from .blocks import Block
 from .checklist import check_tables, health_blocks
-from .fly import Flight, Listener, Outcome, summary
+from .fly import Flight
 from .fly_clock import Clock, HostClock
 from .fly_feed import Feed
 from .fly_link import check_uri, open_link
+from .fly_outcome import Listener, Outcome, summary
 from .fly_pilot import Pilot
 from .fly_plan import Plan
 from .fly_prepare import Preparation, Ready
@@ -50,11 +51,13 @@ class Request:
 
 @dataclass(frozen=True)
 class Result:
-    """How it went; ``recording`` as exported, None if none was asked for."""
+    """How it went; ``recording`` as exported, None if none was asked for or nobody waited for it; ``raw``: its packets
+    as they came."""
 
     outcome: Outcome
     ready: Ready
     recording: Exported | None
+    raw: Path | None
 
 
 def is_simulated(uri: str, source: PoseSource) -> bool:
@@ -103,8 +106,10 @@ def fly_session(request: Request) -> Result:
         with watch:
             outcome = flight.run()
         if recorder is not None:
-            clock.sleep_until(clock.now() + GROUND_S)
+            if not outcome.left:
+                clock.sleep_until(clock.now() + GROUND_S)
             feed.on_pose = None
             recorder.sheet({"flight": summary(outcome, ready)})
-    done = None if recorder is None else export(recorder.path, request.record_to)
-    return Result(outcome, ready, done)
+    raw = None if recorder is None else recorder.path
+    done = None if raw is None or outcome.left else export(raw, request.record_to)
+    return Result(outcome, ready, done, raw)

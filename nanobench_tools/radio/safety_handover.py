@@ -56,7 +56,7 @@ def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, gro
 def land(link: Link, clock: Clock, ground_m: float, from_m: float, height_m: Callable[[], float],
          tick: Callable[[], None]) -> None:
     """Lands by the vehicle's own planner from a height, and waits for its end."""
-    lasts = max(SHORTEST_LANDING_S, (from_m - ground_m) / LANDING_M_S)
+    lasts = _lasts(ground_m, from_m)
     begun, sent, tries = clock.now(), -np.inf, 0
     while clock.now() < begun + lasts + AFTER_S:
         sinks = height_m() < from_m - 0.1
@@ -66,6 +66,16 @@ def land(link: Link, clock: Clock, ground_m: float, from_m: float, height_m: Cal
             sent, tries = clock.now(), tries + 1
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
+
+
+def tell_to_land(link: Link, ground_m: float, from_m: float) -> None:
+    """Tells the vehicle once to land from a height by its own planner, and waits for nothing."""
+    _try(link.release)
+    _try(link.land, ground_m + LANDED_M, _lasts(ground_m, from_m))
+
+
+def _lasts(ground_m: float, from_m: float) -> float:
+    return max(SHORTEST_LANDING_S, (from_m - ground_m) / LANDING_M_S)
 
 
 def _try(send: Callable, *what: object) -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shlex
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +175,24 @@ def in_the_air(world: VirtualWorld, seconds: float, what) -> None:
             what()
 
     world._step = watched
+
+
+def test_a_vehicle_whose_program_is_ended_at_once_lands_by_its_own_planner():
+    world = VirtualWorld(served(), RadioOptions(latency_s=0.010), ROOM)
+    path, pilot = chosen_path("circle", 0.5, 0.4, 4.0), pilot_for("onboard_pid", None, None)
+    interrupts = iter((signal.SIGTERM, signal.SIGINT))
+    in_the_air(world, 2.0, lambda: [os.kill(os.getpid(), which) for which in interrupts])
+    with world.served() as uri:
+        outcome = fly_session(Request(path, pilot, Limits(), uri, world, (), clock=world)).outcome
+        assert (outcome.left, outcome.stop.rule) == (True, "interrupted")
+    high = world.simulation.onboard.vehicle.true_pose()[0][2]
+    sinks = []
+    for _ in range(80):
+        world.sleep_until(world.now() + 0.1)
+        sinks.append(-world.simulation.onboard.vehicle.true_pose()[1][2])
+    assert high > 0.8
+    assert world.simulation.onboard.vehicle.true_pose()[0][2] < 0.05
+    assert max(sinks) < 2.0  # it has no poses any more and sinks faster than it was told to; falling, it would be 4 m/s
 
 
 def test_a_vehicle_flies_again_and_one_that_is_left_alone_falls_by_its_own_watchdog():

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
-import time
 
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.radio import fly_setpoints
 from nanobench_tools.radio.fly import Flight
-from nanobench_tools.radio.fly_clock import HostClock
-from nanobench_tools.radio.fly_loop import Guardian
 from nanobench_tools.radio.fly_pilot import OnboardPilot
 from nanobench_tools.radio.safety import Limits, LowBattery, Situation
 from nanobench_tools.radio.safety_handover import place_to_hold
@@ -168,57 +164,6 @@ def test_a_reason_on_the_ground_flies_nothing():
     flight = Flight(toy, toy.track, OnboardPilot("pid", 1), toy.ready(), Limits(), toy, (), ground_s=1.0)
     assert flight.run().stop.phase == "ground"
     assert "take-off" not in [w for _, w in toy.told]
-
-
-def test_a_controller_that_hangs_is_taken_the_flight_from():
-    taken = threading.Event()
-    guardian = Guardian(0.05, taken.set)
-    guardian.start()
-    guardian.begin()
-    assert taken.wait(2.0)
-    assert not guardian.end()
-    other = Guardian(0.2, taken.clear)
-    other.start()
-    other.begin()
-    time.sleep(0.01)
-    assert other.end()
-    other.close()
-
-
-def test_a_hanging_controller_lands_in_real_time():
-    class Real(Toy):
-        """The toy on the host's clock: the hang is real."""
-
-        real = True
-
-        def sleep_until(self, time_s: float) -> None:
-            HostClock().sleep_until(time_s)
-            while self.time_s < time_s - 1e-6:
-                self._step(min(PERIOD, time_s - self.time_s))
-
-        def now(self) -> float:
-            self.time_s = max(self.time_s, time.time())
-            return self.time_s
-
-    PERIOD = 0.01
-    toy = Real()
-    toy.time_s = toy.heard_s = time.time()
-    toy.most_m_s = 30.0
-    begun = time.time()
-
-    class Hangs(OnboardPilot):
-        def packet(self, time_s, state, reference):
-            while time.time() - begun > 2.7:  # for ever, once in the air
-                time.sleep(0.001)
-            return super().packet(time_s, state, reference)
-
-    wide = Limits((-9.0, 9.0) * 3, speed_m_s=50.0)
-    flight = Flight(toy, toy.track, Hangs("mine", 1), toy.ready(), wide, toy, ())
-    outcome = flight.run()
-    assert outcome.stop.rule == "overrun"
-    assert "did not answer within 250 ms" in outcome.stop.reason
-    assert "land" in [w for _, w in toy.told]
-    assert time.time() - begun < 12.0
 
 
 def test_dips_of_the_battery_under_load_are_none():
