@@ -109,8 +109,7 @@ class Flight:
                 if phase != self._phase:
                     self._enter(phase, due)
                 if phase == LANDING:
-                    self._land()
-                    return None
+                    return self._land()
                 if phase != TAKEOFF:
                     stop = self._stream(time_s)
                 elif time_s > self.plan.ends[TAKEOFF] - LISTEN_S:
@@ -236,10 +235,17 @@ class Flight:
 
     # -- the end
 
-    def _land(self) -> None:
+    def _land(self) -> Stop | None:
+        """The plan's own landing. A link that was lost meanwhile or a vehicle that says it crashed is no good end."""
         self.link.release()
         land(self.link, self.clock, self.ground_m, self._height(), self._height_now, self._idle)
         self._rest()
+        self._look(self._now.time_s)
+        asked = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
+        stop = first_stop(asked, self._now, LANDING)
+        if stop is not None:
+            self._note(f"stop: {stop}")
+        return stop
 
     def _end(self, stop: Stop) -> Stop:
         """Holds, lands, and says why."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import InputError
 from ..practice.references import PathSpec
 from .blocks import Block
 from .checklist import check_tables, health_blocks
@@ -111,5 +112,17 @@ def fly_session(request: Request) -> Result:
             feed.on_pose = None
             recorder.sheet({"flight": summary(outcome, ready)})
     raw = None if recorder is None else recorder.path
-    done = None if raw is None or outcome.left else export(raw, request.record_to)
-    return Result(outcome, ready, done, raw)
+    return Result(outcome, ready, _exported(raw, outcome, request), raw)
+
+
+def _exported(raw: Path | None, outcome: Outcome, request: Request) -> Exported | None:
+    """None if nobody waits for it, or if a flight that was stopped left too little: why it was is worth more."""
+    if raw is None or outcome.left:
+        return None
+    try:
+        return export(raw, request.record_to)
+    except InputError as error:
+        if outcome.stop is None:
+            raise
+        request.say(f"not exported: {error}")
+        return None

@@ -9,19 +9,21 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from toy_vehicle import Toy
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.radio import fly_clock, packets, safety_handover
+from nanobench_tools.radio import fly_clock, fly_session, packets, safety_handover
 from nanobench_tools.radio.fly import Flight
 from nanobench_tools.radio.fly_clock import HostClock
 from nanobench_tools.radio.fly_guardian import Guardian
+from nanobench_tools.radio.fly_outcome import Outcome
 from nanobench_tools.radio.fly_pilot import OnboardPilot
 from nanobench_tools.radio.in_time import within
 from nanobench_tools.radio.packets import PacketWriter
-from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.safety import Limits, Stop
 
 HERE = Path(__file__).parent
 IN_PATH = 109.0
@@ -286,3 +288,17 @@ def test_an_end_in_the_middle_of_sending_leaves_the_way_free_for_others():
     vehicle.link = Driver(sent.append)
     assert within(2.0, lambda: vehicle.send_packet(ping()), "another sender")
     assert len(sent) == 1
+
+
+def test_a_recording_too_short_to_export_does_not_hide_why_the_flight_was_stopped(monkeypatch):
+    def refused(raw, folder):
+        raise InputError("a.packets", "0 poses while the log ran", "nothing to export")
+
+    monkeypatch.setattr(fly_session, "export", refused)
+    said: list[str] = []
+    request = SimpleNamespace(record_to=None, say=said.append)
+    stopped = Outcome(Stop("lost link", "no packet for 0.60 s", 1.0, "ground"))
+    assert fly_session._exported(Path("a.packets"), stopped, request) is None
+    assert "0 poses while the log ran" in said[0]
+    with pytest.raises(InputError):
+        fly_session._exported(Path("a.packets"), Outcome(), request)

@@ -166,6 +166,23 @@ def test_a_reason_on_the_ground_flies_nothing():
     assert "take-off" not in [w for _, w in toy.told]
 
 
+@pytest.mark.parametrize(("rule", "fault"), [
+    ("lost link", lambda toy: setattr(toy, "mute", True)),
+    ("supervisor", lambda toy: toy.values.__setitem__("supervisor.info", 1 << 7))])
+def test_what_goes_wrong_while_it_lands_is_said(rule, fault):
+    toy = Toy()
+    land = toy.land
+
+    def faulty(height_m: float, duration_s: float) -> None:
+        land(height_m, duration_s)
+        fault(toy)
+
+    toy.land = faulty
+    outcome, _ = flown(toy)
+    assert (outcome.stop.rule, outcome.stop.phase) == (rule, "landing")
+    assert [name for name, _ in outcome.phases][-1] == "landed"
+
+
 def test_dips_of_the_battery_under_load_are_none():
     rule = LowBattery(3.0)
     said = [rule.check(Situation(time_s=0.01 * k, battery_V=2.8 if k % 4 == 0 else 3.3)) for k in range(400)]
