@@ -33,6 +33,8 @@ NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery
           "estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw"),
           "imu": ("gyro_x", "gyro_y", "gyro_z")}
 FLOWN = ("pid", "mellinger")
+SAID = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onboard_mellinger": "mellinger"}
+"""Who flew, as the audit finds it or ``nanobench fly`` writes it -> the firmware's controller."""
 MINIMUM_S = 5.0
 ROSE_M = 0.3
 """A vehicle that never rose so far above where it began stayed in its own ground effect, which the plant has not."""
@@ -77,8 +79,10 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit],
         whole = fit.get(flight.name)
         if audit is None or whole is None:
             reasons[flight.name] = "lacks a stream the gate needs"
-        elif audit.controller not in FLOWN:
+        elif audit.controller not in SAID:
             reasons[flight.name] = f"flown by {audit.controller}, which is not of the firmware"
+        elif (told := flight.metadata.get("setpoints", "position")) != "position":
+            reasons[flight.name] = f"flown by setpoints of {told}, not of positions"
         elif any(_overlaps(flight, begin, end) for begin, end in trained):
             reasons[flight.name] = "the plant was identified from it"
         else:
@@ -88,7 +92,7 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit],
             elif not is_cut(whole) and np.ptp(whole["mocap"]["pz"]) < ROSE_M:
                 reasons[flight.name] = f"never rose {ROSE_M:g} m: all in ground effect"
             else:
-                cases.append(Case(whole, audit.controller, span))
+                cases.append(Case(whole, SAID[audit.controller], span))
     return cases, reasons
 
 

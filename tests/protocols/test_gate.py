@@ -1,6 +1,7 @@
 """The gate: what passes, what fails and by how much; who may judge; a practice flight whose truth is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,15 @@ def test_recordings_the_plant_was_made_from_do_not_judge_it():
     assert [c.flight.name for c in cases] == ["f1"]
     assert reasons["f0"] == "the plant was identified from it"
     assert "not of the firmware" in reasons["f2"]
+
+
+def test_what_nanobench_fly_recorded_judges_if_it_was_told_positions():
+    flights = [made_flight(f"f{i}", epoch_s=1e9 + 1000.0 * i, seed=i) for i in range(2)]
+    flights[1] = replace(flights[1], metadata={**flights[1].metadata, "setpoints": "velocity"})
+    audits = {f.name: verdict(f, controller="onboard_pid") for f in flights}
+    cases, reasons = gate.select(flights, audits)
+    assert [(c.flight.name, c.controller) for c in cases] == [("f0", "pid")]
+    assert "setpoints of velocity" in reasons["f1"]
 
 
 def simulator():
