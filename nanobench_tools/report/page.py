@@ -74,7 +74,7 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], re
     return environment.get_template("report.html").render(
         label=label, sections=SECTIONS, subtitles=SUBTITLES, version=__version__, library=library,
         css=_template("report.css"), scripts=[_template(name) for name in SCRIPTS],
-        words={"overview": words.overview(results), "task1": words.task1(results),
+        none_of_it=words.ABSENT, words={"overview": words.overview(results), "task1": words.task1(results),
                "task2": words.task2(results, bool(label)), "task3": words.task3(results, bool(label))},
         tables={section: [t.for_readers() for t in tables if t.name.startswith(stem)] for section, stem in
                 (*((task, f"table_{task}") for task in ("task1", "task2", "task3", "thrust")),

@@ -72,7 +72,8 @@ def _seconds(spans: Any) -> str | None:
 def paths(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) -> dict[str, Any]:
     """Motion capture, onboard estimate and setpoint in the world [m] at PATH_RATE_HZ; cut spans are gaps.
 
-    The setpoint is drawn while the vehicle is airborne: before and after it is not a place to be at.
+    The setpoint is drawn while the vehicle is airborne: before and after it is not a place to be at, and neither are
+    the zeros that are logged once nothing is asked for.
     """
     series = []
     for stream, label, axes in (("mocap", "motion capture", ("px", "py", "pz")),
@@ -85,7 +86,7 @@ def paths(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) ->
         time_s, points = source.time_s[rows], source[axes][rows].copy()
         points[mask_of(cut_spans(audit, stream), time_s)] = np.nan
         if stream == "setpoint" and airborne:
-            points[~mask_of(airborne, time_s)] = np.nan
+            points[~mask_of(airborne, time_s) | (points == 0.0).all(axis=1)] = np.nan
         if np.isfinite(points).any():
             series.append({"name": label, "key": stream, **{a: pack(points[:, i], 5e-4) for i, a in enumerate("xyz")}})
     if not series:

@@ -199,7 +199,7 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
                Column("reference", "Reference"), Column("speed", "Speed"),
                Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("n", "n", "count"),
                *scores, Column("information", "Given"), DATA)
-    titles = {"real": ("table_task2", "Task 2: tracking of the onboard controllers on logged flights"),
+    titles = {"real": ("table_task2", "Task 2: tracking on logged flights"),
               "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
     tables = []
     for plant, (name, title) in titles.items():

@@ -122,8 +122,7 @@ def task2(results: Results, synthetic: bool = False) -> Words:
     rows = of_one_clock(r for r in control.get("rows") or [] if (r.get("plant") or "real") == "real")
     lines: Words = []
     if rows:
-        lines.append("How far the vehicle was from the setpoint it was sent, on logged flights of the onboard "
-                     "controllers.")
+        lines.append("How far the vehicle was from the setpoint of its controller, on logged flights.")
     pairs = _pairs_by_flights(rows)
     if pairs:
         lines.append("The published protocol counts take-off, landing and the wait on the ground as tracking, goes on "

@@ -99,6 +99,7 @@ def test_each_result_may_be_absent(tmp_path, flights, results, absent):
 def test_nothing_at_all_still_makes_a_page(tmp_path):
     text = write_report(tmp_path, {}, [], {}, synthetic=False).read_text("utf-8")
     assert text.count("This run holds no results of this task.") == 3
+    assert not re.findall(r'<figure id="fig-(?:task|gate|blackout|bands)', text)  # one sentence says it
     assert "there are no pictures of single flights" in text
 
 

@@ -45,6 +45,14 @@ def test_paths_have_gaps_where_the_audit_cuts_and_setpoints_only_in_the_air(flig
     assert truth == pytest.approx(np.cos(2 * np.pi * t / 10.0), abs=5e-4)
 
 
+def test_zeros_that_are_logged_when_nothing_is_asked_are_no_place(flight, make):
+    flight.streams["setpoint"].values[1000:1500, [flight["setpoint"].columns.index(a) for a in "xyz"]] = 0.0
+    drawn = unpack(series(payload(flight, make.entry(flight))["paths"], "setpoint")["x"])
+    zeros = np.searchsorted(np.arange(0, 20.01, 0.05), flight["setpoint"].time_s[[1001, 1498]])
+    assert np.isnan(drawn[zeros[0]:zeros[1]]).all()
+    assert np.isfinite(drawn[[zeros[0] - 3, zeros[1] + 3]]).all()
+
+
 def test_a_recording_that_was_not_audited_is_drawn_whole(flight):
     drawn = payload(flight, None)
     assert np.isfinite(unpack(series(drawn["paths"], "estimator")["x"])).all()
