@@ -13,7 +13,7 @@ from .fly_clock import Clock
 from .fly_guardian import Guardian
 from .fly_interrupts import Hung, Interrupts
 from .fly_link import FLYING, Link
-from .fly_loop import Pacer, undisturbed
+from .fly_loop import Pacer, ahead_of_others, undisturbed
 from .fly_outcome import Listener, Outcome
 from .fly_pilot import PERIOD_S, Pilot, finite
 from .fly_plan import LANDING, TAKEOFF, Plan
@@ -62,10 +62,11 @@ class Flight:
         """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns, or was
         left. What is a bug of this program is raised after the landing."""
         with ExitStack() as stack:
-            stack.enter_context(undisturbed(self.clock.real))
+            stack.enter_context(undisturbed())
             if self.clock.real:
                 self._guardian = Guardian(HANG_S, self._take_over, self._give_up)
                 stack.enter_context(self._guardian.watching())
+                stack.enter_context(ahead_of_others())  # last: a thread that begins later is not among them
             try:
                 with self.interrupts.caught():
                     stop = self._flown()

@@ -12,7 +12,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,8 +20,8 @@ import numpy as np
 
 from .fly_clock import Clock
 
-PRIORITY = 1
-"""The least of real time: before all ordinary processes, behind the system's own."""
+PRIORITY = 2
+"""Of real time: before all ordinary processes and a simulated vehicle that has the least, behind the system's own."""
 SWITCH_S = 0.0005
 """Longest time for which another thread keeps the interpreter while a tick waits for it (5 ms by default)."""
 
@@ -101,18 +101,15 @@ def ahead_of_others() -> Iterator[None]:
 
 
 @contextmanager
-def undisturbed(real: bool) -> Iterator[None]:
-    """No garbage collection, other threads give way soon, and on the real clock other processes at once."""
+def undisturbed() -> Iterator[None]:
+    """No garbage collection, and other threads give way soon."""
     collected, switch = gc.isenabled(), sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH_S)
     try:
-        with ExitStack() as stack:
-            if real:
-                stack.enter_context(ahead_of_others())
-            yield
+        yield
     finally:
         sys.setswitchinterval(switch)
         gc.unfreeze()

@@ -151,6 +151,23 @@ Flight(toy, toy.track, Hangs({what}), toy.ready(), WIDE, toy, ()).run()
 """
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no such priorities")
+def test_no_thread_of_a_flight_stays_behind_while_others_come_before_other_processes(monkeypatch):
+    """One that holds the interpreter and has to wait for another process would keep the loop waiting, too."""
+    quick_landing(monkeypatch)
+    toy, seen = Real(), []
+
+    def look() -> None:
+        if not seen:
+            seen.extend((thread.name, os.sched_getscheduler(thread.native_id) & ~os.SCHED_RESET_ON_FORK)
+                        for thread in threading.enumerate() if thread.native_id)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    Flight(toy, toy.track, Hangs(look), toy.ready(), WIDE, toy, ()).run()
+    assert "guardian" in dict(seen)
+    assert len({policy for _, policy in seen}) == 1, seen
+
+
 @pytest.mark.parametrize(("what", "code", "words"), [
     ("deaf", 1, "mine did not answer within 250 ms and cannot be stopped: the program ends"),
     ("hold_the_interpreter", -signal.SIGALRM, "hold_the_interpreter")])

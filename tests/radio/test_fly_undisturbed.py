@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from nanobench_tools.radio.fly_loop import Beat, undisturbed
+from nanobench_tools.radio.fly_loop import Beat, ahead_of_others, undisturbed
 from nanobench_tools.radio.fly_state import Believed
 from nanobench_tools.radio.watch import Watch
 
@@ -28,13 +28,13 @@ def test_all_threads_come_before_other_processes_where_that_is_allowed_and_as_th
     other = threading.Thread(target=done.wait)
     other.start()
     try:
-        with undisturbed(real=True):
+        with undisturbed(), ahead_of_others():
             now = {os.sched_getscheduler(number) & ~os.SCHED_RESET_ON_FORK for number in (0, other.native_id)}
             assert now <= {os.SCHED_RR, ordinary}
             assert not gc.isenabled()
         assert {os.sched_getscheduler(number) for number in (0, other.native_id)} == {ordinary}
         assert gc.isenabled()
-        with undisturbed(real=False):  # a world of its own clock leaves the machine to others
+        with undisturbed():  # what a world of its own clock has: it leaves the machine to others
             assert os.sched_getscheduler(0) == ordinary
     finally:
         done.set()
@@ -47,7 +47,7 @@ def test_without_the_right_to_it_a_flight_goes_on_as_it_is(monkeypatch):
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
-    with undisturbed(real=True):
+    with undisturbed(), ahead_of_others():
         assert sys.getswitchinterval() < 0.001
 
 
