@@ -15,7 +15,7 @@ import pytest
 from toy_vehicle import Toy
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.radio import fly_clock, fly_session, packets, safety_handover
+from nanobench_tools.radio import fly_clock, fly_plan, fly_session, packets, safety_handover
 from nanobench_tools.radio.fly import Flight
 from nanobench_tools.radio.fly_clock import HostClock
 from nanobench_tools.radio.fly_guardian import Guardian
@@ -75,10 +75,13 @@ class Hangs(OnboardPilot):
         return super().packet(time_s, state, reference)
 
 
-def quick_landing(patch) -> None:
+def quick(patch) -> None:
+    """Take-off and landing of tenths of a second."""
     for name in ("HOLD_S", "BRIEF_HOLD_S", "SHORTEST_LANDING_S", "AFTER_S"):
         patch.setattr(safety_handover, name, 0.2)
     patch.setattr(safety_handover, "LANDING_M_S", 10.0)
+    for name in ("TAKEOFF_S", "SETTLE_S"):
+        patch.setattr(fly_plan, name, 0.2)
 
 
 def test_a_clock_that_is_set_back_keeps_nobody_waiting(monkeypatch):
@@ -103,7 +106,7 @@ def work_for_ever() -> None:
 
 @pytest.mark.parametrize("hang", [wait_for_ever, work_for_ever])
 def test_a_hanging_controller_is_taken_the_flight_from_and_woken(hang, monkeypatch):
-    quick_landing(monkeypatch)
+    quick(monkeypatch)
     toy = Real()
     begun = time.monotonic()
     outcome = Flight(toy, toy.track, Hangs(hang), toy.ready(), WIDE, toy, ()).run()
@@ -115,7 +118,7 @@ def test_a_hanging_controller_is_taken_the_flight_from_and_woken(hang, monkeypat
 
 
 def test_a_flight_that_stands_still_in_its_link_is_ended(monkeypatch):
-    quick_landing(monkeypatch)
+    quick(monkeypatch)
     monkeypatch.setattr(Guardian, "STUCK_S", 0.5)
     toy, sent = Real(), []
 
@@ -134,9 +137,9 @@ def test_a_flight_that_stands_still_in_its_link_is_ended(monkeypatch):
 ALONE = """
 import ctypes, sys, time
 sys.path.insert(0, {here!r})
-from test_fly_ends import WIDE, Flight, Guardian, Hangs, Real, quick_landing
+from test_fly_ends import WIDE, Flight, Guardian, Hangs, Real, quick
 from pytest import MonkeyPatch
-quick_landing(MonkeyPatch())
+quick(MonkeyPatch())
 Guardian.BACK_S, Guardian.ALONE_S = 0.5, 2.0
 def deaf():
     while True:
@@ -154,7 +157,7 @@ Flight(toy, toy.track, Hangs({what}), toy.ready(), WIDE, toy, ()).run()
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no such priorities")
 def test_no_thread_of_a_flight_stays_behind_while_others_come_before_other_processes(monkeypatch):
     """One that holds the interpreter and has to wait for another process would keep the loop waiting, too."""
-    quick_landing(monkeypatch)
+    quick(monkeypatch)
     toy, seen = Real(), []
 
     def look() -> None:
