@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from nanobench_tools.methods import VehicleState
 from nanobench_tools.physics.model import Model
 
 from .mpc_code import Call
-from .mpc_model import DISTURBANCES, STATES, step_function
+from .mpc_model import DISTURBANCES, STATES, rollout_function
 
 
 @dataclass(frozen=True)
@@ -89,11 +88,15 @@ def _correct(past, head, ages, share, learn, most, measured, new_pose, good, d):
 
 
 class Observer:
-    """States (n, 17) and disturbances (n, 6) of n vehicles, as ``mpc_model`` orders them, one step a period."""
+    """States (n, 17) and disturbances (n, 6) of n vehicles, as ``mpc_model`` orders them, one step a period.
 
-    def __init__(self, model: Model, period_s: float, tuning: Tuning | None = None) -> None:
+    ``lengths``: how many commands ``predicted`` will mostly be given; so many are flown by one compiled function.
+    """
+
+    def __init__(self, model: Model, period_s: float, tuning: Tuning | None = None,
+                 lengths: Iterable[int] = ()) -> None:
         self.period_s, self.tuning = period_s, tuning or Tuning()
-        self._step = Call(step_function(model))
+        self._flights = {count: Call(rollout_function(model, count)) for count in {1, *lengths} - {0}}
         self._ages = np.array(self.tuning.ages_s) / period_s
         self._share = np.array(self.tuning.share)
         # the pair (state, disturbance) of each channel settles as exp(-t speed) and as exp(-t share / period)
@@ -109,38 +112,39 @@ class Observer:
         self._head = 0
         self.known = np.zeros(n, bool)
 
-    def begin(self, which: np.ndarray, state: VehicleState) -> None:
-        """Believe the measurement of vehicles ``which`` (n,) bool as it is; what was learned stays."""
-        self.state[which, :13] = _rows(state)[which]
+    def begin(self, which: np.ndarray, measured: np.ndarray) -> None:
+        """Believe what was measured (n, 13) of vehicles ``which`` (n,) bool as it is; what was learned stays."""
+        self.state[which, :13] = measured[which]
         self._past[:, which] = self.state[which]
         self.known |= which
 
-    def correct(self, state: VehicleState, good: np.ndarray, new_pose: np.ndarray) -> None:
-        """good (n,): vehicles that were measured; new_pose (n,): those whose pose and velocity are not an old one
-        again. What is not new counts for nothing."""
+    def correct(self, measured: np.ndarray, good: np.ndarray, new_pose: np.ndarray) -> None:
+        """measured (n, 13): position, velocity, quaternion, rate; good (n,): vehicles that were measured; new_pose
+        (n,): those whose pose and velocity are not an old one again. What is not new counts for nothing."""
         self._past[self._head] = self.state
-        _correct(self._past, self._head, self._ages, self._share, self._learn, self._most, _rows(state), new_pose, good,
+        _correct(self._past, self._head, self._ages, self._share, self._learn, self._most, measured, new_pose, good,
                  self.disturbance)
         self.state = self._past[self._head].copy()
 
-    def advance(self, commands: Iterable[tuple[float, np.ndarray]]) -> None:
-        """To the next period, under (seconds, thrusts asked (n, 4))."""
-        self.state = self.predicted(commands)
+    def advance(self, seconds: np.ndarray, commands: np.ndarray) -> None:
+        """To the next period, under thrusts asked (k, n, 4), each for so many seconds (k,)."""
+        self.state = self.predicted(seconds, commands)
         self._head = (self._head + 1) % len(self._past)
         self._past[self._head] = self.state
 
-    def predicted(self, commands: Iterable[tuple[float, np.ndarray]], start: np.ndarray | None = None) -> np.ndarray:
-        """(n, 17) after (seconds, thrusts asked (n, 4)) from now, or from ``start`` (n, 17); no number stays none."""
+    def predicted(self, seconds: np.ndarray, commands: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+        """(n, 17) after thrusts asked (k, n, 4), each for so many seconds (k,), from now or from ``start`` (n, 17); no
+        number stays none."""
         found = (self.state if start is None else start).copy()
-        x, u, d, dt = (array[0] if array.ndim > 1 else array for array in self._step.given)
-        for seconds, command in commands:
-            dt[0] = seconds
-            for i in range(len(found)):
-                x[:], u[:], d[:] = found[i], command[i], self.disturbance[i]
-                self._step()
-                found[i] = self._step.found[0][0]
+        count = len(seconds)
+        if count not in self._flights:
+            for j in range(count):
+                found = self.predicted(seconds[j:j + 1], commands[j:j + 1], found)
+            return found
+        flight = self._flights[count]
+        x, u, d, dt = flight.given
+        dt[:, 0] = seconds
+        for i in range(len(found)):
+            x[0], u[:], d[0] = found[i], commands[:, i], self.disturbance[i]
+            found[i] = flight()[0][-1]
         return found
-
-
-def _rows(state: VehicleState) -> np.ndarray:
-    return np.concatenate([state.position_m, state.velocity_m_s, state.quaternion, state.rate_rad_s], axis=1)

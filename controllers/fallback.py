@@ -32,6 +32,7 @@ class Fallback:
         self.missing_s, self._empty_s = np.zeros((2, n))
         self.landing = np.zeros(n, bool)
         self._whole = False  # whether every vehicle has a fresh plan
+        self._calm = True  # whether none is without a plan, on an empty battery or landing
         self._place, self._yaw = np.zeros((n, 3)), np.zeros(n)
         self._geometric = Geometric(vehicle)
         self._geometric.reset(n)
@@ -40,9 +41,10 @@ class Fallback:
 
     def asked(self, state: VehicleState, reference: Reference) -> tuple[Reference, np.ndarray]:
         """The reference, replaced for vehicles that land by one that comes down where landing began, and which do."""
-        low = state.battery_V < LEAST_V
-        if not (low.any() or self._empty_s.any() or self.missing_s.any() or self.landing.any()):
+        if self._calm and state.battery_V.min() >= LEAST_V:
             return reference, self.landing
+        self._calm = False
+        low = state.battery_V < LEAST_V
         self._empty_s = np.where(low, self._empty_s + self.period_s, 0.0)
         empty = self._empty_s > EMPTY_S
         self.counts["empty"] += int(np.count_nonzero(empty))
@@ -65,7 +67,9 @@ class Fallback:
     def note(self, planned: np.ndarray) -> None:
         """planned (n,) bool: vehicles for which a plan was found in this period."""
         self._whole = bool(planned.all())
-        self.missing_s = np.where(planned, 0.0, self.missing_s + self.period_s)
+        if not (self._whole and self._calm):
+            self.missing_s = np.where(planned, 0.0, self.missing_s + self.period_s)
+            self._calm = not (self.missing_s.any() or self._empty_s.any() or self.landing.any())
 
     def from_plan(self) -> np.ndarray:
         """Vehicles (n,) that fly an old plan now."""

@@ -6,23 +6,26 @@ targets from the reference's future -> a plan (the kinds differ in this alone) -
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import numba as nb
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from nanobench_tools.guard import Guard
+from nanobench_tools.guard import REST_BATTERY_V, Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.model import Model
 
 from .delay import UnderWay
 from .disturbance import Observer, Tuning
-from .fallback import Fallback
+from .fallback import PLAN_S, Fallback
 from .gains import Gain, around, whole
 from .mpc_code import Call
-from .mpc_horizon import NEAR_M, Gains, Horizon, most_tilt, within_reach, without_leaps
+from .mpc_horizon import NEAR_M, Gains, Horizon, flyable
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
+from .mpc_plan import Plan, bounded
 from .mpc_thrust import ThrustMap
 from .mpc_tilt import MARGIN_RAD, MOST_RAD
 
@@ -31,6 +34,8 @@ OUTAGE_S = 0.6
 """So long the model flies on without a measurement; then the vehicle is lost (``guard``)."""
 STALE_M, STALE_S = 0.03, 0.05
 """A pose that has not changed by one bit for so long, while the vehicle went so far, is an old one."""
+FAR_M = 1.0
+"""So far from where it should be, a vehicle starts from the measurement."""
 LONGEST_STEPS = 10
 """Periods that may pass between two calls; after more the controller starts from the measurement."""
 
@@ -82,22 +87,39 @@ def tuned(gains: Mapping[str, float], weights: Weights, tuning: Tuning, who: str
                     share=(pose, pose, tuning.share[2], k["share_rate"])))
 
 
-class Plan:
-    """Thrusts asked (n, N, 4) N from the time at which the command acts, every ``dt_s``."""
+def _ahead_of(held: Reference) -> Callable[[np.ndarray], Reference]:
+    """The future of a reference that stays as it is."""
+    def ahead(seconds: np.ndarray) -> Reference:
+        parts = (held.position_m, held.yaw_rad, held.velocity_m_s, held.acceleration_m_s2)
+        return Reference(*[np.repeat(part[None], len(seconds), axis=0) for part in parts])  # type: ignore[arg-type]
+    return ahead
 
-    def __init__(self, n: int, horizon: int, dt_s: float, thrust_N: float) -> None:
-        self.dt_s = dt_s
-        self.thrust_N = np.full((n, horizon, 4), thrust_N)
-        self.age_s = np.zeros(n)
 
-    def shifted(self, i: int, seconds: float) -> np.ndarray:
-        """Thrusts (N, 4) of vehicle i, ``seconds`` later, linear between; the last is held."""
-        horizon = self.thrust_N.shape[1]
-        at = np.minimum(np.arange(horizon) + seconds / self.dt_s, horizon - 1.0)
-        low = at.astype(int)
-        high = np.minimum(low + 1, horizon - 1)
-        share = (at - low)[:, None]
-        return (1.0 - share) * self.thrust_N[i, low] + share * self.thrust_N[i, high]
+@nb.njit(cache=True)
+def _judged(place, speed, attitude, rate, good, passed_s, late, state, known, pose, same_s, way_m, measured, fresh,
+            begin):
+    """Measurements of n vehicles, passed_s after the last, against states (n, 17): side by side in ``measured`` (n,
+    13), whether a pose is a new one in ``fresh`` (n,), and in ``begin`` (n,) who starts from it, all of ``late`` if
+    they can. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and what came since it. Counts both."""
+    stale = started = 0
+    for n in range(place.shape[0]):
+        measured[n, :3], measured[n, 3:6] = place[n], speed[n]
+        measured[n, 6:10], measured[n, 10:] = attitude[n], rate[n]
+        same = True
+        for i in range(7):
+            value = measured[n, i if i < 3 else i + 3]
+            same &= value == pose[n, i]
+            pose[n, i] = value
+        fast = np.sqrt(np.sum(state[n, 3:6] ** 2))
+        same_s[n] = same_s[n] + passed_s if same else 0.0
+        way_m[n] = way_m[n] + passed_s * fast if same else 0.0
+        fresh[n] = not (same_s[n] > STALE_S and way_m[n] > STALE_M)
+        stale += not fresh[n]
+        outdated = late or not np.isfinite(state[n]).all()
+        far = np.sqrt(np.sum((state[n, :3] - place[n]) ** 2)) > FAR_M
+        begin[n] = good[n] and fresh[n] and (outdated or far or not known[n])
+        started += begin[n]
+    return stale, started
 
 
 class Mpc:
@@ -128,14 +150,18 @@ class Mpc:
         self.horizon, self.dt_s, self.states = horizon, dt_s, states
         self.period_s, self.weights, self.tilt_rad, self.near_m = period_s, weights or Weights(), tilt_rad, near_m
         self.thrust_map = ThrustMap(self.model)
-        self.observer = Observer(self.model, period_s, tuning)
+        way = UnderWay(1, period_s, self.delay_s, np.zeros(4))
+        self.observer = Observer(self.model, period_s, tuning, (len(way.before_s), len(way.acting_s)))
         self._targets = Call(targets_function(self.model, horizon + 1))
         self._stages = Call(stages_function(self.model, horizon, dt_s, states))
         self.hover_N = 0.25 * Equations4(self.model).mass_kg * self.model.vehicle.gravity_m_s2
         self.q, self.r = self.weights.of_errors(states), self.weights.of_inputs(self.model)
         self.p = self._terminal()
-        self._near_hover = self._gains()
+        near_hover = self._gains()
+        self._near_hover = np.stack([near_hover.position_1_s2, near_hover.velocity_1_s])
+        self._target_tilt = max(tilt_rad - MARGIN_RAD, 0.5 * tilt_rad)
         self._horizon = Horizon(self.delay_s + dt_s * np.arange(horizon + 1))
+        self._rehearsed = False
 
     @property
     def compiled(self) -> bool:
@@ -165,7 +191,22 @@ class Mpc:
         return Gains(np.array([level * about_y[0], level * about_y[0], lift[2]]),
                      np.array([level * about_y[3], level * about_y[3], lift[5]]))
 
+    def _rehearse(self) -> None:
+        """Runs what is compiled at its first call, and would be in flight: commands, and what flies without a plan."""
+        self.reset(1)
+        still = np.zeros((1, 3))
+        state = VehicleState(still, still, np.array([[0.0, 0.0, 0.0, 1.0]]), still, np.full(1, REST_BATTERY_V))
+        there = Reference(still + 1.0, np.zeros(1), still, still, still, np.zeros(1))
+        for k in range(3):
+            command = self.command(k * self.period_s, state, replace(there, ahead=_ahead_of(there)))
+        for _ in range(round(PLAN_S / self.period_s) + 2):
+            self.fallback.note(np.zeros(1, bool))
+        self.fallback.replaced(k * self.period_s, state, there, command)
+
     def reset(self, n: int) -> None:
+        if not self._rehearsed:
+            self._rehearsed = True
+            self._rehearse()
         self.n = n
         self.guard = Guard(n, self.period_s, OUTAGE_S)
         self.fallback = Fallback(n, self.period_s, self.model.vehicle)
@@ -178,6 +219,7 @@ class Mpc:
         self._command = np.zeros((n, 4))
         self._pose = np.full((n, 7), np.nan)
         self._same_s, self._way_m = np.zeros((2, n))
+        self._measured, self._fresh, self._begin = np.zeros((n, 13)), *np.zeros((2, n), bool)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
@@ -188,34 +230,33 @@ class Mpc:
             ahead = reference.ahead
             state, reference = self.guard.admit(state, reference)
             self._observe(state, steps)
-            reference, landing = self.fallback.asked(state, replace(reference, ahead=ahead))
+            reference, landing = self.fallback.asked(state, reference)
             limits = self.thrust_map.limits(state.battery_V)
-            start = self.observer.predicted(self._way.before())
-            rows, bad = self._horizon.rows(reference, landing)
+            self._start = self.observer.predicted(self._way.before_s, self._way.before)
+            rows, bad = self._horizon.rows(reference, None if landing.any() else ahead, landing)
             self.counts["future"] += bad
-            self._start = start
-            self._make_plans(start, rows, limits)
-            asked = self._asked(limits)
+            self._make_plans(self._start, rows, limits)
+            asked = self.plan.now(limits)
             ratios = self.thrust_map.ratios(asked, state.battery_V)
             ratios = self.fallback.replaced(time_s, state, reference, ratios)
             self._command = self.guard.release(ratios)
             self._way.give(asked)
-            self.observer.advance(self._way.acting())
+            self.observer.advance(self._way.acting_s, self._way.acting)
             return self._command
 
     def foreseen(self, seconds: float) -> np.ndarray:
         """States (n, 17) that the plans lead to, ``seconds`` after the last command begins to act."""
         whole = min(int(seconds / self.dt_s), self.horizon)
-        parts = [(self.dt_s, self.plan.thrust_N[:, k]) for k in range(whole)]
+        parts = [self.dt_s] * whole
         if whole < self.horizon and seconds - whole * self.dt_s > 1e-9:
-            parts.append((seconds - whole * self.dt_s, self.plan.thrust_N[:, whole]))
-        return self.observer.predicted(parts, self._start)
+            parts.append(seconds - whole * self.dt_s)
+        return self.observer.predicted(np.array(parts), self.plan.thrust_N.swapaxes(0, 1)[:len(parts)], self._start)
 
     def _steps(self, time_s: float) -> int:
         """Periods since the last call; 0 if the clock stands or runs backwards: the last command is held then."""
-        first = not np.isfinite(self._time_s)
-        passed = 1.0 if first or not np.isfinite(time_s) else (time_s - self._time_s) / self.period_s
-        if not np.isfinite(time_s):
+        first = not math.isfinite(self._time_s)
+        passed = 1.0 if first or not math.isfinite(time_s) else (time_s - self._time_s) / self.period_s
+        if not math.isfinite(time_s):
             self.counts["time"] += 1
             self._time_s += self.period_s
             return 1
@@ -231,34 +272,23 @@ class Mpc:
     def _observe(self, state: VehicleState, steps: int) -> None:
         for _ in range(min(steps, LONGEST_STEPS) - 1):  # calls that were left out
             self._way.give(self._way.last)
-            self.observer.advance(self._way.acting())
+            self.observer.advance(self._way.acting_s, self._way.acting)
         good = self.guard.measured
-        pose = np.concatenate([state.position_m, state.quaternion], axis=1)
-        same = (pose == self._pose).all(axis=1)
-        self._pose = pose
-        speed = np.linalg.norm(self.observer.state[:, 3:6], axis=1)
-        self._same_s = np.where(same, self._same_s + steps * self.period_s, 0.0)
-        self._way_m = np.where(same, self._way_m + steps * self.period_s * speed, 0.0)
-        fresh = ~((self._same_s > STALE_S) & (self._way_m > STALE_M))
-        self.counts["stale"] += int(np.count_nonzero(~fresh))
-        outdated = ~np.isfinite(self.observer.state).all(axis=1) | (steps > LONGEST_STEPS)
-        far = np.linalg.norm(self.observer.state[:, :3] - state.position_m, axis=1) > 1.0
-        begin = good & fresh & (outdated | far | ~self.observer.known)
-        if begin.any():
-            self.counts["started"] += int(np.count_nonzero(begin))
-            self.observer.begin(begin, state)
-        self.observer.correct(state, good & ~begin, fresh)
+        stale, started = _judged(
+            state.position_m, state.velocity_m_s, state.quaternion, state.rate_rad_s, good, steps * self.period_s,
+            steps > LONGEST_STEPS, self.observer.state, self.observer.known, self._pose, self._same_s, self._way_m,
+            self._measured, self._fresh, self._begin)
+        self.counts["stale"] += stale
+        self.counts["started"] += started
+        if started:
+            self.observer.begin(self._begin, self._measured)
+            good = good & ~self._begin
+        self.observer.correct(self._measured, good, self._fresh)
 
     def _make_plans(self, x: np.ndarray, rows: np.ndarray, limits: np.ndarray) -> None:
         """Plans for all vehicles from x (n, 17); those without a new one keep the old."""
-        gravity = self.model.vehicle.gravity_m_s2
-        d = self.observer.disturbance[:, :3]
-        lift = limits[1].sum(axis=1) / (4.0 * self.hover_N) * gravity + d[:, 2]  # m/s^2, all that carries
-        tilt = np.minimum(most_tilt(lift / gravity), max(self.tilt_rad - MARGIN_RAD, 0.5 * self.tilt_rad))
-        level = gravity * np.tan(tilt)
-        without_leaps(rows, self._horizon.seconds)
-        within_reach(rows, x, self._near_hover.position_1_s2, self._near_hover.velocity_1_s, level, lift - gravity, d,
-                     self.near_m)
+        flyable(rows, self._horizon.seconds, x, self._near_hover, limits[1], self.hover_N,
+                self.model.vehicle.gravity_m_s2, self.observer.disturbance, self._target_tilt, self.near_m)
         planned = np.zeros(self.n, bool)
         self.plan.age_s += self.period_s
         given, d = self._targets.given
@@ -269,11 +299,11 @@ class Mpc:
                 found = self.solve(i, x[i], rows[i, -1, 12], states, inputs, limits[0, i], limits[1, i])
             except Exception:  # solvers are other people's code; without an answer there is a fallback
                 found = None
-            if found is not None and np.isfinite(found).all():
-                np.minimum(np.maximum(found, limits[0, i]), limits[1, i], out=self.plan.thrust_N[i])
+            if found is not None and bounded(found, limits[0, i], limits[1, i], self.plan.thrust_N[i]):
                 self.plan.age_s[i] = 0.0
                 planned[i] = True
-        self.counts["solver"] += int(np.count_nonzero(~planned))
+            else:
+                self.counts["solver"] += 1
         self.fallback.note(planned)
 
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
@@ -281,11 +311,3 @@ class Mpc:
         """Vehicle i at x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N ->
         thrusts (N, 4), or None."""
         raise NotImplementedError
-
-    def _asked(self, limits: np.ndarray) -> np.ndarray:
-        """Thrusts (n, 4) of the plans now."""
-        now = self.plan.thrust_N[:, 0].copy()
-        if self.plan.age_s.any():
-            for i in np.flatnonzero(self.plan.age_s > 0.0):
-                now[i] = self.plan.shifted(int(i), float(self.plan.age_s[i]))[0]
-        return np.minimum(np.maximum(now, limits[0]), limits[1])

@@ -81,6 +81,21 @@ def condense(a, b, c, start, residual, q, p, r, offset, h, g, turns, fixed):
 
 
 @nb.njit(cache=True)
+def condensed(a, b, c, start, residual, q, p, yaw, turned, r, goals, about, least, most, h, g, turns, fixed, bounds):
+    """The program about inputs ``about`` (N, 4) N whose targets are ``goals`` (>= N, 4), of a vehicle that looks along
+    ``yaw``: ``condense``, with motors between least and most (4,) N as bounds (2, 4 N) of z. ``turned`` (S, S) takes
+    the terminal weight."""
+    n = about.shape[0]
+    headed(p, yaw, turned)
+    offset = about - goals[:n]
+    for k in range(n):
+        for i in range(4):
+            bounds[0, 4 * k + i] = (least[i] - about[k, i]) / UNIT_N
+            bounds[1, 4 * k + i] = (most[i] - about[k, i]) / UNIT_N
+    condense(a, b, c, start, residual, q, turned, r, offset, h, g, turns, fixed)
+
+
+@nb.njit(cache=True)
 def headed(p, yaw, out):
     """p (S, S), the terminal weight of a vehicle that looks along x, for one that looks along ``yaw``, into out:
     position and velocity are of the world, everything else of the body."""

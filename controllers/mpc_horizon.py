@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba as nb
@@ -10,6 +11,8 @@ import numpy as np
 from nanobench_tools.guard import LARGEST
 from nanobench_tools.methods import Reference
 
+Future = Callable[[np.ndarray], Reference]
+"""As ``Reference.ahead``."""
 WIDTH = 14
 """position, velocity, acceleration, jerk (3 each), yaw, yaw rate."""
 LEAP_M = 0.15
@@ -34,37 +37,41 @@ class Horizon:
 
     def __init__(self, seconds: np.ndarray) -> None:
         self.seconds = np.asarray(seconds, float)
+        self._out, self._parts, self._good = np.empty((0, 0, WIDTH)), [np.empty(0)], np.empty(0, bool)
 
-    def rows(self, reference: Reference, landing: np.ndarray) -> tuple[np.ndarray, int]:
-        """(n, k, WIDTH), and of how many vehicles ``ahead`` was no use, so that it was guessed.
+    def rows(self, reference: Reference, ahead: Future | None, landing: np.ndarray) -> tuple[np.ndarray, int]:
+        """(n, k, WIDTH), valid until the next call, and of how many vehicles ``ahead`` was no use, so that it was
+        guessed.
 
-        ``reference`` is finite and whole (``Guard.admit``), its ``ahead`` need not be; vehicles that are ``landing``
-        (n,) do not look at it.
+        ``reference`` is finite and whole (``Guard.admit``), what it will be ``ahead`` need not be; vehicles that are
+        ``landing`` (n,) do not look at it.
         """
-        if reference.ahead is None:
+        if ahead is None:
             return self._guessed(reference), 0
-        told = self._told(reference, len(landing))
-        good = (np.abs(told) < LARGEST).all(axis=(1, 2))  # what is no number is not less either
-        if good.all() and not landing.any():
+        told = self._told(ahead, len(landing))
+        bad = _unsound(told, self._good)
+        if bad == 0 and not landing.any():
             return told, 0
-        found = self._guessed(reference)
-        found[good & ~landing] = told[good & ~landing]
-        return found, int(np.count_nonzero(~good))
+        found, good = self._guessed(reference), self._good & ~landing
+        found[good] = told[good]
+        return found, bad
 
-    def _told(self, reference: Reference, n: int) -> np.ndarray:
-        out = np.full((n, len(self.seconds), WIDTH), np.nan)
+    def _told(self, future: Future, n: int) -> np.ndarray:
+        if len(self._out) != n:
+            out = self._out = np.empty((n, len(self.seconds), WIDTH))
+            self._parts = [out[:, :, a:a + 3].swapaxes(0, 1) for a in (0, 3, 6, 9)] + [out[:, :, 12].T, out[:, :, 13].T]
+            self._good = np.empty(n, bool)
         try:
-            ahead = reference.ahead(self.seconds)  # type: ignore[misc]
-            parts = (ahead.position_m, ahead.velocity_m_s, ahead.acceleration_m_s2, ahead.jerk_m_s3, ahead.yaw_rad,
+            ahead = future(self.seconds)
+            found = (ahead.position_m, ahead.velocity_m_s, ahead.acceleration_m_s2, ahead.jerk_m_s3, ahead.yaw_rad,
                      ahead.yaw_rate_rad_s)
-            for i, part in enumerate(parts):
-                if i < 4:
-                    out[:, :, 3 * i:3 * i + 3] = 0.0 if part is None else np.asarray(part).swapaxes(0, 1)
-                else:
-                    out[:, :, 8 + i] = 0.0 if part is None else np.asarray(part).T
+            for whole, part in zip(self._parts, found, strict=True):
+                if part is not None and np.ndim(part) != whole.ndim:
+                    raise ValueError("a present is no future")
+                whole[...] = 0.0 if part is None else part
         except Exception:  # the future is anybody's code; the present has been checked
-            out[:] = np.nan
-        return out
+            self._out[:] = np.nan
+        return self._out
 
     def _guessed(self, reference: Reference) -> np.ndarray:
         """Constant jerk for as long as that is not far: position by its Taylor series."""
@@ -80,6 +87,19 @@ class Horizon:
         out[:, :, 12] = np.asarray(reference.yaw_rad, float)[:, None] + turn * self.seconds
         out[:, :, 13] = turn
         return out
+
+
+@nb.njit(cache=True)
+def _unsound(rows, good):
+    """Whether all of a vehicle's rows (n, k, WIDTH) are below LARGEST, into good (n,); how many are not."""
+    bad = 0
+    for i in range(rows.shape[0]):
+        good[i] = True
+        for k in range(rows.shape[1]):
+            for value in rows[i, k]:
+                good[i] &= abs(value) < LARGEST  # what is no number is not less either
+        bad += not good[i]
+    return bad
 
 
 @nb.njit(cache=True)
@@ -99,9 +119,27 @@ def without_leaps(rows, seconds):
             before = here
 
 
-def most_tilt(lift_ratio: np.ndarray) -> np.ndarray:
+@nb.njit(cache=True)
+def most_tilt(lift_ratio):
     """Tilt [rad] (n,) at which a vehicle still carries its weight, lift_ratio (n,) being what carries over weight."""
-    return np.clip(np.arccos(np.minimum(1.0 / np.maximum(lift_ratio, 1.0), 1.0)), LEAST_TILT_RAD, MOST_TILT_RAD)
+    tilt = np.arccos(np.minimum(1.0 / np.maximum(lift_ratio, 1.0), 1.0))
+    return np.minimum(np.maximum(tilt, LEAST_TILT_RAD), MOST_TILT_RAD)
+
+
+@nb.njit(cache=True)
+def flyable(rows, seconds, x, gains, most_N, hover_N, gravity, pushed_m_s2, tilt_rad, near_m):
+    """Both of the following, from the thrust that motors can give, most_N (n, 4), and hover_N, a motor's share of the
+    weight; targets tip no further than tilt_rad. gains (2, 3): ``Gains``."""
+    n = rows.shape[0]
+    lift, level = np.empty(n), np.empty(n)
+    for i in range(n):
+        total = ((most_N[i, 0] + most_N[i, 1]) + most_N[i, 2]) + most_N[i, 3]
+        lift[i] = total / (4.0 * hover_N) * gravity + pushed_m_s2[i, 2]  # m/s^2, all that carries
+    tilt = most_tilt(lift / gravity)
+    for i in range(n):
+        level[i] = gravity * np.tan(min(tilt[i], tilt_rad))
+    without_leaps(rows, seconds)
+    within_reach(rows, x, gains[0], gains[1], level, lift - gravity, pushed_m_s2, near_m)
 
 
 @nb.njit(cache=True)

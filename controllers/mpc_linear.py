@@ -6,6 +6,7 @@ program by operator splitting); ``mpc_osqp`` leaves the states in and solves the
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba as nb
@@ -14,11 +15,11 @@ import numpy as np
 from nanobench_tools.errors import UsageError
 
 from .mpc_base import Mpc
-from .mpc_condense import UNIT_N, condense, headed
+from .mpc_condense import UNIT_N, condensed
 from .mpc_model import stage_pattern
 from .mpc_qp import Daqp, DenseOsqp, DenseSolver, import_solver
 from .mpc_sparse import SparseOsqp
-from .mpc_tilt import ROUNDS, halfplanes, rows_of, turned
+from .mpc_tilt import ROUNDS, left, rows_of
 
 SOLVERS: dict[str, type[Daqp] | type[DenseOsqp]] = {"daqp": Daqp, "osqp": DenseOsqp}
 
@@ -64,11 +65,19 @@ class MpcDaqp(Linearised):
         self.h, self.g = np.zeros((wide, wide)), np.zeros(wide)
         self._p = np.zeros_like(self.p)
         self._residual = np.zeros((self.horizon + 1, self.states))
-        self._offset = np.zeros((self.horizon, 4))
+        self._bounds = np.zeros((2, wide))
         self._turns, self._fixed = np.zeros((self.horizon, 3, wide)), np.zeros((self.horizon, 3))
         self._turned, self._normal = np.zeros((2, self.horizon, 3))
         self._bound = np.zeros(self.horizon)
         self._rows, self._most = np.zeros((self.horizon, wide)), np.zeros(self.horizon)
+
+    def _rehearse(self) -> None:
+        super()._rehearse()
+        self._bound[:] = 0.0
+        count = rows_of(self._turns, self._fixed, self._normal, self._bound, self._rows, self._most)
+        low, high = self._bounds
+        self._solver(self.h, self.g, low, high, self._rows[:count], self._most[:count])
+        self._solver = type(self._solver)()  # one that starts from nothing
 
     def reset(self, n: int) -> None:
         super().reset(n)
@@ -77,24 +86,23 @@ class MpcDaqp(Linearised):
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
         a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
-        headed(self.p, yaw, self._p)
-        condense(a, b, c, start, self._residual, self.q, self._p, self.r, self._offset, self.h, self.g, self._turns,
-                 self._fixed)
-        z = self.program(i, (least - inputs[:-1]).ravel() / UNIT_N, (most - inputs[:-1]).ravel() / UNIT_N, targets)
-        return None if z is None else inputs[:-1] + UNIT_N * z.reshape(-1, 4)
+        about = inputs[:-1]
+        condensed(a, b, c, start, self._residual, self.q, self.p, yaw, self._p, self.r, about, about, least, most,
+                  self.h, self.g, self._turns, self._fixed, self._bounds)
+        z = self.program(i, targets, self.horizon)
+        return None if z is None else about + UNIT_N * z.reshape(-1, 4)
 
-    def program(self, i: int, low: np.ndarray, high: np.ndarray, targets: np.ndarray,
-                stages: int | None = None) -> np.ndarray | None:
-        """z (4 N) of the condensed program of vehicle i within low and high, tipped no further than ``tilt_rad`` over
-        the first ``stages``."""
+    def program(self, i: int, targets: np.ndarray, stages: int) -> np.ndarray | None:
+        """z (4 N) of the condensed program of vehicle i within bounds, tipped no further than ``tilt_rad`` over the
+        first ``stages``."""
+        low, high = self._bounds
         z = self._solver(self.h, self.g, low, high, start=self._multipliers[i])
         given = self._solver.multipliers
         self._multipliers[i] = given if given is not None and given.any() else None
-        radius = float(np.sin(self.tilt_rad))
+        radius = math.sin(self.tilt_rad)
         self._bound[:] = np.nan
         for _ in range(ROUNDS if z is not None else 0):
-            turned(self._turns, self._fixed, z, self._turned)
-            if not halfplanes(targets, self._turned[:stages], radius, self._normal, self._bound):
+            if not left(self._turns, self._fixed, z, targets, stages, radius, self._turned, self._normal, self._bound):
                 return z
             count = rows_of(self._turns, self._fixed, self._normal, self._bound, self._rows, self._most)
             found = self._solver(self.h, self.g, low, high, self._rows[:count], self._most[:count], given)
@@ -123,5 +131,5 @@ class MpcOsqp(Linearised):
               most: np.ndarray) -> np.ndarray | None:
         a, b, c, start = self.linearise(x, targets, inputs, self.observer.disturbance[i])
         found = self._solvers[i](a, b, c, start, yaw, least - inputs[:-1], most - inputs[:-1], targets,
-                                 float(np.sin(self.tilt_rad)))
+                                 math.sin(self.tilt_rad))
         return None if found is None else inputs[:-1] + found

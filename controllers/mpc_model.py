@@ -126,14 +126,12 @@ def step_function(model: Model) -> Any:
     return ca.Function("step", [x, u, d, dt], [ca.cse(made.step(x, u, d, dt))])
 
 
-def rollout_function(model: Model, horizon: int, dt_s: float) -> Any:
-    """rollout(x, U (4, N), d) -> states (17, N) after each input."""
-    ca, made = import_casadi(), Equations4(model)
-    x, u, d = (ca.SX.sym(name, size) for name, size in (("x", STATES), ("u", 4), ("d", 6)))
-    one = ca.Function("one", [x, u, d], [ca.cse(made.step(x, u, d, dt_s))])
-    whole = one.mapaccum("whole", horizon)
-    x, u, d = ca.MX.sym("x", STATES), ca.MX.sym("U", 4, horizon), ca.MX.sym("d", 6)
-    return ca.Function("rollout", [x, u, d], [whole(x, u, ca.repmat(d, 1, horizon))])
+def rollout_function(model: Model, steps: int) -> Any:
+    """rollout(x, U (4, N), d, dt (1, N)) -> states (17, N) after each input."""
+    ca = import_casadi()
+    whole = step_function(model).mapaccum("whole", steps)
+    x, u, d, dt = ca.MX.sym("x", STATES), ca.MX.sym("U", 4, steps), ca.MX.sym("d", 6), ca.MX.sym("dt", 1, steps)
+    return ca.Function("rollout", [x, u, d, dt], [whole(x, u, ca.repmat(d, 1, steps), dt)])
 
 
 def stages_function(model: Model, horizon: int, dt_s: float, states: int = ERRORS) -> Any:

@@ -13,34 +13,45 @@ LEAST_V, MOST_V, VOLTAGES, RATIOS = 2.4, 4.6, 89, 257
 
 
 @nb.njit(cache=True)
-def _row(table, place, motor, out):
-    """Thrusts of one motor over the ratios at a voltage (in rows of the table), into out."""
-    i = min(int(place), table.shape[0] - 2)
-    share = place - i
-    for k in range(out.shape[0]):
-        out[k] = table[i, motor, k] + share * (table[i + 1, motor, k] - table[i, motor, k])
+def _place(volt):
+    """In rows of the table: the one below, and the share of the next."""
+    place = (min(max(volt, LEAST_V), MOST_V) - LEAST_V) * ((VOLTAGES - 1) / (MOST_V - LEAST_V))
+    low = min(int(place), VOLTAGES - 2)
+    return low, place - low
 
 
 @nb.njit(cache=True)
-def _limits(table, places, out):
-    row = np.empty(table.shape[2])
+def _thrust(table, low, share, motor, k):
+    """Of one motor at the k-th ratio."""
+    return table[low, motor, k] + share * (table[low + 1, motor, k] - table[low, motor, k])
+
+
+@nb.njit(cache=True)
+def _limits(table, volts, out):
     for n in range(out.shape[1]):
+        low, share = _place(volts[n])
         for motor in range(4):
-            _row(table, places[n], motor, row)
-            out[0, n, motor], out[1, n, motor] = row[0], row[-1]
+            for end, k in enumerate((0, RATIOS - 1)):
+                out[end, n, motor] = _thrust(table, low, share, motor, k)
 
 
 @nb.njit(cache=True)
-def _ratios(table, places, thrust, out):
-    last = table.shape[2] - 1
-    row = np.empty(last + 1)
+def _ratios(table, volts, thrust, out):
+    last = RATIOS - 1
     for n in range(out.shape[0]):
+        low, share = _place(volts[n])
         for motor in range(4):
-            _row(table, places[n], motor, row)
-            k = min(max(np.searchsorted(row, thrust[n, motor], "right") - 1, 0), last - 1)
-            wide = row[k + 1] - row[k]
-            share = (thrust[n, motor] - row[k]) / wide if wide > 0.0 else 1.0
-            out[n, motor] = (k + min(max(share, 0.0), 1.0)) / last
+            k, above = 0, last  # the last ratio whose thrust is not more than what is asked
+            while above - k > 1:
+                middle = (k + above) // 2
+                if _thrust(table, low, share, motor, middle) <= thrust[n, motor]:
+                    k = middle
+                else:
+                    above = middle
+            least = _thrust(table, low, share, motor, k)
+            wide = _thrust(table, low, share, motor, k + 1) - least
+            part = (thrust[n, motor] - least) / wide if wide > 0.0 else 1.0
+            out[n, motor] = (k + min(max(part, 0.0), 1.0)) / last
 
 
 class ThrustMap:
@@ -58,17 +69,14 @@ class ThrustMap:
         rising = np.maximum.accumulate(np.maximum(np.stack(found, axis=1), 0.0), axis=2)
         self._table = np.ascontiguousarray(rising)
 
-    def _places(self, battery_V: np.ndarray) -> np.ndarray:
-        return (np.minimum(np.maximum(battery_V, LEAST_V), MOST_V) - LEAST_V) * ((VOLTAGES - 1) / (MOST_V - LEAST_V))
-
     def limits(self, battery_V: np.ndarray) -> np.ndarray:
         """battery (n,) V -> least and most thrust [N] of each motor (2, n, 4)."""
         out = np.empty((2, len(battery_V), 4))
-        _limits(self._table, self._places(battery_V), out)
+        _limits(self._table, battery_V, out)
         return out
 
     def ratios(self, thrust_N: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
         """Thrusts (n, 4) N at battery (n,) V -> PWM ratios (n, 4) within 0..1."""
         out = np.empty((len(battery_V), 4))
-        _ratios(self._table, self._places(battery_V), np.ascontiguousarray(thrust_N, float), out)
+        _ratios(self._table, battery_V, thrust_N, out)
         return out

@@ -70,6 +70,13 @@ def turned(turns, fixed, z, out):
 
 
 @nb.njit(cache=True)
+def left(turns, fixed, z, targets, stages, radius, out, normal, bound):
+    """``turned``, then ``halfplanes`` of the first ``stages``."""
+    turned(turns, fixed, z, out)
+    return halfplanes(targets, out[:stages], radius, normal, bound)
+
+
+@nb.njit(cache=True)
 def rows_of(turns, fixed, normal, bound, rows, most):
     """Half-planes whose bound is a number as rows . z <= most of the condensed program; how many there are."""
     count = 0

@@ -13,9 +13,10 @@ import numba as nb
 import numpy as np
 
 from .mpc_code import Call
-from .mpc_condense import UNIT_N, condense, headed
+from .mpc_condense import UNIT_N, condensed
 from .mpc_linear import MpcDaqp
 from .mpc_model import rollout_function
+from .mpc_plan import bounded
 
 LEAST_W = 0.2
 """Least cosine of half the angle between a flight and its target in the change of charts: beyond, half round."""
@@ -81,22 +82,22 @@ class Nmpc(MpcDaqp):
     def __init__(self, *arguments: Any, iterations: int = 1, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         self.iterations = iterations
-        self._rollout = Call(rollout_function(self.model, self.horizon, self.dt_s))
+        self._rollout = Call(rollout_function(self.model, self.horizon))
+        self._rollout.given[3][:] = self.dt_s
         self._zero = np.zeros((self.horizon, self.states))
 
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
         d = self.observer.disturbance[i]
-        thrusts = np.clip(self.plan.shifted(i, float(self.plan.age_s[i])), least, most)
-        headed(self.p, yaw, self._p)
+        thrusts = np.empty((self.horizon, 4))
+        bounded(self.plan.shifted(i, float(self.plan.age_s[i])), least, most, thrusts)
         for _ in range(self.iterations):
             flown = self.flown(x, thrusts, d)
             a, b, _, _ = self.linearise(x, flown, np.concatenate([thrusts, thrusts[-1:]]), d)
             against(flown, targets, a, b, self._residual)
-            condense(a, b, self._zero, self._zero[0], self._residual, self.q, self._p, self.r, thrusts - inputs[:-1],
-                     self.h, self.g, self._turns, self._fixed)
-            z = self.program(i, (least - thrusts).ravel() / UNIT_N, (most - thrusts).ravel() / UNIT_N, targets,
-                             near(self._residual))
+            condensed(a, b, self._zero, self._zero[0], self._residual, self.q, self.p, yaw, self._p, self.r, inputs,
+                      thrusts, least, most, self.h, self.g, self._turns, self._fixed, self._bounds)
+            z = self.program(i, targets, near(self._residual))
             if z is None:
                 return None
             thrusts = thrusts + UNIT_N * z.reshape(-1, 4)
@@ -104,6 +105,6 @@ class Nmpc(MpcDaqp):
 
     def flown(self, x: np.ndarray, thrusts: np.ndarray, d: np.ndarray) -> np.ndarray:
         """States (N + 1, 17) from x (17) under thrusts (N, 4)."""
-        start, given, steady = self._rollout.given
+        start, given, steady, _ = self._rollout.given
         start[:], given[:], steady[:] = x, thrusts, d
         return np.concatenate([x[None], self._rollout()[0]])

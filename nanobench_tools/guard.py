@@ -131,6 +131,9 @@ def _released(command, last, lost, mean, share, out):
 
 
 def _table(values: np.ndarray, n: int) -> np.ndarray:
+    if type(values) is np.ndarray and values.ndim == 2 and values.dtype == float and values.flags.c_contiguous \
+            and len(values) == n:
+        return values
     return np.ascontiguousarray(values, float).reshape(n, -1)
 
 
@@ -150,6 +153,10 @@ class Guard:
         self._known = np.zeros(n, bool)
         self._goal, self._wish = np.zeros((n, 3)), np.zeros((3, n, 3))
         self._yaw = np.zeros((2, n, 1))
+        self._none = np.zeros((n, 3))
+        speed, acceleration, jerk = self._wish  # what is admitted are views of what is kept
+        self._state = VehicleState(self._place, self._speed, self._quaternion, self._rate, self._battery[:, 0])
+        self._reference = Reference(self._goal, self._yaw[0, :, 0], speed, acceleration, jerk, self._yaw[1, :, 0])
         self._mean = np.zeros((2, n))  # of the commands, and the weight that it rests on so far
         self._command = np.zeros((n, 4))
 
@@ -157,31 +164,28 @@ class Guard:
         """The same, all finite, with quaternions of length one and all derivatives; valid until the next call."""
         self._measure(state)
         self._ask(reference)
-        speed, acceleration, jerk = self._wish
-        return (VehicleState(self._place, self._speed, self._quaternion, self._rate, self._battery[:, 0]),
-                Reference(self._goal, self._yaw[0, :, 0], speed, acceleration, jerk, self._yaw[1, :, 0]))
+        return self._state, self._reference
 
     def _measure(self, given: VehicleState) -> None:
-        n, good = self.n, np.empty(self.n, bool)
+        n, good = self.n, self.measured
         bad, empty = _measured(
             _table(given.position_m, n), _table(given.velocity_m_s, n), _table(given.quaternion, n),
             _table(given.rate_rad_s, n), _table(given.battery_V, n),
             self._place, self._speed, self._quaternion, self._rate, self._battery, good)
-        self.measured = good
         if bad == 0:
             self._missing_s[:] = 0.0
-            self.lost = np.zeros(n, bool)
+            self.lost[:] = False
         else:
             self._missing_s = np.where(good, 0.0, self._missing_s + self.period_s)
-            self.lost = self._missing_s > self.hold_s
+            np.greater(self._missing_s, self.hold_s, out=self.lost)
             self.counts["lost"] += int(np.count_nonzero(self.lost))
         self.counts["measurement"] += bad
         self.counts["battery"] += empty
 
     def _ask(self, given: Reference) -> None:
         n = self.n
-        jerk = np.zeros((n, 3)) if given.jerk_m_s3 is None else given.jerk_m_s3
-        turn = np.zeros((n, 1)) if given.yaw_rate_rad_s is None else given.yaw_rate_rad_s
+        jerk = self._none if given.jerk_m_s3 is None else given.jerk_m_s3
+        turn = self._none[:, :1] if given.yaw_rate_rad_s is None else given.yaw_rate_rad_s
         yaw, yaw_rate = self._yaw
         speed, acceleration, change = self._wish
         self.counts["reference"] += _asked(

@@ -8,6 +8,7 @@ import pytest
 
 from controllers import mpc_code, mpc_model
 from controllers.delay import UnderWay
+from controllers.disturbance import Observer
 from controllers.mpc_linear import error
 from controllers.mpc_thrust import ThrustMap
 from nanobench_tools import so3
@@ -125,6 +126,22 @@ def test_a_jerk_turns_the_target_as_its_attitude_changes():
     np.testing.assert_allclose(x[0, 10:12], turned[:2], atol=0.02)
 
 
+@pytest.mark.parametrize("lengths", [(), (3,)])
+def test_commands_under_way_are_flown_one_after_the_other(lengths):
+    """Compiled whole or one by one: SciPy's integration of each in turn is ``stepped``'s test."""
+    rng = np.random.default_rng(6)
+    observer = Observer(MODEL, 0.01, lengths=lengths)
+    observer.reset(2, 0.1)
+    observer.state[:], observer.disturbance[:] = states(rng, 2), 0.3 * rng.standard_normal((2, 6))
+    seconds, commands = np.array([0.004, 0.01, 0.01]), rng.uniform(0.05, 0.12, (3, 2, 4))
+    found = observer.predicted(seconds, commands)
+    for i in range(2):
+        x = observer.state[i]
+        for dt, command in zip(seconds, commands, strict=True):
+            x = stepped(x, command[i], observer.disturbance[i], dt)
+        np.testing.assert_allclose(found[i], x, rtol=1e-12, atol=1e-12)
+
+
 def test_pwm_and_thrust_are_inverse_at_every_voltage_and_end_where_the_battery_does():
     rng = np.random.default_rng(4)
     found = ThrustMap(MODEL)
@@ -179,9 +196,9 @@ def test_commands_act_as_late_as_they_should(delay_s):
     cells = np.full(200, -1.0)
     for k in range(steps):
         begin = round(1000 * (k * period + delay_s))
-        seen = np.repeat([c[0, 0] for _, c in way.before()], [round(1000 * s) for s, _ in way.before()])
+        seen = np.repeat(way.before[:, 0, 0], np.round(1000 * way.before_s).astype(int))
         np.testing.assert_array_equal(seen, cells[10 * k:begin])
         cells[begin:begin + 10] = k
         way.give(np.full((1, 4), float(k)))
-        acting = np.repeat([c[0, 0] for _, c in way.acting()], [round(1000 * s) for s, _ in way.acting()])
+        acting = np.repeat(way.acting[:, 0, 0], np.round(1000 * way.acting_s).astype(int))
         np.testing.assert_array_equal(acting, cells[10 * k:10 * k + 10])
