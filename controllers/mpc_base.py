@@ -233,7 +233,7 @@ class Mpc:
             reference, landing = self.fallback.asked(state, reference)
             limits = self.thrust_map.limits(state.battery_V)
             self._start = self.observer.predicted(self._way.before_s, self._way.before)
-            rows, bad = self._horizon.rows(reference, None if landing.any() else ahead, landing)
+            rows, bad = self._horizon.rows(reference, ahead, landing)
             self.counts["future"] += bad
             self._make_plans(self._start, rows, limits)
             asked = self.plan.now(limits)

@@ -351,6 +351,25 @@ def test_an_empty_battery_lands_the_vehicle():
     assert -1.5 < world.plant.state[VELOCITY][2, 0] < -0.3
 
 
+def test_a_vehicle_that_lands_does_not_take_the_future_from_others():
+    spec, found = path_spec("figure_eight", "fast"), {}
+    world = World(spec.reference(np.zeros(1)))
+    for volt in (2.5, 3.6):  # of the first of two
+        controller = fresh("mpc_daqp", 2)
+        for k in range(60):
+            one, told = world.seen(), with_future(spec, 1.0 + 0.01 * k)
+
+            def both(seconds, told=told):
+                return Reference(*(np.repeat(part, 2, axis=1) for part in list(vars(told.ahead(seconds)).values())[:6]))
+
+            state = VehicleState(*(np.repeat(part, 2, axis=0) for part in vars(one).values()))
+            state.battery_V[0] = volt
+            reference = Reference(*(np.repeat(part, 2, axis=0) for part in list(vars(told).values())[:6]), both)
+            found[volt] = controller.command(0.01 * k, state, reference)
+        assert controller.fallback.landing.tolist() == [volt < 3.0, False]
+    np.testing.assert_array_equal(found[2.5][1], found[3.6][1])
+
+
 @pytest.mark.parametrize("name", ["mpc_daqp", "nmpc"])
 def test_a_reference_that_jumps_is_flown_to(name):
     controller = fresh(name)
