@@ -136,7 +136,7 @@ nanobench.control = (() => {
 
   return (data, lines) => [
     ...["gateflights", "race"].filter(id => data[id] && !data[id].absent).map(id => () => player(id, data[id])),
-    ...(data.speeds && !data.speeds.absent ? [() => nanobench.draw("speeds", lines({ ...data.speeds, horizon: "speed [m/s]" }))] : []),
+    ...(data.speeds && !data.speeds.absent ? [() => nanobench.draw("speeds", lines({ ...data.speeds, horizon: "speed [m/s]", unit: "m/s" }))] : []),
     ...(data.ranking && !data.ranking.absent ? [() => nanobench.draw("ranking", ranking(data.ranking))] : []),
     ...(data.solver && !data.solver.absent ? [() => nanobench.draw("solver", solver(data.solver))] : [])];
 })();

@@ -4,6 +4,16 @@ nanobench.overview = (() => {
   const { axis, layout, escape, short, narrow } = nanobench;
   const symbols = ["circle", "square", "diamond", "triangle-up", "x", "star", "cross", "triangle-down"];
 
+  // A scale of less than two decades says more than its powers of ten.
+  function scale(panel) {
+    const values = panel.lines.flatMap(line => [...line.y, ...(line.low || []), ...(line.high || [])]).filter(v => v > 0);
+    const [least, most] = [Math.min(...values), Math.max(...values)];
+    if (!(Math.log10(most / least) < 1.8)) return { exponentformat: "power", dtick: 1, minor: { ticks: "outside", ticklen: 2 } };
+    const decades = [-2, -1, 0, 1].map(k => Math.floor(Math.log10(least)) + 1 + k);
+    const ticks = decades.flatMap(k => [1, 2, 5].map(m => Number(`${m}e${k}`)));
+    return { tickvals: ticks, ticktext: ticks.map(String) };
+  }
+
   function task1(data) {
     return (c, width) => {
       const names = [...new Set(data.panels.flatMap(panel => panel.lines.map(line => line.name)))];
@@ -26,7 +36,7 @@ nanobench.overview = (() => {
         out["xaxis" + n] = axis(c, data.horizon || "horizon [s]", { type: "log", domain: [x0, columns === 2 ? x0 + 0.42 : 1], anchor: "y" + n,
           tickvals: ticks, ticktext: ticks.map(String), automargin: false });
         out["yaxis" + n] = axis(c, `${panel.title} [${panel.unit}]`, { type: "log", domain: [top - tall, top], anchor: "x" + n,
-          exponentformat: "power", dtick: 1, minor: { ticks: "outside", ticklen: 2 }, automargin: false });
+          ...scale(panel), automargin: false });
         for (const line of panel.lines) {
           const colour = palette[rank(line.name) % palette.length];
           traces.push({ x: line.x, y: line.y, xaxis: "x" + n, yaxis: "y" + n, name: escape(line.name), mode: "lines+markers",
@@ -34,7 +44,7 @@ nanobench.overview = (() => {
             marker: { size: 8, maxdisplayed: 8, color: colour, symbol: symbols[rank(line.name) % symbols.length] + (line.published ? "-open" : "") },
             error_y: { type: "data", symmetric: false, array: line.high.map((v, k) => (v > line.y[k] ? v - line.y[k] : null)),
               arrayminus: line.low.map((v, k) => (v < line.y[k] ? line.y[k] - v : null)), color: colour, thickness: 1.5, width: 3, visible: !line.published },
-            hovertemplate: `${escape(line.name)}<br>%{x} s: %{y:.3g} ${panel.unit}<extra></extra>`, legendgroup: line.name });
+            hovertemplate: `${escape(line.name)}<br>%{x} ${data.unit || "s"}: %{y:.3g} ${panel.unit}<extra></extra>`, legendgroup: line.name });
         }
       });
       const legend = names.map(name => ({ name, colour: palette[rank(name) % palette.length], shape: "both",
