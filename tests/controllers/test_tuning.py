@@ -9,7 +9,7 @@ from controllers import gains as of_gains
 from controllers.ensemble import shipped_simulator
 from controllers.gains import Gain, around, read_gains
 from controllers.simulated import made
-from controllers.tuning import LOST_M, compared, logs, search
+from controllers.tuning import LOST_M, SHORT, compared, logs, objective, search, shortlist
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.physics.simulator import loads
@@ -66,6 +66,22 @@ def test_the_search_finds_a_known_minimum_and_goes_on_where_it_was():
     assert [t["gains"] for t in again] == [t["gains"] for t in trials[:40]]  # kept trials are found again
 
 
+def test_the_worst_quarter_counts_twice_and_a_lost_vehicle_is_among_it():
+    kept = {"rmse_m": [[0.1, 0.2], [0.3, 0.4]], "lost": [[False, False], [False, False]]}
+    assert objective(kept) == pytest.approx(0.5 * (np.log(0.1 * 0.2 * 0.3 * 0.4) / 4.0 + np.log(0.4)))
+    lost = {**kept, "rmse_m": [[0.05, 0.1], [0.15, 9.0]], "lost": [[False, False], [False, True]]}
+    assert logs(lost).mean() < logs(kept).mean() + 0.1  # hardly worse in the mean
+    assert objective(lost) > objective(kept) + 1.0
+
+
+def test_the_gains_as_they_were_are_always_among_those_that_fly_on_other_plants():
+    trials = [{"gains": {"a": float(k)}, "objective": value} for k, value in enumerate((2.0, 1.0, 3.0, 0.5, 1.5, 1.2,
+                                                                                        1.1, 2.0))]
+    assert [gains["a"] for gains in shortlist(trials)] == [0.0, 3.0, 1.0, 6.0, 5.0]
+    assert len(shortlist(trials)) == 1 + SHORT
+    assert shortlist([trials[1], trials[0], trials[2]]) == [{"a": 1.0}]  # nothing better was found
+
+
 def judged(factor, spread, lost=0):
     rng = np.random.default_rng(1)
     rmse = 0.1 * np.exp(0.3 * rng.standard_normal((6, 8)))
@@ -93,8 +109,10 @@ def test_tune_writes_gains_that_control_flies(tmp_path, capsys):
     result = json.loads((tmp_path / "tune.json").read_text())
     assert len(result["trials"]) == 2
     assert result["verdict"]["judged"] == ["oval"]
-    assert "better" in text.out
-    assert result["verdict"]["better"] == ("not shown" not in text.out)
+    assert result["choices"][0]["gains"] == result["before"] == result["trials"][0]["gains"]
+    assert min(result["choices"], key=lambda choice: choice["objective"])["gains"] == result["gains"]
+    assert result["verdict"]["as_they_were"] == (result["gains"] == result["before"])
+    assert result["verdict"]["better"] == ("tuned is better" in text.out)
     name, gains = read_gains(tmp_path / "gains_lead_pid.toml")
     assert name == "lead_pid"
     assert gains == pytest.approx(result["gains"], rel=1e-4)
