@@ -28,9 +28,9 @@ NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.003, acc_m_s2_sqrtHz=0.018, vertical_m_s2_s
                  gyro_walk_rad_s2_sqrtHz=5e-5, acc_walk_m_s3_sqrtHz=1.5e-3, stamp_s_sqrtHz=0.0103)
 """In flight, where the stamps' wander is told apart: it counts as much as the signal changes. As of ``drag_ekf``."""
 
-CLOCK_SD_M, ALONE_SD_M = 0.003, 0.001
-"""What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose: where several
-poses come to one state, whose errors hang together, and where one comes alone."""
+CLOCK_SD_S, TOGETHER_SD_M, ALONE_SD_M = 0.002, 3e-4, 0.001
+"""What poses and the IMU disagree by besides the noise of the pose. Where several poses come to one state: the wander
+of the IMU's stamps, whose errors hang together, times the velocity of each axis, and a rest; where one comes alone."""
 
 ATTITUDE_SD_RAD, UNTOLD_SD_M = 0.005, 0.001
 """Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
@@ -43,7 +43,7 @@ WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-3])
 """Of the slow quantities: rad x3, s, s per root second."""
 
 TAIL_S = 1.0
-"""A longer stretch after the last pose is integrated alone, and nothing is said of how sure it is."""
+"""A longer stretch after the last measurement is integrated alone, and nothing is said of how sure it is (nan)."""
 
 CONTRADICTED_M = 0.5
 """Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
@@ -54,7 +54,8 @@ class GtsamBatch:
 
     name = "gtsam_batch"
     causal = False
-    measures_after_poses = False
+    warms: int | None = None
+    """Which slow quantity is the drift of the vertical accelerometer's bias, beyond that of all flights."""
     slow, slow_sd, walk = np.zeros(5), np.array([MOUNT_SD_RAD] * 3 + [LATE_SD_S, ATTITUDE_LATE_SD_S]), WALK
 
     def __init__(self, noise: ImuNoise | None = None) -> None:
@@ -67,12 +68,12 @@ class GtsamBatch:
         rows = rows_of(flight)
         noise, time_s = self.noise.at_rate(packet_rate_hz(flight["imu"])), stands(rows)
         last = len(time_s) - 1
-        if not self.measures_after_poses and time_s[-1] - rows.pose_s[-1] > TAIL_S:
-            last = int(np.searchsorted(time_s, rows.pose_s[-1]))
+        if time_s[-1] - (end_s := self.measured_until(flight, rows, time_s)) > TAIL_S:
+            last = int(np.searchsorted(time_s, end_s))
         problem = Problem(rows, noise, time_s[: last + 1])
-        blocks = self.blocks(flight, problem)
         start = started(flight, rows, problem, self.slow)
-        solution = self.last = problem.solve(start, self.uncertain(noise), self.walk, blocks)
+        blocks = self.blocks(flight, problem, start)
+        solution = self.last = problem.solve(start, self.uncertain(noise), self.walk, blocks, self.warms)
         if not solution.converged:
             raise InputError(rows.place, f"{self.name} did not converge in {solution.iterations} steps",
                              "nanobench audit shows the faults of the recording")
@@ -80,11 +81,18 @@ class GtsamBatch:
         if last + 1 < len(time_s):
             state = state.then(Problem(rows, noise, time_s[last:]).carried(state))
         estimate = on_mocap_clock(rows, Path(steps_of(rows, time_s), state))
-        if solution.covariance is None or last + 1 < len(time_s):
+        if solution.covariance is None:
             return estimate
-        rate = np.stack([np.interp(time_s, rows.time_s, column) for column in rows.gyro.T], axis=1) - state.gyro_bias
-        sure = given_out(solution.covariance, state, rate)
-        return replace(estimate, covariance=between(time_s, sure, estimate.time_s))
+        state, at_s = solution.state, time_s[: last + 1]
+        rate = np.stack([np.interp(at_s, rows.time_s, column) for column in rows.gyro.T], axis=1) - state.gyro_bias
+        sure = between(at_s, given_out(solution.covariance, state, rate), estimate.time_s)
+        if last + 1 < len(time_s):
+            sure[estimate.time_s > at_s[-1]] = np.nan
+        return replace(estimate, covariance=sure)
+
+    def measured_until(self, flight: Flight, rows: Rows, time_s: np.ndarray) -> float:
+        """When the last measurement besides the IMU comes [s], of states at ``time_s``."""
+        return float(rows.pose_s[-1])
 
     def uncertain(self, noise: ImuNoise) -> State:
         """SDs of the first state, before anything is measured."""
@@ -92,9 +100,10 @@ class GtsamBatch:
         biases = noise.acc_bias_sd_m_s2 * row, noise.gyro_bias_sd_rad_s * row
         return State(row, row, VELOCITY_SD_M_S * row, *biases, self.slow_sd[None])
 
-    def blocks(self, flight: Flight, problem: Problem):
-        """The measurements besides the IMU, as a function of where they are linearised."""
-        poses = Poses(problem)
+    def blocks(self, flight: Flight, problem: Problem, start: State):
+        """The measurements besides the IMU, as a function of where they are linearised; ``start`` is where that
+        begins."""
+        poses = Poses(problem, start)
 
         def at(state: State, path: Path) -> Iterable[Linear]:
             yield poses.linear(state, path)
@@ -103,18 +112,19 @@ class GtsamBatch:
 
 
 class Poses:
-    """Poses as measurements of the nearest states."""
+    """Poses as measurements of the nearest states; the velocity of ``start`` says what a late stamp makes of each."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, start: State) -> None:
         rows, time_s = problem.rows, problem.time_s
         middle = 0.5 * (time_s[1:] + time_s[:-1])
         self.owner = np.searchsorted(middle, rows.pose_s)
         self.index, self.first, self.counts = np.unique(self.owner, return_index=True, return_counts=True)
         self.rows, self.time_s = rows, time_s
         noise = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
-        own = np.hypot(noise / np.sqrt(self.counts), np.where(self.counts > 1, CLOCK_SD_M, ALONE_SD_M))
+        together = np.hypot(TOGETHER_SD_M, CLOCK_SD_S * start.velocity[self.index])
+        rest = np.where(self.counts[:, None] > 1, together, ALONE_SD_M)
         turn = np.sqrt(0.5 * ATTITUDE_SD_RAD**2 * (1.0 + 1.0 / self.counts))
-        self.sigma = np.column_stack([own] * 3 + [turn] * 3)
+        self.sigma = np.column_stack([np.hypot(noise / np.sqrt(self.counts)[:, None], rest), *[turn] * 3])
 
     def linear(self, state: State, path: Path) -> Linear:
         """Residual of position [m, world] and rotation [rad, body]."""

@@ -19,7 +19,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
 
 from .gtsam_aided import GtsamAided, drag
-from .gtsam_batch import ATTITUDE_SD_RAD, CLOCK_SD_M, NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
+from .gtsam_batch import ATTITUDE_SD_RAD, NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
 from .gtsam_graph import CHANGE_S, LIFT_SD_M_S2, Linear, load, params_of
 from .gtsam_lag_sure import Carried
 from .gtsam_path import State, quaternion_of
@@ -32,6 +32,9 @@ LEAST_ROWS = 200
 LAG_S = 0.7
 """How long a state stays open; biases and slow quantities carry what was learned before."""
 
+CLOCK_SD_M = 0.003
+"""What a pose and the IMU disagree by because the IMU's stamps wander, besides the noise of the pose."""
+
 WAIT_S = 0.2
 """Without a pose for so long, a state is made of the IMU and drag alone."""
 
@@ -40,7 +43,7 @@ FLYING_PWM = 0.3
 
 EYE = np.eye(3)
 USED = 8
-"""Of the slow quantities of the aided smoother: all but the thrust scale."""
+"""Of the slow quantities of the aided smoother: all but the thrust scale and the drift of the vertical bias."""
 
 
 class GtsamFixedLag:

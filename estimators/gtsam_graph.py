@@ -1,8 +1,8 @@
 """A flight as a factor graph: preintegrated IMU between states, measurements as vectorised linear factors.
 
 States every tenth of a second: pose (of the IMU), velocity, biases, and a vector of slow quantities. Between states
-stand GTSAM's CombinedImuFactor (Forster et al., "On-manifold preintegration", T-RO 2017). Everything else is linearised
-for all states at once in NumPy and handed over as Jacobian factors, because a Python function per factor and iteration
+stand GTSAM's ImuFactor (Forster et al., "On-manifold preintegration", T-RO 2017). Everything else is linearised for
+all states at once in NumPy and handed over as Jacobian factors, because a Python function per factor and iteration
 costs more than the whole solution. Gauss-Newton with halved steps; convergence is reported.
 """
 
@@ -91,6 +91,7 @@ class Problem:
         self.params = params_of(self.gtsam, noise)
         edges = np.searchsorted(rows.time_s, time_s, side="right")
         self.lifts = np.array([rows.lift[a:b].any() for a, b in pairwise(edges)], bool)
+        self.gyro_walk = noise.gyro_walk_rad_s2_sqrtHz
         self.acc_walk = np.hypot(noise.acc_walk_m_s3_sqrtHz, self.lifts * LIFT_SD_M_S2 / np.sqrt(np.diff(time_s)))
         self.keys = {letter: [self.gtsam.symbol(letter, i) for i in range(self.count)] for letter in "xvbc"}
         self.increments = [self._increment(i) for i in range(self.count - 1)]
@@ -111,8 +112,7 @@ class Problem:
         eye = np.eye(3)
         self.params.setAccelerometerCovariance(np.diag(self.acc_sd[i] ** 2))
         self.params.setGyroscopeCovariance(eye * self.gyro_sd[i] ** 2)
-        self.params.setBiasAccCovariance(eye * self.acc_walk[i] ** 2)
-        one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
+        one = self.gtsam.PreintegratedImuMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
         integrate = one.integrateMeasurement
         at = slice(self.steps.first[i], self.steps.first[i] + self.steps.lengths[i])
         for acc, gyro, step in zip(self.steps.acc[at], self.steps.gyro[at], self.step_s[at], strict=True):
@@ -120,9 +120,9 @@ class Problem:
         return one
 
     def factor(self, i: int) -> Any:
-        """CombinedImuFactor of interval i."""
+        """ImuFactor of interval i."""
         x, v, b = (self.keys[letter] for letter in "xvb")
-        return self.gtsam.CombinedImuFactor(x[i], v[i], x[i + 1], v[i + 1], b[i], b[i + 1], self.increments[i])
+        return self.gtsam.ImuFactor(x[i], v[i], x[i + 1], v[i + 1], b[i], self.increments[i])
 
     def carried(self, state: State) -> State:
         """The last of ``state`` carried over all intervals by the IMU alone: where nothing else is measured, this is
@@ -141,9 +141,10 @@ class Problem:
         return State(rotation, position, velocity, acc, gyro, slow)
 
     def solve(self, start: State, sd: State, walk: np.ndarray,
-              blocks: Callable[[State, Path], Iterable[Linear]]) -> Solution:
+              blocks: Callable[[State, Path], Iterable[Linear]], warms: int | None = None) -> Solution:
         """Gauss-Newton from ``start``; ``sd`` holds the SDs of its first state (``rotation`` as (1, 3)), ``walk`` (d,)
-        by how much the slow quantities change [unit per root second], ``blocks`` the measurements besides the IMU."""
+        by how much the slow quantities change [unit per root second], ``blocks`` the measurements besides the IMU;
+        ``warms`` which slow quantity is the drift of the vertical accelerometer's bias [m/s^3]."""
         graph = self.gtsam.NonlinearFactorGraph()
         for i in range(self.count - 1):
             graph.push_back(self.factor(i))
@@ -152,7 +153,8 @@ class Problem:
         def linearised(values: Any) -> tuple[State, Path, Any, float]:
             state = self._state(values, start)
             path, linear = Path(self.steps, state), graph.linearize(values)
-            self._push(linear, self._walks(state, walk))
+            for block in self._walks(state, walk, warms):
+                self._push(linear, block)
             for block in blocks(state, path):
                 self._push(linear, block)
             return state, path, linear, linear.error(values.zeroVectors())
@@ -204,13 +206,21 @@ class Problem:
                     ordering.push_back(self.keys[letter][i])
         return ordering
 
-    def _walks(self, state: State, walk: np.ndarray) -> Linear:
-        """Slow quantities change from state to state as random walks, ``walk`` (d,) [unit per root second]."""
+    def _walks(self, state: State, walk: np.ndarray, warms: int | None) -> Iterable[Linear]:
+        """Biases and slow quantities change from state to state as random walks, the slow ones by ``walk`` (d,) [unit
+        per root second]; the vertical accelerometer's bias drifts besides, by the slow quantity ``warms``."""
         k, d = self.count - 1, state.slow.shape[1]
-        eye = np.broadcast_to(np.eye(d), (k, d, d))
-        sigma = walk * np.sqrt(np.diff(self.time_s))[:, None]
-        index = np.arange(k)
-        return Linear([("c", index, -eye), ("c", index + 1, eye)], state.slow[:-1] - state.slow[1:], sigma)
+        step_s, index = np.diff(self.time_s), np.arange(k)
+        eye, root = np.broadcast_to(np.eye(d), (k, d, d)), np.sqrt(step_s)[:, None]
+        yield Linear([("c", index, -eye), ("c", index + 1, eye)], state.slow[:-1] - state.slow[1:], walk * root)
+        bias = np.column_stack([state.acc_bias, state.gyro_bias])
+        by_c, residual = np.zeros((k, 6, d)), bias[:-1] - bias[1:]
+        if warms is not None:
+            by_c[:, 2, warms] = -step_s
+            residual[:, 2] += step_s * state.slow[:-1, warms]
+        eye = np.broadcast_to(np.eye(6), (k, 6, 6))
+        sigma = np.repeat(np.column_stack([self.acc_walk, np.full(k, self.gyro_walk)]), 3, axis=1) * root
+        yield Linear([("b", index, -eye), ("b", index + 1, eye), ("c", index, by_c)], residual, sigma)
 
     def _push(self, linear: Any, block: Linear) -> None:
         gtsam = self.gtsam

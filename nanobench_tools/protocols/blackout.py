@@ -99,6 +99,8 @@ def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
     if estimate.covariance is None:
         return None
     said = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]
+    if not np.isfinite(said).all():
+        return None
     try:
         white = np.linalg.solve(np.linalg.cholesky(said), off_m)
     except np.linalg.LinAlgError:
