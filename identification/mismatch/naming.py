@@ -82,8 +82,6 @@ STARTS: dict[str, dict[str, float]] = {"command_delay": {"command_delay.delay_s"
                                       "motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
                                       "ground_effect": {"ground_effect.rho": 1.0}}
 """Where the fit of a term begins that acts far from linearly where it rests."""
-
-
 FAR = ("command_delay",)
 """What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
 
@@ -317,7 +315,6 @@ class _Search:
                 self.space = self.home
             del self.accepted[i]
             self.current = without
-
 
     def _levelled(self) -> None:
         """Beside names that came after it a thrust curve may be needless where mass, or thrust as a whole, will do."""

@@ -16,10 +16,10 @@ from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, _one_step, _period, gusts
 from identification.mismatch.memory import fit_memory
 from identification.mismatch.naming import _Search, rested
-from identification.mismatch.proof import Proof
+from identification.mismatch.proof import Proof, turned_better
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
-from identification.mismatch.tolerance import smallest
+from identification.mismatch.tolerance import smallest, two_groups
 from identification.mismatch.wrench import Wrench
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.physics import Model
@@ -287,3 +287,26 @@ def test_damping_is_told_better_by_setpoints_than_by_shaking(plain, model):
     asked = Wrench([replace(t, asked_rad_s2=np.ones((len(t), 2))) for t in plain.tracks])
     with_ = [smallest(f"angular_damping.d_r[{k}]", space.model, replace(moments, wrench=asked)) for k in range(3)]
     assert with_ == pytest.approx([0.4 * without[0], 0.4 * without[1], without[2]])
+
+
+def test_flights_that_scatter_are_not_two_groups():
+    """Real flights scatter by some per cent; a payload that was put on parts them."""
+    scattered = np.array([0.81, -0.44, 0.69, 0.29, 0.03, -0.90])
+    assert not two_groups(scattered)
+    assert two_groups(np.where(np.arange(6) < 3, 0.0, 15.0) + scattered)
+    assert two_groups(np.array([0.0, 0.1, 5.0]))  # three cannot scatter
+    rng = np.random.default_rng(1)
+    assert np.mean([two_groups(rng.normal(size=8)) for _ in range(400)]) < 0.1
+
+
+def test_a_name_that_turns_is_kept_for_turning_alone():
+    """(flights, H, 4) errors: position says nothing, and what gets worse by more than the rest improves is no gain."""
+    errors = np.full((3, 3, 4), 0.1)
+    pushed, turned, mixed = errors.copy(), errors.copy(), errors.copy()
+    pushed[..., :2] *= 0.5
+    turned[:, 2, 3] *= 0.9
+    mixed[:, 1, 3] *= 0.9
+    mixed[:, 2, 2] *= 1.3
+    assert not turned_better(errors, pushed)
+    assert turned_better(errors, turned)
+    assert not turned_better(errors, mixed)
