@@ -48,6 +48,9 @@ LIFT_RATIO, OFF_RATIO = 0.65, 0.1
 """Mean PWM ratio above which a vehicle on the ground is taken to fly, until it falls below the second."""
 
 
+NOTHING = np.zeros((0, 6))
+
+
 @dataclass(frozen=True)
 class Rows:
     """IMU rows (n,) from the first pose on, and the poses (m,) as they arrive; ``clock_s`` are the rows' stamps less
@@ -91,7 +94,11 @@ class Inertial:
             settings["stamp"] *= STAMP_LEFT
         told = float(flight.metadata.get("pose_noise_m", 0.0))
         settings["position_sd"] = float(np.hypot(settings["position_sd"], told))
-        return run(rows, values_of(settings), self.keep_covariance)
+        return run(rows, values_of(settings), self.keep_covariance, self.told(flight, rows))
+
+    def told(self, flight: Flight, rows: Rows) -> np.ndarray:
+        """Body velocity at the rows from elsewhere, as ``inertial_core.run`` takes it; (0, 6) for none."""
+        return NOTHING
 
 
 def values_of(settings: Mapping[str, float]) -> np.ndarray:
@@ -101,15 +108,17 @@ def values_of(settings: Mapping[str, float]) -> np.ndarray:
     return np.array([float({**core.SETTINGS, **settings}[name]) for name in core.NAMES])
 
 
-def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True) -> Estimate:
-    """The filter over all rows; covariance of position, velocity and attitude (n, 9, 9) where it is kept."""
+def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True, told: np.ndarray = NOTHING) -> Estimate:
+    """The filter over all rows; covariance of position, velocity and attitude (n, 9, 9) where it is kept; ``told`` as
+    in the core."""
     n = len(rows.time_s)
     state, cov = np.zeros(core.STATE), np.zeros((core.ERROR, core.ERROR))
     core.start(rows.poses[0], values, state, cov)
     out = np.empty((n, 11))
     kept = np.empty((n if keep_covariance else 0, 9, 9))
-    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, rows.thrust, rows.arrived,
-             rows.pose_s, rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
+    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, rows.thrust,
+             told, rows.arrived, rows.pose_s, rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)),
+             out, kept)
     nis = out[:, 10][np.isfinite(out[:, 10])]
     return Estimate(rows.time_s, out[:, :3], out[:, 6:10], out[:, 3:6], kept if keep_covariance else None, nis,
                     np.full(len(nis), 3))
@@ -143,10 +152,10 @@ def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
     arrived = np.concatenate(([0], np.searchsorted(pose_s, time_s, side="right"))).astype(np.int64)
     motor, force = np.ones(len(time_s)), np.zeros(len(time_s))
     if _has_motors(flight):
-        ratio = _held(flight["motor"], MOTORS, time_s)
+        ratio = held(flight["motor"], MOTORS, time_s)
         motor = ratio.mean(axis=1)
         if thrust:
-            w = ratio * _held(flight["battery"], ("vbat",), time_s)
+            w = ratio * held(flight["battery"], ("vbat",), time_s)
             force = THRUST_MAP[0] + THRUST_MAP[1] * w.sum(axis=1) + THRUST_MAP[2] * (w * w).sum(axis=1)
     flying, lagged = _flown(time_s, motor, force, "motor" not in flight)
     return Rows(time_s, clock_s, acc, gyro, lines, flying, lagged, arrived, measured_s, poses)
@@ -157,7 +166,7 @@ def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
     known then; nowhere without motors."""
     found = np.zeros(len(time_s), bool)
     if _has_motors(flight) and len(time_s):
-        flying, _ = _flown(time_s, _held(flight["motor"], MOTORS, time_s).mean(axis=1), np.zeros(len(time_s)), False)
+        flying, _ = _flown(time_s, held(flight["motor"], MOTORS, time_s).mean(axis=1), np.zeros(len(time_s)), False)
         found[1:] = flying[1:] & ~flying[:-1]
     return found
 
@@ -188,7 +197,7 @@ def _rising(place: str, time_s: np.ndarray, good: np.ndarray) -> np.ndarray:
     return good & (time_s > before)
 
 
-def _held(stream: Stream, names: tuple[str, ...], at_s: np.ndarray) -> np.ndarray:
+def held(stream: Stream, names: tuple[str, ...], at_s: np.ndarray) -> np.ndarray:
     """(m, k): the latest finite row not after ``at_s`` (the first one before it)."""
     values = stream[names]
     good = np.isfinite(values).all(axis=1)

@@ -173,16 +173,17 @@ def _stated(c, on, v, moves, out):
 
 
 @nb.njit(cache=True)
-def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, pose_of, pose_s, poses, settings, first, state, cov, sums,
-        turns, out, sds):
+def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_s, poses, settings, first, state, cov,
+        sums, turns, out, sds):
     """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
     stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag and
     thrust count. acc, gyro (n, 3); drawn (n,): share of the row that carries no packet; thrust (n,) m/s^2 of the map;
-    pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; pose_s (m,) when they were measured; poses
-    (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. out (n, 11): position, velocity,
-    quaternion and the squared innovation of the positions of the row's poses (nan: none); sds (n, 9, 9): covariance of
-    position, velocity and attitude as they are given out, or (0, 9, 9) for none.
+    told (n, 6) or (0, 6): body velocity x, y that something else says [m/s], its SD [m/s] and how it moves with the
+    accelerometer's bias [s]; pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; pose_s (m,) when
+    they were measured; poses (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. out
+    (n, 11): position, velocity, quaternion and the squared innovation of the positions of the row's poses (nan: none);
+    sds (n, 9, 9): covariance of position, velocity and attitude as they are given out, or (0, 9, 9) for none.
     """
     n = len(time_s)
     other = np.empty((ERROR, ERROR))
@@ -297,7 +298,7 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, pose_of, pose_s, pos
                     h[_W] = gyro[i, k] - state[BG + k]
                 sd = settings[YAW_SD] if k == 2 else (settings[PITCH_SD] if k == 1 else settings[ROLL_PITCH_SD])
                 _scalar(cov, x, h, off[k] - state[MOUNT + k], sd ** 2, ph, gain)
-        if drag > 0.0 or settings[THRUST_SD] > 0.0:
+        if drag > 0.0 or settings[THRUST_SD] > 0.0 or len(told) > 0:
             bv = np.empty(3)
             for k in range(3):
                 bv[k] = rot[0, k] * state[V] + rot[1, k] * state[V + 1] + rot[2, k] * state[V + 2]
@@ -319,6 +320,19 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, pose_of, pose_s, pos
                         h[_A + k] = 1.0
                     _scalar(cov, x, h, acc[i, k] - state[BA + k] - state[AIR + k] + force, settings[DRAG_SD] ** 2, ph,
                             gain)
+            if len(told) > 0 and flying[i]:
+                for k in range(2):
+                    d = np.zeros(3)
+                    d[k] = 1.0
+                    h[:] = 0.0
+                    for m in range(3):
+                        h[_V + m] = rot[m, k]
+                    h[_T] = d[1] * bv[2] - d[2] * bv[1]
+                    h[_T + 1] = d[2] * bv[0] - d[0] * bv[2]
+                    h[_T + 2] = d[0] * bv[1] - d[1] * bv[0]
+                    h[_BA + k] = h[_A + k] = told[i, 4 + k]
+                    off = told[i, 4 + k] * (state[BA + k] + state[AIR + k])
+                    _scalar(cov, x, h, told[i, k] - off - bv[k], told[i, 2 + k] ** 2, ph, gain)
             if settings[THRUST_SD] > 0.0 and flying[i] and thrust[i] > 4.0:
                 loss = 1.0 - settings[INFLOW] * bv[2]
                 h[:] = 0.0

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
 from .tables import group_order, summaries
-from .task3 import Case, checked
+from .task3 import Case, checked, given_and_trained
 from .usable import POSE
 
 FIRST_S, EVERY_S = 5.0, 5.0
@@ -136,6 +136,7 @@ def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]]
         counts = {f"{h:.0f}": sum(w["h_s"] == h for _, value in members for w in value["windows"]) for h in HORIZONS_S}
         rows.append({"protocol": "blackout", "method": method.name, "causal": getattr(method, "causal", None),
                      "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-                     "n_windows": counts, "given": GIVEN, "over_windows": over_windows([v for _, v in members]),
+                     "n_windows": counts, "given": given_and_trained(method, GIVEN),
+                     "over_windows": over_windows([v for _, v in members]),
                      "metrics": summaries([value["metrics"] for _, value in members], seed)})
     return rows

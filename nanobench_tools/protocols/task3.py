@@ -273,6 +273,13 @@ def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
     return so3.euler_zyx(so3.interpolate(mocap.time_s, mocap["qx", "qy", "qz", "qw"], at_s))
 
 
+def given_and_trained(method: Estimator, given: str) -> str:
+    """What a method was given in words (its own ``given`` before that of the protocol), and, where it has
+    ``trained_on``, what it was trained on."""
+    said = str(getattr(method, "given", given))
+    return f"{said}; {trained}" if (trained := getattr(method, "trained_on", "")) else said
+
+
 def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
              given: str = GIVEN) -> list[dict[str, Any]]:
     """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric."""
@@ -283,7 +290,7 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapp
         notes = dict.fromkeys(case.note for case, _ in members if case.note)
         row = {"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
                "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-               "given": "; ".join([GIVEN_LOGGED if known else getattr(method, "given", given), *notes]),
+               "given": "; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
                "dropped_stamps": sum(value["dropped"] for _, value in members),
                "metrics": summaries([value["metrics"] for _, value in members], seed)}
         as_was = protocol == "as-published" and known and not notes

@@ -13,12 +13,13 @@ from estimators.drag_ekf import DragEkf, DragMatrixEkf
 from estimators.error_state_ekf import ErrorStateEkf, Strapdown
 from estimators.inertial import STAMP_LEFT, lifted
 from estimators.invariant_ekf import InvariantEkf
+from estimators.learned_velocity import LearnedVelocityEkf
 from estimators.thrust_ekf import ThrustEkf
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import aided, blackout, task3
 
-ROWS = (Strapdown, ErrorStateEkf, DragEkf, DragMatrixEkf, ThrustEkf, InvariantEkf, DelayedPoseEkf)
+ROWS = (Strapdown, ErrorStateEkf, DragEkf, DragMatrixEkf, ThrustEkf, LearnedVelocityEkf, InvariantEkf, DelayedPoseEkf)
 
 
 @pytest.fixture(scope="module")
@@ -163,8 +164,9 @@ def test_covariance_stays_symmetric_and_positive_over_a_million_steps():
     inertial_core.start(poses[0], values, state, cov)
     out = np.empty((n, 11))
     arrived = np.concatenate(([0], np.cumsum(has)))
-    inertial_core.run(t, t, acc, gyro, np.zeros(n), np.ones(n, bool), np.full(n, 9.81), arrived, t[has], poses, values,
-                      0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, np.empty((0, 9, 9)))
+    inertial_core.run(t, t, acc, gyro, np.zeros(n), np.ones(n, bool), np.full(n, 9.81), inertial.NOTHING, arrived,
+                      t[has], poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out,
+                      np.empty((0, 9, 9)))
     assert np.array_equal(cov, cov.T)
     scale = np.sqrt(np.diag(cov))
     assert np.linalg.eigvalsh(cov / np.outer(scale, scale)).min() > 0.0

@@ -1,0 +1,133 @@
+"""Dead reckoning with a learned velocity: what IMU and motors of the last second say of how fast the body moves.
+
+A ridge regression from sums of the past that fade at several rates to the body's velocity across the rotors' axis. What
+drag says (accelerometer), what a rotor in a side wind turns (gyro) and what the controller needs against that (motor
+voltages) all speak of it; products let it bend. It is told to the filter beside drag, with an SD that grows with the
+velocity; how a constant error of the accelerometer moves it is a weight of the regression, so that the bias stays a
+state. A network would have a hundred times the numbers for the same flights; here every one can be read.
+
+Weights are in ``learned_velocity.json``, one set for each trajectory type, which was left out of it whole
+(``python benchmarks/learned_velocity.py`` fits them): a flight is never judged by weights that saw its type.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numba as nb
+import numpy as np
+
+from nanobench_tools.flight import Flight
+from nanobench_tools.protocols.labels import family_of
+from nanobench_tools.units import GRAVITY_M_S2
+
+from .drag_ekf import TUNED
+from .inertial import ACC, GYRO, MOTORS, Inertial, Rows, held
+
+FILE = Path(__file__).with_suffix(".json")
+EVERY = "every"
+"""The set that all types had a part in, for flights of a type that none was left out for."""
+
+FADES_S = (0.03, 0.1, 0.3, 1.0)
+HOVER_V = 11.5
+"""Sum of the four motors' voltages in hover."""
+
+RIDGE = 1e-3
+"""Of the variance of every feature."""
+
+SD_FACTOR = 8.0
+"""A row's SD over that of the regression: its errors hang together over some tenths of a second, in which the filter
+takes rows for independent. Set on circles and trefoils, as the row's other numbers."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Body velocity [m/s] across the rotors: of x and y by the features (2, F); variance floor + slope x velocity^2."""
+
+    by: np.ndarray
+    floor: float
+    slope: float
+
+    def told(self, features: np.ndarray) -> np.ndarray:
+        """As ``inertial_core.run`` takes it (n, 6), from features (n, 2, F)."""
+        velocity = np.einsum("nkf,kf->nk", features, self.by)
+        sd = SD_FACTOR * np.sqrt(self.floor + self.slope * velocity**2)
+        return np.column_stack([velocity, sd, np.tile(self.by[:, : len(FADES_S)].sum(axis=1), (len(features), 1))])
+
+    def to_json(self) -> dict[str, Any]:
+        return {"by": [[float(f"{w:.5g}") for w in row] for row in self.by], "floor": float(f"{self.floor:.4g}"),
+                "slope": float(f"{self.slope:.4g}")}
+
+
+class LearnedVelocityEkf(Inertial):
+    """``drag_matrix_ekf`` with a learned velocity beside drag. Needs the streams ``motor`` and ``battery``."""
+
+    name = "learned_velocity_ekf"
+    settings: ClassVar = {**TUNED, "drag_sd": 0.4, "air_sd": 0.05, "air_s": 1e3}
+    needs = ("motor", "battery")
+    trained_on = "velocity learned from flights of the other trajectory types, none of the flight's own"
+
+    def told(self, flight: Flight, rows: Rows) -> np.ndarray:
+        time_s, found = features(flight)
+        weights = shipped()
+        return weights.get(family_of(flight), weights[EVERY]).told(found[np.searchsorted(time_s, rows.time_s)])
+
+
+def features(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,) of the IMU's rows that hold numbers, and (n, 2, F): what x and y are regressed on. Causal."""
+    imu = flight["imu"]
+    good = np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
+    time_s, acc, gyro = imu.time_s[good], imu[ACC][good], imu[GYRO][good]
+    volt = held(flight["motor"], MOTORS, time_s) * held(flight["battery"], ("vbat",), time_s)
+    total = volt.sum(axis=1) / HOVER_V - 1.0
+    front, left = volt @ [1.0, -1.0, -1.0, 1.0], volt @ [-1.0, -1.0, 1.0, 1.0]
+    faded = _faded(time_s, np.column_stack([acc, gyro, front, left, total]), np.array(FADES_S))
+    axes = []
+    for k, motors in ((0, 6), (1, 7)):
+        a = faded[:, 1, k]
+        bent = np.column_stack([a * np.abs(a), a * faded[:, 1, 8], a * (faded[:, 1, 2] / GRAVITY_M_S2 - 1.0),
+                                a * faded[:, 2, 5]])
+        axes.append(np.column_stack([faded[:, :, k], faded[:, 1:, 4 - k], faded[:, 1:, motors], bent]))
+    return time_s, np.stack(axes, axis=1)
+
+
+def fitted(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> Weights:
+    """From features (n, 2, F) and true body velocity x, y (n, 2) [m/s] of every flight; constants of a flight, which
+    are its biases and trims, are taken out."""
+    x = np.concatenate([found - found.mean(axis=0) for found, _ in flights])
+    y = np.concatenate([true - true.mean(axis=0) for _, true in flights])
+    by = np.empty(x.shape[1:])
+    for k in range(2):
+        moments = x[:, k].T @ x[:, k]
+        by[k] = np.linalg.solve(moments + RIDGE * np.diag(np.diag(moments)), x[:, k].T @ y[:, k])
+    said = np.einsum("nkf,kf->nk", x, by)
+    slope, floor = np.polyfit(said.ravel() ** 2, (said - y).ravel() ** 2, 1)
+    return Weights(by, max(float(floor), 1e-6), max(float(slope), 0.0))
+
+
+@functools.cache
+def shipped() -> Mapping[str, Weights]:
+    """Trajectory type that was left out -> weights."""
+    sets = json.loads(FILE.read_text("utf-8"))["left_out"]
+    return {name: Weights(np.array(one["by"]), one["floor"], one["slope"]) for name, one in sets.items()}
+
+
+@nb.njit(cache=True)
+def _faded(time_s: np.ndarray, values: np.ndarray, fades_s: np.ndarray) -> np.ndarray:
+    """(n, k, d): means of the rows of ``values`` (n, d) so far, forgotten with ``fades_s`` (k,)."""
+    n, d = values.shape
+    found = np.empty((n, len(fades_s), d))
+    for j in range(len(fades_s)):
+        for c in range(d):
+            mean = values[0, c]
+            for i in range(n):
+                if i > 0:
+                    gone = min(max(time_s[i] - time_s[i - 1], 0.0), 1.0)
+                    mean += (1.0 - np.exp(-gone / fades_s[j])) * (values[i, c] - mean)
+                found[i, j, c] = mean
+    return found
