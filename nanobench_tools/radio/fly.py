@@ -62,11 +62,11 @@ class Flight:
         """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns, or was
         left. What is a bug of this program is raised after the landing."""
         with ExitStack() as stack:
-            stack.enter_context(undisturbed())
             if self.clock.real:
                 self._guardian = Guardian(HANG_S, self._take_over, self._give_up)
                 stack.enter_context(self._guardian.watching())
-                stack.enter_context(ahead_of_others())  # last: a thread that begins later is not among them
+                stack.enter_context(ahead_of_others())  # a thread that begins later is not among them
+            stack.enter_context(undisturbed())  # collects garbage, for which poses have to wait
             try:
                 with self.interrupts.caught():
                     stop = self._flown()

@@ -6,6 +6,7 @@ Nothing is armed, and no pose is fed, before everything that can be checked with
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..errors import InputError
 from . import checklist
 from .fly_clock import Clock
 from .fly_link import CflibLink
+from .fly_loop import ahead_of_others
 from .fly_pilot import PERIOD_S, Pilot
 from .fly_plan import Plan
 from .fly_state import PoseTrack
@@ -124,7 +126,7 @@ class Preparation:
         battery = self.link.values["pm.vbat"]
         calls = []
         try:
-            with last_resort(WARM_S):
+            with last_resort(WARM_S), ExitStack() as as_in_flight:
                 for round_ in range(2):
                     pilot.reset()
                     for tick in range(WARM_TICKS):
@@ -135,6 +137,8 @@ class Preparation:
                             pilot.packet(time_s, believed.state(battery), asked)
                         if round_:
                             calls.append(self.clock.now() - begun)
+                    if self.clock.real and not round_:  # all is compiled: the next round is timed
+                        as_in_flight.enter_context(ahead_of_others())
                 pilot.reset()
         except Exception as error:  # anybody's code
             raise InputError(f"controller {pilot.name}", f"raised {type(error).__name__}: {error}", "not armed") \

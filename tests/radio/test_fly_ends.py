@@ -140,7 +140,7 @@ sys.path.insert(0, {here!r})
 from test_fly_ends import WIDE, Flight, Guardian, Hangs, Real, quick
 from pytest import MonkeyPatch
 quick(MonkeyPatch())
-Guardian.BACK_S, Guardian.ALONE_S = 0.5, 2.0
+Guardian.BACK_S, Guardian.ALONE_S = 0.5, 3.0
 def deaf():
     while True:
         try:
