@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..practice.references import PathSpec
 
 TRAINED = ("circle", "star", "linear_ramp", "minimum_snap")
-"""Bends and corners: on bends alone the gains that win are those that corners saturate."""
+"""Bends and corners, as the families that judge have both."""
 JUDGED = ("figure_eight", "oval", "helix", "trefoil", "lissajous", "staircase_climb")
 SEED_APART = 1000
 """Between the seeds of the plants that judge, that train and that choose among the best."""
