@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -104,7 +104,8 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     first = space_around(simulator)
     known = Slopes(moments)
     whole = bool(set(terms) & set(MAPS)) and not set(terms) & set(LEVEL)
-    before = _each(_own_level(known, first, first.model, (), whole), tracks, numbers)
+    told = {*decision.own, *(LEVEL if set(decision.own) & set(LEVEL) else ())}
+    before = _each(_own_level(known, first, first.model, (), whole, told), tracks, numbers)
     floor = _floor(simulator, tracks, seed)
     if not terms:
         return Proof(before, before, tuple(names[n] for n in numbers), len(numbers) > 1, {}, None,
@@ -114,7 +115,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
     if decision.own:  # a flight that differs can only be predicted with a value of its own
-        models = _own_level(known, decision.space, decision.fit.model, terms, whole)
+        models = _own_level(known, decision.space, decision.fit.model, terms, whole, told)
         after = _each([model.with_parameters({name: decision.fit.model.parameters[name] + float(row[k])
                                               for name, row in decision.fit.own.items()})
                        for k, model in enumerate(models)], tracks, numbers)
@@ -145,12 +146,15 @@ def _each(models: Sequence[Model], tracks: Sequence[Track], numbers: Sequence[in
                            for k in (range(len(numbers)) if places is None else places)])
 
 
-def _own_level(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool) -> list[Model]:
+def _own_level(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool,
+               told: Collection[str] = ()) -> list[Model]:
     """``model``, of ``space``, less what was not named, once for every flight with what scatters between flights as
     this one has it beside the mean of all: the same knowledge before and after, so that it is no part of what a name
     explains, and what all flights share is no part of it. ``whole``: with the mean of thrust, where a curve is named
-    that has to explain more than a level."""
-    scattered = fit(known, model, []).levels
+    that has to explain more than a level. ``told``: terms of which it is said that flights differ in them, which
+    therefore do not scatter by themselves."""
+    scattered = {name: each for name, each in fit(known, model, []).levels.items()
+                 if name.partition(".")[0] not in told}
     flights = len(np.unique(known.moments.wrench.flight))
     keep = (*terms, *dict.fromkeys(name.partition(".")[0] for name in scattered))
     found = []
