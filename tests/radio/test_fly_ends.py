@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from toy_vehicle import Toy
+from toy_vehicle import Notes, Toy
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.radio import fly_clock, fly_plan, fly_session, packets, safety_handover
@@ -48,17 +48,6 @@ class Real(Toy):
     def now(self) -> float:
         self.time_s = max(self.time_s, self.clock.now())
         return self.time_s
-
-
-class Notes:
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def tick(self, *what: object) -> None:
-        pass
-
-    def note(self, text: str) -> None:
-        self.said.append(text)
 
 
 class Hangs(OnboardPilot):

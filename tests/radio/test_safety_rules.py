@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from toy_vehicle import Toy
+from toy_vehicle import Notes, Toy
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
@@ -18,17 +18,6 @@ from nanobench_tools.radio.safety import Limits, LowBattery, Situation
 from nanobench_tools.radio.safety_handover import place_to_hold
 
 IN_PATH = 109.0
-
-
-class Notes:
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def tick(self, *what: object) -> None:
-        pass
-
-    def note(self, text: str) -> None:
-        self.said.append(text)
 
 
 def flown(toy: Toy, pilot=None, limits: Limits | None = None) -> tuple:

@@ -105,3 +105,16 @@ class Toy:
         """What preparing a flight of a figure of eight gives."""
         spec = chosen_path("figure_eight", speed_m_s, 0.8, seconds)
         return Ready(Pose(self.time_s, self.place.copy(), LEVEL), Plan(spec, self.place.copy(), 0.0), 0.001, 0.0)
+
+
+class Notes:
+    """What a flight says of itself, kept."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def tick(self, *what: object) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        self.said.append(text)
