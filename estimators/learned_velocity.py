@@ -70,7 +70,8 @@ class LearnedVelocityEkf(Inertial):
     name = "learned_velocity_ekf"
     settings: ClassVar = {**TUNED, "drag_sd": 0.4, "air_sd": 0.05, "air_s": 1e3}
     needs = ("motor", "battery")
-    trained_on = "velocity learned from flights of the other trajectory types, none of the flight's own"
+    trained_on = ("velocity learned from the public flights of all trajectory types but the flight's own (of all "
+                  "where the recording does not say its type)")
 
     def told(self, flight: Flight, rows: Rows) -> np.ndarray:
         time_s, found = features(flight)

@@ -55,7 +55,7 @@ def test_a_flight_is_not_told_by_weights_that_saw_its_type(crowd):
 
 
 def test_the_row_says_what_it_was_trained_on():
-    assert "other trajectory types" in given_and_trained(LearnedVelocityEkf(), blackout.GIVEN)
+    assert "all trajectory types but the flight's own" in given_and_trained(LearnedVelocityEkf(), blackout.GIVEN)
     assert given_and_trained(inertial.Inertial(), blackout.GIVEN) == blackout.GIVEN
 
 
