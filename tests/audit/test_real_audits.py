@@ -177,7 +177,24 @@ def test_turning_the_world_changes_nothing(recordings, verdicts, name, angle):
     assert sorted(summary(audit(world))) == sorted(summary(verdicts[name]))
 
 
+def parted(body: object, place: str = "") -> tuple[dict[str, object], dict[str, float]]:
+    """All that a verdict says but its name, place by place: words and counts, and measured numbers."""
+    if isinstance(body, float):
+        return {}, {place: body}
+    if not isinstance(body, dict | list):
+        return {place: body}, {}
+    exact: dict[str, object] = {place: len(body)}
+    measured: dict[str, float] = {}
+    for key, value in body.items() if isinstance(body, dict) else enumerate(body):
+        if (place, key) != ("", "flight"):
+            words, numbers = parted(value, f"{place}/{key}")
+            exact, measured = exact | words, measured | numbers
+    return exact, measured
+
+
 def test_the_name_is_not_read(recordings, verdicts):
     flight = replace(recordings["B9_trefoil_fast_rep2"], name="practice", metadata={})
-    verdict = audit(flight)
-    assert verdict.to_json() == {**verdicts["B9_trefoil_fast_rep2"].to_json(), "flight": "practice"}
+    said, named = (parted(verdict.to_json()) for verdict in (audit(flight), verdicts["B9_trefoil_fast_rep2"]))
+    assert said[0] == named[0]
+    # how many threads a library takes decides the last digits
+    assert said[1] == pytest.approx(named[1], rel=1e-6, abs=1e-9, nan_ok=True)
