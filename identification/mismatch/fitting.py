@@ -20,6 +20,8 @@ TIMING_SD_S = 0.003
 SPEED_LAG = 1.0
 """Whether thrust or speed of a rotor lags is no physics that a simulator's time constant tells: of the difference, as
 much is a nuisance."""
+AT_ROTORS = 1.0
+"""Nor is it where drag acts, at the centre of the rotors or more at those that turn faster."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 STEPS = 4
@@ -130,6 +132,31 @@ class Slopes:
             self._known[key] = self._project(*self.moments.wrench.speed_lag(model))
         return self._known[key][:, None]
 
+    def drag_at_rotors(self, model: Model) -> np.ndarray:
+        """(K, 1) what drag does that acts at the rotors instead of at their centre."""
+        key = (*model.key, "drag at rotors")
+        if key not in self._known:
+            self._known[key] = self._project(*self.moments.wrench.drag_at_rotors(model))
+        return self._known[key][:, None]
+
+    def nuisances(self, model: Model, free: Sequence[int] | np.ndarray,
+                  own: Sequence[int] | np.ndarray = ()) -> tuple[np.ndarray, list[str]]:
+        """(K, E) what a standard deviation of each nuisance of a fit of ``free`` does, and the names of the parameters,
+        last among them with a column a flight, that scatter between flights."""
+        timing = model.names.index(TIMING) if TIMING in model.names else None
+        found = [SPEED_LAG * self.speed_lag(model), AT_ROTORS * self.drag_at_rotors(model)]
+        if timing is not None and timing not in free:
+            found.insert(0, self.columns(model, [timing]) / scales(model)[timing] * TIMING_SD_S)
+        if len(own):
+            found.append(OWN_SD * self.of_flights(model, own))
+        scattered, columns = self.levels([model.names[int(i)] for i in own])
+        return np.concatenate([*found, columns], axis=1), scattered
+
+    def cleaned(self, model: Model, columns: np.ndarray) -> np.ndarray:
+        """(K, F) ``columns`` less what the nuisances of a fit of nothing take of them."""
+        extra = self.nuisances(model, [])[0]
+        return columns - extra @ np.linalg.solve(np.eye(extra.shape[1]) + extra.T @ extra, extra.T @ columns)
+
     def left(self, model: Model) -> np.ndarray:
         """(K,) projection of the residual of a model."""
         if model.key not in self._left:
@@ -160,21 +187,13 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     value of, around the shared one and to first order.
 
     The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
-    unless the delay itself is asked for; so are rotors whose speed lags (``Wrench.speed_lag``), and what scatters
-    between flights (``Moments.levels``).
+    unless the delay itself is asked for; so are rotors whose speed lags (``Wrench.speed_lag``), drag that acts at the
+    rotors (``Wrench.drag_at_rotors``), and what scatters between flights (``Moments.levels``).
     """
     free = np.asarray(free, int)
-    timing = model.names.index(TIMING) if TIMING in model.names else None
     sizes, weight = scales(model)[free], np.full(len(free), 1.0 / PRIOR_SD)
-    extra = np.zeros((len(known.moments.owner), 0))
-    if timing is not None and timing not in free:
-        extra = known.columns(model, [timing]) / scales(model)[timing] * TIMING_SD_S
-    extra = np.concatenate([extra, SPEED_LAG * known.speed_lag(model)], axis=1)
     own = np.asarray(own, int)
-    if len(own):
-        extra = np.concatenate([extra, OWN_SD * known.of_flights(model, own)], axis=1)
-    scattered, columns = known.levels([model.names[i] for i in own])
-    extra = np.concatenate([extra, columns], axis=1)
+    extra, scattered = known.nuisances(model, free, own)
     gram = np.linalg.inv(np.eye(extra.shape[1]) + extra.T @ extra)
     ways = _ways(model, free)
     start = values = model.values[free]

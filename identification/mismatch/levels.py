@@ -46,7 +46,7 @@ def with_levels(moments: Moments, space: Space, other: Space | None = None) -> M
     if other is not None:
         maps = np.concatenate([other.free(t) for t in MAPS if t in other.terms])
         shared = np.concatenate([shared, known.columns(other.model, maps)], axis=1)
-    shared = np.concatenate([shared, known.speed_lag(model)], axis=1)  # a nuisance of every fit
+    shared = np.concatenate([shared, known.speed_lag(model), known.drag_at_rotors(model)], axis=1)  # as in every fit
     groups = {term: [i for i, n in enumerate(model.names) if n in names or n.partition("[")[0] in names]
               for term, names in GROUPS.items() if term in model}
     many = len(np.unique(moments.wrench.flight))

@@ -86,10 +86,11 @@ FAR = ("command_delay",)
 """What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
 
 
-def _start(moments: Moments, model: Model, term: str) -> Model:
+def started(model: Model, term: str) -> Model | None:
+    """Where the fit of a term begins, if not at ``model``."""
     values = model.parameters
     moved = {n: v for n, v in STARTS.get(term, {}).items() if values.get(n) == 0.0}
-    return model.with_parameters(moved) if moved else model
+    return model.with_parameters(moved) if moved else None
 
 
 def _limits(moments: Moments, model: Model) -> list[Model]:
@@ -144,7 +145,7 @@ class _Search:
     def tried(self) -> list[Hypothesis]:
         """Every hypothesis to first order, the best of them fitted to the end; best first."""
         level = self.space.terms if not set(LEVEL) & set(self.names) else ()
-        candidates = [(t, self.space, _start(self.moments, self.current.model, t)) for t in self.space.terms
+        candidates = [(t, self.space, started(self.current.model, t) or self.current.model) for t in self.space.terms
                       if t not in self.names and t != "saturation" and (t not in LEVEL or t in level)]
         if "saturation" in self.space.terms and "saturation" not in self.names:
             candidates += [("saturation", self.space, m) for m in _limits(self.moments, self.current.model)]
@@ -272,7 +273,7 @@ class _Search:
 
     def _beside(self, term: str, others: Sequence[str] = ()) -> float:
         """What a term would still take away beside those accepted, and beside ``others``, to first order."""
-        start = _start(self.moments, self.current.model, term)
+        start = started(self.current.model, term) or self.current.model
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
         left, near = self.known.left(start), self._near(start)
         beside = np.concatenate([self._differing(start), self.known.directions(near, held)], axis=1)

@@ -13,14 +13,20 @@ from nanobench_tools.physics.model import find_term
 
 from .commanded import WHY
 from .decide import Decision, Finding
-from .fitting import Slopes
+from .fitting import PRIOR_SD, Slopes
 from .moments import Moments
-from .naming import LEAST_GAIN, PER_PARAMETER
+from .naming import LEAST_GAIN, PER_PARAMETER, started
 from .proof import HORIZONS, QUANTITIES, Proof
 from .recordings import Recordings
 from .space import scales
 from .tolerance import smallest
 
+NINE_OF_TEN = 1.28
+"""Standard deviations above a limit at which nine of ten are above it."""
+UNSEEN = 1e-6
+"""Squared length that one scale of a parameter explains, below which flights do not show it."""
+SIZES = 6
+"""Halvings, by ratio, of the range of a parameter that acts far from linearly."""
 LOCALE = {"force_world": "world", "wind": "world", "frame_tilt": "mocap", "motor_imbalance": "per motor",
           "ground_effect": "world"}
 CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "weight", "wind": "wind",
@@ -168,22 +174,56 @@ def levels(moments: Moments, decision: Decision, recordings: Recordings) -> dict
 
 
 def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
-    """Of each term the smallest change of its best told parameter that would have been named in these flights."""
+    """Of each term the smallest change of its best told parameter that would have been named in nine of ten such
+    recordings, with all that a fit leaves open (``Slopes.nuisances``)."""
     model, known = decision.space.model, Slopes(moments)
     found = {}
     for term in decision.space.terms:
         free = decision.space.free(term)
-        columns = known.columns(model, free)
-        strength = np.linalg.norm(columns, axis=0)
-        if not (strength > 1e-6).any():
-            found[term] = {"minimum_detectable": None, "unit": model.units[free[0]]}
-            continue
-        least = np.sqrt(LEAST_GAIN + PER_PARAMETER * len(free)) / np.maximum(strength, 1e-9) * scales(model)[free]
-        sizes = np.maximum(least, [smallest(model.names[i], decision.fit.model, moments) for i in free])
-        best = int(np.argmin(sizes / scales(model)[free]))
-        found[term] = {"minimum_detectable": float(sizes[best]), "unit": model.units[free[best]],
-                       "parameter": model.names[free[best]]}
+        needed = float(np.sqrt(LEAST_GAIN + PER_PARAMETER * len(free))) + NINE_OF_TEN
+        feigned = np.array([smallest(model.names[i], decision.fit.model, moments) for i in free])
+        begun = started(model, term)
+        if begun is None:
+            least = _least(known, model, free, needed, feigned)
+        else:
+            least = np.array([_least_of(known, model, begun, i, needed, f) for i, f in zip(free, feigned, strict=True)])
+        best = int(np.argmin(least / scales(model)[free]))
+        seen = bool(np.isfinite(least[best]))
+        found[term] = {"minimum_detectable": float(least[best]) if seen else None,
+                       "unit": model.units[free[best if seen else 0]]}
+        if seen:
+            found[term]["parameter"] = model.names[free[best]]
     return found
+
+
+def _least(known: Slopes, model: Model, free: np.ndarray, needed: float, feigned: np.ndarray) -> np.ndarray:
+    """(F,) changes of parameters that take away enough, and with their standard deviation more than is feigned; inf
+    for those that these flights do not show."""
+    sizes, columns = scales(model)[free], known.columns(model, free)
+    normal = columns.T @ known.cleaned(model, columns)
+    strength = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    sd = np.sqrt(np.diag(np.linalg.inv(normal + np.eye(len(free)) / PRIOR_SD**2))) * sizes
+    gained = np.where(strength > UNSEEN, needed / np.maximum(strength, UNSEEN), np.inf) * sizes
+    return np.maximum(gained, np.where(feigned > 0.0, feigned + (2.0 + NINE_OF_TEN) * sd, 0.0))
+
+
+def _least_of(known: Slopes, model: Model, begun: Model, which: int, needed: float, feigned: float) -> float:
+    """The same of one parameter of a term that acts far from linearly where it rests: tried size by size between what
+    is feigned and the bound, from where its fit begins (``begun``)."""
+    rest, most = float(model.values[which]), float(model.upper[which])
+
+    def enough(change: float) -> bool:
+        moved = begun.with_parameters({model.names[which]: rest + change})
+        left = known.left(model) - known.left(moved)
+        return float(left @ known.cleaned(model, left[:, None])[:, 0]) > needed**2
+
+    low, high = max(feigned, (most - rest) / 2.0**SIZES), most - rest
+    if not enough(high):
+        return float("inf")
+    for _ in range(SIZES):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
 
 
 def _faults_text(recordings: Recordings) -> str:

@@ -141,27 +141,36 @@ class Wrench:
             if model.key not in self._known:
                 self._known[model.key] = self.model(model, model.values)
             return self._known[model.key]
-        values = parameters
-        made = equations(model, ROW_S, values)
+        return self._of_thrust(model, parameters, self._thrust(model, parameters))
+
+    def _thrust(self, model: Model, values: np.ndarray) -> np.ndarray:
+        """(n, rows) thrusts [N] that commands make, lagged where rotors lag."""
         inputs = self._inputs(model, values)
         flat = np.concatenate(inputs)
-        thrust = np.stack([np.broadcast_to(c, len(flat)) for c in made.command(list(flat.T))])
-        if "motor_lag" in model:
-            thrust = self._lagged(model, values, inputs, thrust)
-        return self._of_thrust(model, values, thrust)
+        thrust = np.stack([np.broadcast_to(c, len(flat))
+                           for c in equations(model, ROW_S, values).command(list(flat.T))])
+        return self._lagged(model, values, inputs, thrust) if "motor_lag" in model else thrust
 
     def _of_thrust(self, model: Model, values: np.ndarray, thrust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Accelerations, as ``measured``, of rotors (n, rows) that lag already."""
+        acceleration, turning = self._slopes(model, values, thrust)
+        return self._in_body(self._smooth(acceleration, 0)), self._over_stretches(turning)
+
+    def _slopes(self, model: Model, values: np.ndarray, thrust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(rows, 3) acceleration, world, and angular acceleration, body."""
         made = equations(model, ROW_S, values)
         state = np.concatenate([joined(self.tracks, f) for f in ("position_m", "velocity_m_s", "quaternion",
                                                                   "rate_rad_s")], axis=1)
         slope = made.body(list(state.T), list(thrust))
         acceleration, turning = (np.stack([np.broadcast_to(s, len(self.track)) for s in slope[k:k + 3]], 1)
                                  for k in (3, 10))
+        return acceleration, turning
+
+    def _over_stretches(self, turning: np.ndarray) -> np.ndarray:
+        """(M, 3) mean over each stretch of (rows, 3)."""
         steps = np.arange(TORQUE_ROWS + 1)
         weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
-        mean = np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
-        return self._in_body(self._smooth(acceleration, 0)), mean
+        return np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
 
     def _inputs(self, model: Model, values: np.ndarray) -> list[np.ndarray]:
         """Rows of inputs of every track; they change with the delay only."""
@@ -209,6 +218,26 @@ class Wrench:
         by_thrust, by_speed = lagged(command), lagged(np.sqrt(command)) ** 2
         one, other = self._of_thrust(model, model.values, by_thrust), self._of_thrust(model, model.values, by_speed)
         return other[0] - one[0], other[1] - one[1]
+
+    def drag_at_rotors(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
+        """What changes when drag acts at the rotors, at each in proportion to its speed (the root of its thrust), and
+        not at their centre, as ``model`` gives it: where rotors turn unevenly, as with a centre of mass beside theirs,
+        drag turns the vehicle about z."""
+        key = ("drag at rotors", *model.key)
+        if key not in self.slopes:
+            thrust = self._thrust(model, model.values)
+            acceleration, _ = self._slopes(model, model.values, thrust)
+            gravity = np.array([0.0, 0.0, model.vehicle.gravity_m_s2])
+            mass = model.values_of("mass").get("m", model.vehicle.mass_kg)
+            inertia = model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2)
+            force = mass * so3.rotate_inverse(self.quaternion, acceleration + gravity)
+            speed = np.sqrt(np.maximum(thrust, 1e-9))
+            arm = np.asarray(model.vehicle.motor_positions_m)[:, :2].T @ (speed / speed.sum(axis=0))
+            turning = np.zeros_like(acceleration)
+            turning[:, 2] = (arm[0] * force[:, 1] - arm[1] * force[:, 0]) / inertia[2]
+            self.slopes[key] = np.zeros_like(self.measured[0]), self._over_stretches(turning)
+        force, torque = self.slopes[key]
+        return force, torque
 
     def residual(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Measured less model: (N, 3) m/s^2, (M, 3) rad/s^2."""
