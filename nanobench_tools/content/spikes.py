@@ -78,6 +78,9 @@ def spikes(context: Context) -> list[Spike]:
             top = distance[a:b].max(axis=0)
             stays = np.abs(values[min(b, len(values) - 1)] - values[max(a - 1, 0)]) > 0.5 * top
             sticking = np.flatnonzero((top > limit) & (top > floor) & ~stays)
+            if name == "mocap" and contact_likely(context, stream.time_s[a:b]).any() and \
+                    _bounced(values[:, sticking], int(a), int(b), limit[sticking]):
+                continue
             if len(sticking):
                 least = least_height(values[:, sticking], int(a), int(b), limit[sticking])
                 columns = [use[k] for k in sticking]
@@ -101,6 +104,19 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
     across = across + np.where(step > limit, 2.0 * step, 0.0)
     beyond = np.maximum(np.maximum(limit, TIMES_LOCAL * noise), 2.0 * across)
     return beyond + (end - first) * step + off
+
+
+def _bounced(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> bool:
+    """Whether rows first..end-1 of positions (n, k) are where the path turns round, as legs that strike the ground do:
+    on the straight lines through the rows before and after, within half the limit. A spike is off both."""
+    before, after = values[max(first - WIDEST, 0):first], values[end:end + WIDEST]
+    if len(before) < WIDEST or len(after) < WIDEST:
+        return False
+    ahead = np.arange(1, end - first + 1)[:, None]
+    forth = before[-1] + ahead * (before[-1] - before[0]) / (WIDEST - 1)
+    back = (after[0] - ahead * (after[-1] - after[0]) / (WIDEST - 1))[::-1]
+    off = np.minimum(np.abs(values[first:end] - forth), np.abs(values[first:end] - back))
+    return bool((off < 0.5 * limit).all())
 
 
 def _distance(values: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@ Found as the distance of a row from the median of the seven rows around it. A sp
 get in 30 ms (``content.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's
 leaps of up to 70 ms for estimates) and more than 12 times the median distance of the rows within half a second (noise
 of this very place). Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m of the ground from
-take-off on, where true shocks look the same. Motors, requests and setpoints may leap by right. One entry per spike.
+take-off on, where true shocks look the same; positions are not where they turn round there, as in a bounce. Motors,
+requests and setpoints may leap by right. One entry per spike.
 
 Size: distance, in the unit of the column. Smallest found: the larger of the two limits (or twice what the vehicle moves
 from the row before to the row after, lest a leap that stays be taken for a spike), and a row's movement and noise more,
