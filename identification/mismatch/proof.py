@@ -105,7 +105,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     known = Slopes(moments)
     whole = bool(set(terms) & set(MAPS)) and not set(terms) & set(LEVEL)
     told = {*decision.own, *(LEVEL if set(decision.own) & set(LEVEL) else ())}
-    before = _each(_own_level(known, first, first.model, (), whole, told), tracks, numbers)
+    before = _each(own_levels(known, first, first.model, (), whole, told), tracks, numbers)
     floor = _floor(simulator, tracks, seed)
     if not terms:
         return Proof(before, before, tuple(names[n] for n in numbers), len(numbers) > 1, {}, None,
@@ -115,18 +115,18 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
     if decision.own:  # a flight that differs can only be predicted with a value of its own
-        models = _own_level(known, decision.space, decision.fit.model, terms, whole, told)
+        models = own_levels(known, decision.space, decision.fit.model, terms, whole, told)
         after = _each([model.with_parameters({name: decision.fit.model.parameters[name] + float(row[k])
                                               for name, row in decision.fit.own.items()})
                        for k, model in enumerate(models)], tracks, numbers)
-        return Proof(before, after, tuple(names[n] for n in numbers), False, _intervals(before, after, seed), None,
-                     (simulator, corrected), floor=floor)
+        return Proof(before, after, tuple(names[n] for n in numbers), False, relative_intervals(before, after, seed),
+                     None, (simulator, corrected), floor=floor)
     along = np.zeros(len(numbers))
     for left_out in folds:
         others = [n for n in numbers if n not in left_out] or numbers
         fitted = fit(Slopes(moments, others), _rest(decision), free, own=free_of(decision.space, decision.own)).model
         places = [numbers.index(number) for number in left_out]
-        after[places] = _each(_own_level(known, decision.space, fitted, terms, whole), tracks, numbers, places)
+        after[places] = _each(own_levels(known, decision.space, fitted, terms, whole), tracks, numbers, places)
         for place, number in zip(places, left_out, strict=True):
             judge = Slopes(moments, [number])
             start, end = (fit(judge, model, []) for model in (first.model, fitted))
@@ -134,19 +134,19 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
             gained += start.loss - end.loss
             possible += start.loss - plain
             along[place] = (start.loss - end.loss) / max(start.loss - plain, plain)
+    share = float(np.clip(gained / possible, 0.0, 1.0)) if possible > 0.0 else None
     return Proof(before, after, tuple(names[n] for n in numbers), len(numbers) > 1,
-                 _intervals(before, after, seed), float(np.clip(gained / possible, 0.0, 1.0)) if possible > 0.0 else
-                 None, (simulator, corrected), along, floor)
+                 relative_intervals(before, after, seed), share, (simulator, corrected), along, floor)
 
 
 def _each(models: Sequence[Model], tracks: Sequence[Track], numbers: Sequence[int],
           places: Sequence[int] | None = None) -> np.ndarray:
     """(places, H, 4) errors of some flights, all by default, each with its own of ``models``."""
-    return np.concatenate([_errors(models[k], [t for t in tracks if t.flight == numbers[k]], [numbers[k]])
+    return np.concatenate([prediction_errors(models[k], [t for t in tracks if t.flight == numbers[k]], [numbers[k]])
                            for k in (range(len(numbers)) if places is None else places)])
 
 
-def _own_level(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool,
+def own_levels(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool,
                told: Collection[str] = ()) -> list[Model]:
     """``model``, of ``space``, less what was not named, once for every flight with what scatters between flights as
     this one has it beside the mean of all: the same knowledge before and after, so that it is no part of what a name
@@ -161,12 +161,13 @@ def _own_level(known: Slopes, space: Space, model: Model, terms: Sequence[str], 
     for k in range(flights):
         own = {name: model.parameters[name] + float(each[k] - (0.0 if whole and name == SCALE else each.mean()))
                for name, each in scattered.items()}
-        inside = {name: float(np.clip(value, *_bounds(model, name))) for name, value in own.items()}
+        inside = {name: float(np.clip(value, *bounds_of(model, name))) for name, value in own.items()}
         found.append(reduced(model.with_parameters(inside), space.believed, keep))
     return found
 
 
-def _bounds(model: Model, name: str) -> tuple[float, float]:
+def bounds_of(model: Model, name: str) -> tuple[float, float]:
+    """Of one parameter."""
     i = model.index(name)
     return float(model.lower[i]), float(model.upper[i])
 
@@ -176,7 +177,7 @@ def _rest(decision: Decision) -> Model:
     return decision.fit.model
 
 
-def _intervals(before: np.ndarray, after: np.ndarray, seed: int) -> dict[int, tuple[float, float]]:
+def relative_intervals(before: np.ndarray, after: np.ndarray, seed: int) -> dict[int, tuple[float, float]]:
     """95 % of the relative improvement at each horizon, flights drawn anew; of the quantity that improves most."""
     rng = np.random.default_rng(seed)
     found = {}
@@ -217,10 +218,10 @@ def _floor(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
                               rate_rad_s=track.rate_rad_s + noise[:, 9:12]), noise))
     sums, count = np.zeros((len(HORIZONS), 4)), 0
     for track, (moved, noise) in zip(tracks, noisy, strict=True):
-        starts = _starts(track)
+        starts = window_starts(track)
         if not len(starts):
             continue
-        plain, other = (_rolled(model, t, starts) for t in (track, moved))
+        plain, other = (rolled(model, t, starts) for t in (track, moved))
         for k, h in enumerate(HORIZONS):
             end = noise[starts + h]
             a, b = plain[:, h], other[:, h]
@@ -232,13 +233,14 @@ def _floor(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
     return _told(sums / max(count, 1), tracks)
 
 
-def _starts(track: Track) -> np.ndarray:
+def window_starts(track: Track) -> np.ndarray:
+    """Rows from which predictions of a track begin."""
     span = HORIZONS[-1]
     starts = np.arange(WARM, len(track) - span - 1, EVERY)
     return np.array([s for s in starts if track.counts[s:s + span + 1].all()], int)
 
 
-def _rolled(model: Model, track: Track, starts: np.ndarray) -> np.ndarray:
+def rolled(model: Model, track: Track, starts: np.ndarray) -> np.ndarray:
     """(starts, rows, 13) states predicted from the measured ones; along the measured attitude where only a collective
     command is known."""
     if track.commanded:
@@ -249,14 +251,14 @@ def _rolled(model: Model, track: Track, starts: np.ndarray) -> np.ndarray:
                    (track.motor[behind], track.battery_V[behind]), row_hz=1.0 / ROW_S)
 
 
-def _errors(model: Model, tracks: Sequence[Track], numbers: Sequence[int]) -> np.ndarray:
+def prediction_errors(model: Model, tracks: Sequence[Track], numbers: Sequence[int]) -> np.ndarray:
     """(flights, horizons, 4) mean norms of the errors."""
     sums, counts = np.zeros((len(numbers), len(HORIZONS), 4)), np.zeros(len(numbers))
     for track in tracks:
-        starts = _starts(track)
+        starts = window_starts(track)
         if not len(starts):
             continue
-        states = _rolled(model, track, starts)
+        states = rolled(model, track, starts)
         at = numbers.index(track.flight)
         for k, h in enumerate(HORIZONS):
             end, state = starts + h, states[:, h]
