@@ -106,7 +106,9 @@ def simulate(along):
 ''')
     monkeypatch.syspath_prepend(tmp_path)
     found = verdict(nanobench, tmp_path, "--data", recordings, "--simulator", "a_callable:simulate", "--out",
-                    tmp_path / "out")
+                    tmp_path / "out", "--refit")
+    assert ("parameters" in found["refit"]) == bool(found["findings"] and found["improvement"]["held_out"])
+    assert found["refit"]["sentence"]
     assert found["simulator"]["alike"]
     assert "motor_lag" not in found["simulator"]["terms"]
     assert (tmp_path / "out" / "simulator_equivalent.toml").is_file()
@@ -139,6 +141,12 @@ def test_the_bound_of_a_network_stands_beside_what_was_named(recordings, monkeyp
     assert flexible(SimpleNamespace(say=said.append), SimpleNamespace(), look_over(flights, audits, flights, audits),
                     hexa) is None
     assert "four motors" in said[-1]
+
+
+def test_a_refit_needs_paths(nanobench, recordings, simulator):
+    code, _, err = nanobench("diagnose", "--data", recordings, "--normal", recordings, "--simulator", simulator,
+                             "--refit", "--quiet")
+    assert (code, "--refit predicts paths" in err, err.count("\n")) == (2, True, 1)
 
 
 @pytest.mark.parametrize(("given", "words"), [
