@@ -8,9 +8,11 @@ carried on by the IMU. Nothing of the recording later than a row is used for its
 from __future__ import annotations
 
 import time
+from bisect import bisect_left, bisect_right
 from dataclasses import replace
 from typing import Any
 
+import numba as nb
 import numpy as np
 
 from nanobench_tools import so3
@@ -75,35 +77,38 @@ class _Run:
         self.smoother = self.gtsam.IncrementalFixedLagSmoother(LAG_S, settings)
         self.params = params_of(self.gtsam, noise)
         self.values = np.column_stack([rows.acc, rows.gyro])
-        self.slope = _slope(rows.time_s, self.values)
-        self.arrival_s = rows.pose_s + float(flight.metadata.get("pose_delay_s", 0.0))
+        self.slope_sums, self.force_sums = _sums(_slope(rows.time_s, self.values)), _sums(rows.acc)
+        self.time_s, self.pose_s = rows.time_s.tolist(), rows.pose_s.tolist()
+        self.arrival_s = (rows.pose_s + float(flight.metadata.get("pose_delay_s", 0.0))).tolist()
+        self.lift_s = rows.time_s[rows.lift].tolist()
         told = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
         self.pose_sd = np.array([np.hypot(told, CLOCK_SD_M)] * 3 + [ATTITUDE_SD_RAD] * 3)
         self.turns = [self.gtsam.Rot3(r) for r in so3.matrix(rows.quaternion)]
         middle, self.step_s = 0.5 * (self.values[1:] + self.values[:-1]), np.diff(rows.time_s).tolist()
+        self.variances = np.zeros((3, 3)), np.zeros((3, 3))
         self.force, self.rate = list(middle[:, :3]), list(middle[:, 3:])
         self.flying = _flying(flight, rows)
         self.update_s: list[float] = []
         self.sure = Carried()
-        self.count, self.state_s = 0, float(rows.pose_s[0])
+        self.count, self.state_s = 0, self.pose_s[0]
 
     def through(self) -> Estimate:
         """Every row in turn: states that have become possible, then the newest one carried to the row."""
-        rows = self.rows
-        row = int(np.searchsorted(rows.time_s, self.state_s))
-        while rows.report_s[row] < self.arrival_s[0]:
+        rows, report_s = self.rows, self.rows.report_s.tolist()
+        row = bisect_left(self.time_s, self.state_s)
+        while report_s[row] < self.arrival_s[0]:
             row += 1
         self._begin()
         first, taken = row, 0
         found: list[Any] = []
         slow: list[np.ndarray] = []
-        tail = self._increment(self.state_s, float(rows.time_s[row]))
-        for row in range(first, len(rows.time_s)):
-            now_s, stamp = float(rows.time_s[row]), rows.report_s[row]
+        tail = self._increment(self.state_s, self.time_s[row])
+        for row in range(first, len(report_s)):
+            now_s, stamp = self.time_s[row], report_s[row]
             if row > first:
                 tail.integrateMeasurement(self.force[row - 1], self.rate[row - 1], self.step_s[row - 1])
             try:
-                made, taken = self._possible(now_s, float(stamp), taken)
+                made, taken = self._possible(now_s, stamp, taken)
             except RuntimeError as error:  # of gtsam; nothing later can be known then
                 if len(found) < LEAST_ROWS:
                     raise InputError(rows.place, f"gtsam_fixed_lag lost the flight at {stamp:.2f} s",
@@ -119,12 +124,12 @@ class _Run:
 
     def _possible(self, now_s: float, stamp_s: float, taken: int) -> tuple[bool, int]:
         """Makes the states that have become possible; (whether there was one, the last pose seen)."""
-        rows, before = self.rows, self.count
-        while taken + 1 < len(rows.pose_s) and self.arrival_s[taken + 1] <= stamp_s + 1e-9 \
-                and rows.pose_s[taken + 1] <= now_s:
+        before = self.count
+        while taken + 1 < len(self.pose_s) and self.arrival_s[taken + 1] <= stamp_s + 1e-9 \
+                and self.pose_s[taken + 1] <= now_s:
             taken += 1
-            if rows.pose_s[taken] - self.state_s >= NEAR_S:
-                self._update(float(rows.pose_s[taken]), taken)
+            if self.pose_s[taken] - self.state_s >= NEAR_S:
+                self._update(self.pose_s[taken], taken)
         if stamp_s - self.state_s >= WAIT_S and now_s - self.state_s >= 0.5 * WAIT_S:
             self._update(now_s, None)
         return self.count > before, taken
@@ -183,13 +188,12 @@ class _Run:
                                             gtsam.noiseModel.Diagonal.Sigmas(GtsamAided.walk[:USED] * step)))
         for key, value in ((x, at), (v, there.velocity()), (b, self.bias), (c, self.slow)):
             values.insert(key, value)
-        row = int(np.searchsorted(self.rows.time_s, at_s, side="right")) - 1
+        row = bisect_right(self.time_s, at_s) - 1
         state = State(there.attitude().matrix()[None], there.position()[None], there.velocity()[None],
                       self.bias.accelerometer()[None], self.bias.gyroscope()[None], self.slow[None])
         blocks = [] if pose is None else [self._pose(state, pose, row)]
         if self.flying[row]:
-            force = increment_mean(self.rows, self.state_s, at_s)
-            block = drag(state, force[None], np.zeros(1, int))
+            block = drag(state, self._mean_force(at_s)[None], np.zeros(1, int))
             blocks.append(replace(block, sigma=block.sigma * np.sqrt(0.1) / step))
         where = {"x": x, "v": v, "c": c}
         for block in blocks:
@@ -222,43 +226,58 @@ class _Run:
 
     def _increment(self, start_s: float, end_s: float) -> Any:
         """Preintegrated rows from one time to a later one, with the noise of how much they change."""
-        rows = self.rows.time_s
-        a, b = np.searchsorted(rows, [start_s, end_s])
-        level, upright, gyro = self.noise.stamp_s_sqrtHz**2 * self.slope[a : max(b, a + 1)].mean(axis=0)
-        level += self.noise.acc_m_s2_sqrtHz**2
-        self.params.setAccelerometerCovariance(np.diag([level, level, upright + self.noise.upright**2]))
+        a, b = bisect_left(self.time_s, start_s), bisect_left(self.time_s, end_s)
+        changes = self.slope_sums[max(b, a + 1)] - self.slope_sums[a]
+        level, upright, gyro = (self.noise.stamp_s_sqrtHz**2 / max(b - a, 1) * changes).tolist()
+        acc, turn = self.variances
+        acc[0, 0] = acc[1, 1] = level + self.noise.acc_m_s2_sqrtHz**2
+        acc[2, 2] = upright + self.noise.upright**2
+        turn[0, 0] = turn[1, 1] = turn[2, 2] = gyro + self.noise.gyro_rad_s_sqrtHz**2
+        self.params.setAccelerometerCovariance(acc)
+        self.params.setGyroscopeCovariance(turn)
         walk = self.noise.acc_walk_m_s3_sqrtHz**2
-        if self.rows.lift[a:b].any():
+        if bisect_left(self.lift_s, end_s) > bisect_left(self.lift_s, start_s):
             walk += LIFT_SD_M_S2**2 / max(end_s - start_s, 1e-3)
         self.params.setBiasAccCovariance(EYE * walk)
-        self.params.setGyroscopeCovariance(EYE * (self.noise.gyro_rad_s_sqrtHz**2 + gyro))
         one = self.gtsam.PreintegratedCombinedMeasurements(self.params, self.gtsam.imuBias.ConstantBias())
-        times, values = between(rows, self.values, start_s, end_s)
-        middle = 0.5 * (values[1:] + values[:-1])
-        for acc, gyro, step in zip(middle[:, :3], middle[:, 3:], np.diff(times).tolist(), strict=True):
+        steps, middle = between(self.rows.time_s, self.values, start_s, end_s)
+        for values, step in zip(middle, steps.tolist(), strict=True):
             if step > 1e-9:
-                one.integrateMeasurement(acc, gyro, step)
+                one.integrateMeasurement(values[:3], values[3:], step)
         return one
 
+    def _mean_force(self, end_s: float) -> np.ndarray:
+        """(3,) mean specific force since the newest state."""
+        b = bisect_right(self.time_s, end_s)
+        a = min(bisect_right(self.time_s, self.state_s), b - 1)
+        return (self.force_sums[b] - self.force_sums[a]) / (b - a)
 
+
+@nb.njit(cache=True)
 def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times (m,) from start to end, both included, and the values there (m, d), piecewise linear."""
-    a, b = np.searchsorted(time_s, [start_s, end_s], side="right")
-    last = len(time_s) - 1
+    """Steps (m,) s from start to end over the rows between them, and means (m, d) of piecewise linear values (n, d)
+    over each; before the first and after the last row values stay."""
+    a, b = np.searchsorted(time_s, start_s, side="right"), np.searchsorted(time_s, end_s, side="right")
+    steps, middle = np.empty(b - a + 1), np.empty((b - a + 1, values.shape[1]))
+    before_s, before = start_s, _at(time_s, values, start_s)
+    for i in range(a, b + 1):
+        after_s, after = (time_s[i], values[i]) if i < b else (end_s, _at(time_s, values, end_s))
+        steps[i - a], middle[i - a] = after_s - before_s, 0.5 * (before + after)
+        before_s, before = after_s, after
+    return steps, middle
 
-    def at(t: float, i: int) -> np.ndarray:
-        j = min(max(i, 1), last)
-        share = (t - time_s[j - 1]) / (time_s[j] - time_s[j - 1])
-        return values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
 
-    times = np.concatenate(([start_s], time_s[a:b], [end_s]))
-    return times, np.vstack([at(start_s, a), values[a:b], at(end_s, b if time_s[b - 1] < end_s else b - 1)])
+@nb.njit(cache=True)
+def _at(time_s: np.ndarray, values: np.ndarray, at_s: float) -> np.ndarray:
+    """(d,) values at one time."""
+    j = min(max(np.searchsorted(time_s, at_s, side="right"), 1), len(time_s) - 1)
+    share = (at_s - time_s[j - 1]) / (time_s[j] - time_s[j - 1])
+    return values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
 
 
-def increment_mean(rows: Rows, start_s: float, end_s: float) -> np.ndarray:
-    """(3,) mean specific force between two times."""
-    a, b = np.searchsorted(rows.time_s, [start_s, end_s], side="right")
-    return rows.acc[min(a, b - 1) : b].mean(axis=0)
+def _sums(values: np.ndarray) -> np.ndarray:
+    """(n + 1, d) sums of the rows before each of (n, d)."""
+    return np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
 
 
 def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
