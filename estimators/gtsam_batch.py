@@ -17,6 +17,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.methods import Estimate
 
+from .drag_ekf import TUNED
 from .error_state_ekf import ErrorStateEkf
 from .gtsam_graph import Linear, Problem, Solution
 from .gtsam_path import UP, Path, State, steps_of
@@ -24,9 +25,10 @@ from .gtsam_rows import POSE, Rows, rows_of, stands
 from .gtsam_sure import between, given_out
 from .imu_noise import ImuNoise, packet_rate_hz
 
-NOISE = ImuNoise(gyro_rad_s_sqrtHz=0.003, acc_m_s2_sqrtHz=0.018, vertical_m_s2_sqrtHz=0.005,
-                 gyro_walk_rad_s2_sqrtHz=5e-5, acc_walk_m_s3_sqrtHz=1.5e-3, stamp_s_sqrtHz=0.0103)
-"""In flight, where the stamps' wander is told apart: it counts as much as the signal changes. As of ``drag_ekf``."""
+NOISE = ImuNoise(gyro_rad_s_sqrtHz=TUNED["gyro_noise"], acc_m_s2_sqrtHz=TUNED["acc_noise"],
+                 vertical_m_s2_sqrtHz=TUNED["vertical_noise"], gyro_walk_rad_s2_sqrtHz=TUNED["gyro_walk"],
+                 acc_walk_m_s3_sqrtHz=TUNED["acc_walk"], stamp_s_sqrtHz=TUNED["stamp"])
+"""That of ``drag_ekf``, in flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
 
 CLOCK_SD_S, TOGETHER_SD_M, ALONE_SD_M = 0.002, 3e-4, 0.001
 """What poses and the IMU disagree by besides the noise of the pose. Where several poses come to one state: the wander

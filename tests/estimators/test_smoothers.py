@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from nanobench_tools.errors import InputError, MissingExtraError
 from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.metrics.consistency import normalised_squared
 from nanobench_tools.protocols import aided, blackout
 
 gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobench[smoothers]'")
@@ -339,6 +340,19 @@ def test_fixed_lag_follows_a_known_motion_and_uses_nothing_later():
     other = GtsamFixedLag().estimate(bent)
     before = estimate.time_s <= 5.0
     assert np.array_equal(estimate.position_m[before], other.position_m[before])
+
+
+def test_fixed_lag_errors_are_as_large_as_it_says():
+    """SYNTHETIC, poses at 10 Hz with 1 cm of noise; without drag, and so without motors."""
+    found = []
+    for seed in range(3):
+        flight, t, p, _ = known_motion(seconds=30.0, noise_m=0.01, seed=seed)
+        still = make_stream("motor", t, np.zeros((len(t), 4)), ("m1", "m2", "m3", "m4"))
+        estimate = GtsamFixedLag().estimate(flight.with_streams(motor=still))
+        error = estimate.position_m - np.stack([np.interp(estimate.time_s, t, column) for column in p.T], axis=1)
+        settled = estimate.time_s > 3.0
+        found.append(normalised_squared(error[settled], estimate.covariance[settled, :3, :3]).mean())
+    assert 2.0 < np.mean(found) < 4.0
 
 
 def test_without_motors_the_aided_row_says_what_is_missing_and_goes_on(crowd):
