@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numba as nb
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -80,24 +81,12 @@ class Path:
 
     def __init__(self, steps: Steps, state: State) -> None:
         self.steps, self.state = steps, state
-        k, n = len(steps.first), len(steps.acc)
-        self.owner = np.repeat(np.arange(k), steps.lengths)
-        self.rate = steps.gyro - state.gyro_bias[self.owner]
-        self.force = steps.acc - state.acc_bias[self.owner]
-        self.step_s = np.diff(steps.grid_s)[:, None]
-        turn = small_turn(self.rate * self.step_s)
-        self.turn, self.gain, self.way = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        q, v, p = np.tile([0.0, 0.0, 0.0, 1.0], (k, 1)), np.zeros((k, 3)), np.zeros((k, 3))
-        for j in range(int(steps.lengths.max())):
-            on = np.flatnonzero(steps.lengths > j)
-            at = steps.first[on] + j
-            self.turn[at], self.gain[at], self.way[at] = q[on], v[on], p[on]
-            dt = self.step_s[at]
-            a = turned(q[on], self.force[at])
-            p[on] += v[on] * dt + 0.5 * a * dt * dt
-            v[on] += a * dt
-            q[on] = so3.multiply(q[on], turn[at])
-        self.ends = (q, v, p)
+        owner = np.repeat(np.arange(len(steps.first)), steps.lengths)
+        self.rate = steps.gyro - state.gyro_bias[owner]
+        self.force = steps.acc - state.acc_bias[owner]
+        step_s = np.diff(steps.grid_s)
+        turn = small_turn(self.rate * step_s[:, None])
+        self.turn, self.gain, self.way, *self.ends = increments(steps.first, steps.lengths, step_s, self.force, turn)
         self.quaternion = quaternion_of(state.rotation)
 
     def _increments(self, interval: np.ndarray, at_s: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -140,6 +129,35 @@ class Path:
         turn = so3.log(so3.multiply(so3.conjugate(a.quaternion), b.quaternion))
         return Motion(a.position + (b.position - a.position) * over, a.velocity + (b.velocity - a.velocity) * over,
                       so3.multiply(a.quaternion, so3.exp(turn * over)), a.rate)
+
+
+@nb.njit(cache=True)
+def increments(first: np.ndarray, lengths: np.ndarray, step_s: np.ndarray, force: np.ndarray,
+               turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rotation (n, 4), velocity and position (n, 3) before each of n steps since the start of its interval, then the
+    same over the whole of each interval (K, .); force (n, 3) held over a step, turn (n, 4) of the step."""
+    k, n = len(first), len(step_s)
+    q, v, p = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
+    q_end, v_end, p_end = np.empty((k, 4)), np.empty((k, 3)), np.empty((k, 3))
+    for i in range(k):
+        x, y, z, w = 0.0, 0.0, 0.0, 1.0
+        speed, place = np.zeros(3), np.zeros(3)
+        for at in range(first[i], first[i] + lengths[i]):
+            q[at, 0], q[at, 1], q[at, 2], q[at, 3] = x, y, z, w
+            v[at], p[at] = speed, place
+            a, b, c = force[at, 0], force[at, 1], force[at, 2]
+            tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+            dt = step_s[at]
+            push = (a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx)
+            for j in range(3):
+                place[j] += speed[j] * dt + 0.5 * push[j] * dt * dt
+                speed[j] += push[j] * dt
+            dx, dy, dz, dw = turn[at, 0], turn[at, 1], turn[at, 2], turn[at, 3]
+            x, y, z, w = (w * dx + x * dw + y * dz - z * dy, w * dy - x * dz + y * dw + z * dx,
+                          w * dz + x * dy - y * dx + z * dw, w * dw - x * dx - y * dy - z * dz)
+        q_end[i, 0], q_end[i, 1], q_end[i, 2], q_end[i, 3] = x, y, z, w
+        v_end[i], p_end[i] = speed, place
+    return q, v, p, q_end, v_end, p_end
 
 
 def turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
