@@ -67,19 +67,19 @@ def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 
 
 
 def independent_samples(white: np.ndarray) -> float:
-    """How many independent rows the (n, k) rows are worth: n / (1 + 2 sum r_j), at least 1, r the autocorrelation
-    (mean over columns, about zero, up to where it first falls below 0.05).
+    """How many independent rows the (n, k) rows are worth where their squares are averaged: n / (1 + 2 sum r_j^2), at
+    least 1, r the autocorrelation of a column about zero, up to where the mean over columns first falls below 0.05.
 
-    Sokal, "Monte Carlo methods in statistical mechanics" (1997), section 3, for the integrated correlation time.
+    Squares of Gaussian numbers that hang together by r do so by r^2: Bayley and Hammersley, "The 'effective' number of
+    independent observations in an autocorrelated time series" (1946), for a variance.
     """
     x = np.asarray(white, float)
     n = len(x)
     if n < 4 or not np.any(x):
         return float(n)
     size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(x, size, axis=0)) ** 2
-    power = np.fft.irfft(spectrum.sum(axis=1), size)[: n // 2]
-    r = power / power[0]
-    small = np.flatnonzero(r < 0.05)
-    until = int(small[0]) if len(small) else len(r)
-    return float(max(n / (1.0 + 2.0 * r[1:until].sum()), 1.0))
+    power = np.fft.irfft(np.abs(np.fft.rfft(x, size, axis=0)) ** 2, size, axis=0)[: n // 2]
+    small = np.flatnonzero(power.sum(axis=1) < 0.05 * power[0].sum())
+    until = int(small[0]) if len(small) else len(power)
+    square = np.sum(power**2, axis=1)
+    return float(max(n / (1.0 + 2.0 * square[1:until].sum() / square[0]), 1.0))

@@ -78,8 +78,9 @@ def consistency_metrics(estimate: Estimate, rows: np.ndarray, truth_m: np.ndarra
 
     ``nees``: mean normalised squared error, 3 if consistent. Errors of one run hang together in time, so that k rows
     count as ``nees_samples``, from the autocorrelation of the whitened error; ``nees_in_band`` is 1 if the mean lies
-    in the 95 % band of chi-square for so many, else 0 (over flights: the share). ``nis``: mean over the measurements'
-    dimensions, 1 if consistent, its band taken as if innovations were white, which they are if the filter is right.
+    in the 95 % band of chi-square for so many, else 0 (over flights: the share), which holds 95 % of the runs of a
+    consistent estimator. ``nis``: mean over the measurements' dimensions, 1 if consistent, its band taken as if
+    innovations were white, which they are if the filter is right.
     Empty if the estimate does not say how sure it is; nan where a covariance is not positive definite.
     """
     found: dict[str, float] = {}
