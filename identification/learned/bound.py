@@ -55,7 +55,7 @@ def flexible_bound(simulator: Predictor, flights: Sequence[tuple[str, Windows, P
     count = min(GROUPS, len(names))
     flown = [Flown(name, windows, came, simulator.predict(windows)) for name, windows, came in flights]
     groups = [[f for f in flown if names.index(f.name) % count == k] for k in range(count)]
-    table = train_own("flexible bound", simulator, groups, False, settings, None, quiet)[0].trained["held_out"]
+    table = train_own("flexible bound", simulator, groups, False, settings, quiet).trained["held_out"]
     keys = (*map(str, HORIZONS), "sum")
     before, after = ({q: {k: table[q][which][k] for k in keys} for q in QUANTITIES}
                      for which in ("physics", "corrected"))

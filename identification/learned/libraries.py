@@ -26,11 +26,13 @@ def libraries() -> SimpleNamespace:
     """{jax, jnp, lax, eqx, optax, safetensors}. MissingExtraError, one line that says what to install, without them.
 
     JAX takes an accelerator when it sees one. On a CPU it is held to one thread (the networks are too small to gain
-    from more, and items run side by side), unless XLA_FLAGS says otherwise or JAX was loaded before.
+    from more, items run side by side, and the last digit depends on the number), unless XLA_FLAGS and NPROC say
+    otherwise or JAX was loaded before.
     """
     share_process()
     if "jax" not in sys.modules:
         os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
+        os.environ.setdefault("NPROC", "1")  # how many threads XLA's pool has; no flag sets it
         os.environ.setdefault("JAX_PLATFORMS", "")
     try:
         import equinox

@@ -24,10 +24,12 @@ from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_erro
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import EVERY, RATE_HZ, cut_windows
 
+from .bar import Step
 from .correction import WIDTH, corrected, modules, starts, wanted
 from .features import POSITIONS, Seen, position_matrices, seen
 from .libraries import libraries
 from .published import chunked
+from .together import Work
 from .training import Settings, Task, Trained, filled, train
 
 GROUPS = 5
@@ -125,22 +127,20 @@ def _all_of(context: int, steps: int, dt: float) -> Callable[..., Any]:
     return _KEPT[context, steps, dt]
 
 
-def held_out(cases: Sequence[Case], fit: Callable[[Sequence[Case]], Predictor], past: bool = False,
-             truth: str = "onboard", groups: int = GROUPS) -> list[list[Flown]]:
-    """Groups of flights, each predicted by ``fit`` of the other groups. Windows every 2 rows.
+def held_out(cases: Sequence[Case], fits: Callable[[Sequence[Sequence[Case]]], Sequence[Predictor]],
+             past: bool = False, truth: str = "onboard", groups: int = GROUPS) -> list[list[Flown]]:
+    """Groups of flights, each predicted by a fit of the other groups; ``fits`` gives a predictor for each of some
+    sets of flights. Windows every 2 rows.
 
     Raises InputError for fewer than two flights.
     """
     if len(cases) < 2:
         raise InputError("training flights", f"{len(cases)} flight is left: none can be held out", "give two or more")
-    found = []
-    for group in range(min(groups, len(cases))):
-        rest = [c for i, c in enumerate(cases) if i % groups != group]
-        physics = fit(rest)
-        found.append([Flown(case.flight.name, windows, came, physics.predict(windows))
-                      for i, case in enumerate(cases) if i % groups == group
-                      for windows, came in _dense(case, truth, past)])
-    return found
+    count = min(groups, len(cases))
+    fitted = fits([[c for i, c in enumerate(cases) if i % groups != group] for group in range(count)])
+    return [[Flown(case.flight.name, windows, came, physics.predict(windows))
+             for case in cases[group::groups] for windows, came in _dense(case, truth, past)]
+            for group, physics in enumerate(fitted)]
 
 
 def _dense(case: Case, truth: str, past: bool) -> list[tuple[Windows, Prediction]]:
@@ -151,10 +151,47 @@ def _dense(case: Case, truth: str, past: bool) -> list[tuple[Windows, Prediction
     return [both for spans in shifted if (both := cut_windows(case.flight, spans, truth, past)) is not None]
 
 
-def train_own(name: str, base: Predictor, groups: Sequence[Sequence[Flown]], past: bool = False,
-              settings: Settings = SETTINGS, folder: Path | None = None, quiet: bool = True) -> tuple[Corrected, float]:
-    """``base`` (fitted to all flights) corrected by networks trained on ``groups`` (``held_out``), and the seconds it
-    took."""
+@dataclass(frozen=True)
+class Lesson:
+    """What the networks of a row learn from. groups of flights as ``held_out`` gives them; spread: as in Corrected;
+    arrays: what a network is called with, of all windows; target (n, H, 12): errors it should say; group (n,)."""
+
+    name: str
+    past: bool
+    groups: Sequence[Sequence[Flown]]
+    spread: tuple[np.ndarray, ...]
+    arrays: list[np.ndarray]
+    target: np.ndarray
+    group: np.ndarray
+    kinds: tuple[str, str]
+
+    @property
+    def flown(self) -> list[Flown]:
+        """All of them."""
+        return [f for group in self.groups for f in group]
+
+    def work(self, settings: Settings, folder: Path | None) -> list[Work]:
+        """The trainings, one per group."""
+        names, count = sorted({f.name for f in self.flown}), len(self.groups)
+        return [Work(f"{self.name} {k + 1} of {count}", train_network, {
+            "label": f"{self.name} {k + 1} of {count}", "arrays": self.arrays, "target": self.target,
+            "number": self.group, "group": k, "rate_hz": self.flown[0].windows.rate_hz, "kinds": self.kinds,
+            "flights": names, "settings": settings,
+            "path": None if folder is None else Path(folder) / f"{self.name}_{k + 1}.safetensors"}, settings.epochs)
+            for k in range(count)]
+
+    def row(self, base: Predictor, found: Sequence[Trained]) -> Corrected:
+        """``base`` (fitted to all flights) corrected by what was trained."""
+        shares, onsets, table = guard(self.groups, found, self.spread, self.past)
+        return Corrected(self.name, base, tuple(tuple(f.leaves) for f in found), self.spread, shares, onsets,
+                         "past" if self.past else "state",
+                         {"epochs": len(found[0].history), "best_epochs": [f.best for f in found], "held_out": table,
+                          "history": [f.history.tolist() for f in found], "flights": len({f.name for f in self.flown}),
+                          "windows": len(self.target)})
+
+
+def lesson(name: str, groups: Sequence[Sequence[Flown]], past: bool = False) -> Lesson:
+    """What the row ``name`` learns from ``groups``. InputError when they hold no window."""
     flown = [f for group in groups for f in group]
     if not flown or not sum(len(f.windows) for f in flown):
         raise InputError("training flights", "no window to train a correction on is left")
@@ -166,18 +203,22 @@ def train_own(name: str, base: Predictor, groups: Sequence[Sequence[Flown]], pas
     target = np.concatenate([wanted(f.predicted, f.came) for f in flown]).astype(np.float32)
     number = np.repeat(np.concatenate([np.full(len(group), k) for k, group in enumerate(groups)]),
                        [len(f.windows) for f in flown])
-    rate_hz = flown[0].windows.rate_hz
-    found = [train(_task(f"{name} {k + 1} of {len(groups)}", arrays, target, number, k, rate_hz, looks[0].kinds,
-                         settings.seed + k, [f.name for f in flown]), settings,
-                   None if folder is None else Path(folder) / f"{name}_{k + 1}.safetensors", quiet)
-             for k in range(len(groups))]
-    shares, onsets, table = guard(groups, found, spread, past)
-    made = Corrected(name, base, tuple(tuple(f.leaves) for f in found), spread, shares, onsets,
-                     "past" if past else "state",
-                     {"epochs": settings.epochs, "best_epochs": [f.best for f in found], "held_out": table,
-                      "history": [f.history.tolist() for f in found], "flights": len({f.name for f in flown}),
-                      "windows": len(target)})
-    return made, sum(f.seconds for f in found)
+    return Lesson(name, past, groups, spread, arrays, target, number, looks[0].kinds)
+
+
+def train_network(label: str, arrays: Sequence[np.ndarray], target: np.ndarray, number: np.ndarray, group: int,
+                  rate_hz: float, kinds: tuple[str, str], flights: list[str], settings: Settings, path: Path | None,
+                  quiet: bool = True, report: Step | None = None) -> Trained:
+    """One network of a lesson: it learns from all groups but ``group`` and is validated on that."""
+    task = _task(label, arrays, target, number, group, rate_hz, kinds, settings.seed + group, flights)
+    return train(task, settings, path, quiet, report=report)
+
+
+def train_own(name: str, base: Predictor, groups: Sequence[Sequence[Flown]], past: bool = False,
+              settings: Settings = SETTINGS, quiet: bool = True) -> Corrected:
+    """``base`` (fitted to all flights) corrected by networks trained on ``groups`` (``held_out``), here and now."""
+    taught = lesson(name, groups, past)
+    return taught.row(base, [train_network(**one.kwargs, quiet=quiet) for one in taught.work(settings, None)])
 
 
 def _even(values: np.ndarray, kinds: str) -> tuple[np.ndarray, np.ndarray]:
@@ -223,7 +264,7 @@ def _task(label: str, arrays: Sequence[np.ndarray], target: np.ndarray, number: 
     sizes = arrays[0].shape[1], arrays[1].shape[2]
     return Task(label, _network(*sizes, seed), data, loss, rows[number != group], rows[number == group][::PHASES],
                 {"architecture": {"kind": "correction", "context": sizes[0], "steps": sizes[1], "width": WIDTH},
-                 "data_sha256": digest, "flights": sorted(set(flights))}, judge)
+                 "data_sha256": digest, "flights": flights}, judge)
 
 
 def guard(groups: Sequence[Sequence[Flown]], found: Sequence[Trained], spread: Sequence[np.ndarray],

@@ -15,6 +15,7 @@ from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import HORIZON
 
+from .bar import Step
 from .libraries import libraries
 from .networks import DEPTH, KINDS, WIDTH, network
 from .rows import Rows, rows_of
@@ -79,12 +80,15 @@ def row_name(kind: str, voltage: bool) -> str:
     return f"{kind}_voltage" if voltage else kind
 
 
+def _scaling(rows: Rows, voltage: bool) -> tuple[np.ndarray, ...]:
+    found = rows.scaling()
+    return found if voltage else (*found[:2], found[2][:4], found[3][:4])
+
+
 def task_of(kind: str, voltage: bool, rows: Rows, seed: int) -> tuple[Task, tuple[np.ndarray, ...]]:
     """(task, scaling) of a published row."""
     jnp = libraries().jnp
-    scaling = rows.scaling()
-    if not voltage:
-        scaling = (*scaling[:2], scaling[2][:4], scaling[3][:4])
+    scaling = _scaling(rows, voltage)
     mean, spread, u_mean, u_spread = scaling
     data = {"x": jnp.asarray((rows.state - mean) / spread), "u": jnp.asarray(
         (rows.inputs[:, :len(u_mean)] - u_mean) / u_spread)}
@@ -109,16 +113,28 @@ def train_row(kind: str, voltage: bool, cases: Sequence[Case] | Rows, settings: 
     Raises InputError as ``train`` and ``rows_of`` do.
     """
     rows = cases if isinstance(cases, Rows) else rows_of(cases)
-    task, scaling = task_of(kind, voltage, rows, settings.seed)
+    found = train_network(kind, voltage, rows, settings, folder, quiet)
+    return predictor_of(kind, voltage, rows, found), found
+
+
+def train_network(kind: str, voltage: bool, rows: Rows, settings: Settings, folder: Path | None, quiet: bool = True,
+                  report: Step | None = None) -> Trained:
+    """The training of a published row, or what a checkpoint in ``folder`` holds of it."""
+    task, _ = task_of(kind, voltage, rows, settings.seed)
     path = None if folder is None else Path(folder) / f"{task.label}.safetensors"
-    found = train(task, settings, path, quiet).worth_a_row(task.label)
+    return train(task, settings, path, quiet, report=report)
+
+
+def predictor_of(kind: str, voltage: bool, rows: Rows, found: Trained) -> LearnedPredictor:
+    """The row of a training. InputError when it is worth none."""
+    name = row_name(kind, voltage)
+    found.worth_a_row(name)
     about = {"epochs": len(found.history), "best_epoch": found.best,
              "validation_loss": float(found.history[:, 1].min()),
              "data_sha256": rows.sha256, "flights": len(rows.names), "windows": len(rows.train),
              "history": found.history.tolist()}
-    made = LearnedPredictor(task.label, kind, voltage, tuple(found.leaves),
-                            tuple(np.asarray(v, float) for v in scaling), trained=about)
-    return made, found
+    scaling = tuple(np.asarray(v, float) for v in _scaling(rows, voltage))
+    return LearnedPredictor(name, kind, voltage, tuple(found.leaves), scaling, trained=about)
 
 
-__all__ = ["CHUNK", "KINDS", "LearnedPredictor", "row_name", "task_of", "train_row"]
+__all__ = ["CHUNK", "KINDS", "LearnedPredictor", "predictor_of", "row_name", "task_of", "train_network", "train_row"]

@@ -6,8 +6,9 @@ An epoch draws its windows anew from (seed, epoch) alone, so a training that was
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from nanobench_tools.errors import InputError, UsageError
 
 from . import checkpoints
-from .bar import bar
+from .bar import Step, bar
 from .libraries import libraries, platform
 
 
@@ -58,15 +59,23 @@ class Task:
 @dataclass(frozen=True)
 class Trained:
     """leaves: arrays of the network with the least validation loss, which was that of epoch ``best``; history (epochs,
-    2): loss and validation loss; seconds: of this call; begun: epochs that an earlier one had done; untrained: the
-    validation loss before the first."""
+    2): loss and validation loss; seconds, processor_s: of this call, by the clock and on the processor; begun: epochs
+    that an earlier one had done; untrained: the validation loss before the first."""
 
     leaves: list[np.ndarray]
     history: np.ndarray
     best: int
     seconds: float
+    processor_s: float
     begun: int
     untrained: float
+
+    @staticmethod
+    def of(value: Mapping[str, Any]) -> Trained:
+        """From what ``asdict`` gives and a result file keeps: lists for arrays. Numbers of networks are float32."""
+        found = Trained(**value)
+        return replace(found, leaves=[np.asarray(leaf, np.float32) for leaf in found.leaves],
+                       history=np.asarray(found.history, float).reshape(-1, 2))
 
     def worth_a_row(self, label: str) -> Trained:
         """Itself. InputError when training never made validation better than none: that is no row."""
@@ -79,8 +88,9 @@ class Trained:
 
 
 def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool = True,
-          every_s: float = 20.0) -> Trained:
+          every_s: float = 20.0, report: Step | None = None) -> Trained:
     """Trains, or goes on from the checkpoint at ``path`` (written every ``every_s`` seconds and at the end).
+    ``report`` is told of every epoch, in place of a bar.
 
     Raises InputError for a loss that is not a number and for a checkpoint of something else.
     """
@@ -119,8 +129,9 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
         history, begun = found.tensors["history"], len(found.tensors["history"])
         best_loss = float(history[:, 1].min()) if begun else np.inf
     started = written = time.monotonic()
+    worked = time.process_time()
     valid = jnp.asarray(task.valid)
-    with bar(task.label, settings.epochs, quiet, begun) as shown:
+    with nullcontext(report) if report else bar(task.label, settings.epochs, quiet, begun) as shown:
         for epoch in range(begun, settings.epochs):
             drawn = np.random.default_rng([settings.seed, epoch]).permutation(task.train)
             size = min(settings.batch, len(drawn))
@@ -142,8 +153,8 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
                     {**identity, "platform": platform()})
                 written = time.monotonic()
     untrained = float(judge(eqx.partition(task.network, eqx.is_inexact_array)[0], task.data, valid))
-    return Trained(_leaves(best), history, int(np.argmin(history[:, 1])) + 1, time.monotonic() - started, begun,
-                   untrained)
+    return Trained(_leaves(best), history, int(np.argmin(history[:, 1])) + 1, time.monotonic() - started,
+                   time.process_time() - worked, begun, untrained)
 
 
 def _leaves(tree: Any) -> list[np.ndarray]:

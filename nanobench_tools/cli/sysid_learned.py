@@ -33,19 +33,21 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
 
     libraries()
 
-    def fit(rung: str, cases: Sequence[Case]) -> Any:
+    def fits(rung: str, sets: Sequence[Sequence[Case]]) -> list[Any]:
         from identification.greybox.study import fit_item, predictor_of, rungs
 
-        place = cases[0].flight.provenance.path
-        item = make_item(fit_item, {"cases": list(cases), "rung": rungs([rung])[0], "seed": options.seed,
-                                    "mass_kg": mass_kg}, f"fit {rung}, some flights held out", file=place)
-        values = options.run([item], "fit").values
-        if item.key not in values:
+        place = train[0].flight.provenance.path
+        items = [make_item(fit_item, {"cases": list(cases), "rung": rungs([rung])[0], "seed": options.seed,
+                                      "mass_kg": mass_kg}, f"fit {rung}, some flights held out", file=place)
+                 for cases in sets]
+        values = options.run(items, "fit").values
+        if any(item.key not in values for item in items):
             raise InputError(place, f"{rung} could not be fitted without some flights", "see the failure above")
-        return predictor_of(values[item.key])
+        return [predictor_of(values[item.key]) for item in items]
 
     chosen = Wanted(epochs=epochs, published=published, seed=options.seed)
-    found, failed = trained_rows(train, chosen, checkpoint_folder(options), physics, fit, options.quiet, options.say)
+    found, failed = trained_rows(train, chosen, checkpoint_folder(options), physics, fits, options.quiet, options.say,
+                                 options.jobs)
     options.failed += failed
     return found
 
