@@ -2,19 +2,23 @@
 
 import subprocess
 import sys
+import time
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 pytest.importorskip("jax", reason="JAX ABSENT: pip install 'nanobench[learned]'")
 
-from identification.learned import checkpoints
+from identification.learned import bar, checkpoints, study
+from identification.learned.bar import Left, bars
 from identification.learned.libraries import libraries
 from identification.learned.networks import network, physics_step
 from identification.learned.published import LearnedPredictor, chunked, task_of, train_row
 from identification.learned.rows import Rows, rows_of, unwrapped
 from identification.learned.study import Wanted, family_parts, trained_rows
 from identification.learned.training import Settings, train
+from identification.naive import Naive
 from identification.published_physics import PublishedPhysics
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, MissingExtraError, UsageError
@@ -214,6 +218,78 @@ def test_what_cannot_be_trained_is_a_failure_and_the_others_go_on(cases, tmp_pat
     assert [p.name for p in found] == ["residual_mlp", "lstm"]
     assert [f["item"] for f in failed] == ["train physics_residual"]
     assert said[0].startswith("residual_mlp: 30 epochs, ")
+
+
+def together(cases, folder, jobs):
+    found, failed = trained_rows(cases, Wanted(epochs=3), folder, {"fit_balanced": Still()}, still, True,
+                                 lambda line: None, jobs)
+    assert not failed
+    return {p.name: p for p in found}
+
+
+@dataclass(frozen=True)
+class Still(Naive):
+    """Stands still; needs no fit."""
+
+
+def still(rung, sets):
+    return [Still() for _ in sets]
+
+
+def test_rows_trained_side_by_side_are_those_trained_in_turn_and_go_on_when_killed(cases, rows, tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "SETTINGS", Settings(epochs=2, batch=64, share=0.5))
+    kill_after_one_epoch(rows, tmp_path / "2", monkeypatch)
+    alone, beside = (together(cases, tmp_path / str(jobs), jobs) for jobs in (1, 2))
+    assert list(alone) == list(beside) == ["residual_mlp", "physics_residual", "lstm", "residual_mlp_voltage",
+                                           "physics_residual_voltage", "lstm_voltage", "physics_network"]
+    for name, one in alone.items():
+        for a, b in zip(*(jax_leaves(p) for p in (one, beside[name])), strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert one.trained == beside[name].trained
+    np.testing.assert_array_equal(alone["lstm"].leaves[0], train_row("lstm", False, rows, Settings(epochs=3), None)[
+        0].leaves[0])
+
+
+def kill_after_one_epoch(rows, folder, monkeypatch):
+    """Leaves a checkpoint of the LSTM behind."""
+    real = checkpoints.write
+
+    def killed(*args):
+        real(*args)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoints, "write", killed)
+        with pytest.raises(KeyboardInterrupt):
+            train(task_of("lstm", False, rows, 0)[0], Settings(epochs=3), folder / "lstm.safetensors", every_s=-1.0)
+    assert len(checkpoints.read(folder / "lstm.safetensors").tensors["history"]) == 1
+
+
+def test_time_left_of_trainings_side_by_side():
+    """Two of three run: 1 s and 3 s an epoch, ten epochs each; the third is taken to need 2 s."""
+    left = Left({"a": 10, "b": 10, "c": 10}, 2)
+    assert left({"a": (1, 0.5, 0.6), "b": (1, 0.5, 0.6)}, 100.0) is None
+    found = left({"a": (4, 0.5, 0.6), "b": (2, 0.5, 0.6)}, 103.0)
+    assert found == pytest.approx((6 * 1.0 + 8 * 3.0 + 10 * 2.0) / 2)
+    assert left({"a": (10, 0, 0), "b": (10, 0, 0), "c": (9, 0, 0)}, 130.0) == pytest.approx(2.0)
+    alone = Left({"a": 10}, 4)
+    alone({"a": (5, 0, 0)}, 0.0)  # a checkpoint held the first five
+    assert alone({"a": (6, 0, 0)}, 2.0) == pytest.approx(8.0)
+
+
+def test_one_line_tells_of_all_that_train(monkeypatch, capsys):
+    monkeypatch.setattr(bar, "PERIOD_S", 0.0)
+    with bars({"lstm": 10, "mlp": 5}, 2) as step:
+        step({"lstm": (1, 0.5, 0.6)})
+        time.sleep(0.01)
+        step({"lstm": (2, 0.4, 0.51), "mlp": (5, 0.1, 0.2)})
+    line = capsys.readouterr().err
+    assert line.startswith("lstm epoch 2 of 10, loss 0.4 (validation 0.51); 1 of 2 trained, about 0:0")
+    assert line.count("\n") == 1
+
+
+def jax_leaves(predictor):
+    return predictor.leaves if hasattr(predictor, "leaves") else [a for net in predictor.networks for a in net]
 
 
 def test_predictor_takes_any_number_of_windows_and_nothing_but_start_and_inputs(cases, rows):
