@@ -3,9 +3,10 @@
     python benchmarks/steady_memory.py [--steps 1000000] [--what mpc_daqp --what plant ...]
 
 SYNTHETIC. ``mpc_daqp``, ``mpc_osqp``, ``nmpc``: commands round a figure of eight with pushes (``mpc_speed``);
-``plant``: steps of 2 ms of 16 vehicles of Task 2's plant behind the firmware's PID; ``served``: milliseconds of the
-vehicle that ``nanobench simulate --serve`` serves, its loop included. Growth is the median of the last quarter of the
-marks less that of the second: what is taken once, at the beginning, is none.
+``plant``: steps of 2 ms of 16 vehicles of Task 2's plant behind the firmware's PID, ``mellinger_full``, ``geometric``,
+``lqr``: behind these, which are asked at every step; ``served``: milliseconds of the vehicle that ``nanobench simulate
+--serve`` serves, its loop included. Growth is the median of the last quarter of the marks less that of the second: what
+is taken once, at the beginning, is none.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-KINDS = ("mpc_daqp", "mpc_osqp", "nmpc", "plant", "served")
+PLANTS = {"plant": "onboard_pid", "mellinger_full": "mellinger_full", "geometric": "geometric", "lqr": "lqr"}
+"""Kind -> the controller in front of the batched plant."""
+KINDS = ("mpc_daqp", "mpc_osqp", "nmpc", *PLANTS, "served")
 MARKS = 20
 
 
@@ -37,14 +40,16 @@ def commands(name: str, steps: int, mark: Callable[[], None]) -> None:
     flown(kind(PRACTICE, tuning=FRESH), steps, lambda k, _: mark() if k % every == every - 1 else None)
 
 
-def plant(steps: int, mark: Callable[[], None]) -> None:
+def plant(name: str, steps: int, mark: Callable[[], None]) -> None:
+    """Of a controller in front of 16 vehicles that hover."""
     from controllers.ensemble import draw, shipped_simulator
-    from nanobench_tools.firmware.onboard import PidCascade
     from nanobench_tools.methods import Reference, VehicleState
+    from nanobench_tools.registry import load
 
     n = 16
     goal = np.tile([0.0, 0.0, 1.0], (n, 1))
-    told, vehicles, controller = Reference(goal, np.zeros(n), 0 * goal, 0 * goal), None, PidCascade()
+    told, vehicles = Reference(goal, np.zeros(n), 0 * goal, 0 * goal), None
+    controller = load("controllers", PLANTS[name])()
     for k in range(steps):
         if k % 50_000 == 0:  # a new flight: cells are empty after some minutes
             vehicles = draw(shipped_simulator(), n).plant(goal)
@@ -70,15 +75,16 @@ def served(steps: int, mark: Callable[[], None]) -> None:
 def grown(name: str, steps: int) -> tuple[float, list[float]]:
     """Growth [MB] over a quarter to the end, and the marks [MB]."""
     marks: list[float] = []
-    run = {"plant": plant, "served": served}.get(name)
 
     def mark() -> None:
         marks.append(resident_MB())
 
-    if run is None:
-        commands(name, steps, mark)
+    if name == "served":
+        served(steps, mark)
+    elif name in PLANTS:
+        plant(name, steps, mark)
     else:
-        run(steps, mark)
+        commands(name, steps, mark)
     quarter = len(marks) // 4
     return float(np.median(marks[-quarter:]) - np.median(marks[quarter:2 * quarter])), marks
 
