@@ -184,7 +184,7 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("flight", "controller"):
         table.add_column(head, no_wrap=True)
-    for head in ("RMSE real m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"):
+    for head in ("RMSE recorded m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"):
         table.add_column(head, justify="right")
     for row in rows:
         table.add_row(one_line(row["flight"]), row["controller"], f"{row['rmse_real_m']:.3f}",

@@ -148,6 +148,7 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
     bias = [float(np.mean((p - asked)[steady, 2])) for p in (real, position_m)]
     full = [tracking.saturated_percent(u) for u in (flown, motor)]
     row = {"flight": case.flight.name, "controller": case.controller, "duration_s": case.ticks * TICK_S,
+           "synthetic": case.flight.provenance.synthetic,
            "rmse_real_m": rmse[0], "rmse_sim_m": rmse[1], "ratio": rmse[1] / rmse[0], "lag_real_s": lag[0],
            "lag_sim_s": lag[1], "lag_diff_s": lag[1] - lag[0], "path_gap_m": gap, "z_bias_real_m": bias[0],
            "z_bias_sim_m": bias[1], "saturated_real_percent": full[0], "saturated_sim_percent": full[1],
@@ -159,7 +160,7 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
 def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
              flown: Mapping[str, Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
     """Of each controller the flight with the median gap and the one with the largest, at 10 Hz: {flight, controller,
-    time_s, reference_m, real_m, simulated_m}. ``flown``: [s, x, y, z, ...] by name of the flight."""
+    synthetic, time_s, reference_m, real_m, simulated_m}. ``flown``: [s, x, y, z, ...] by name of the flight."""
     found, by_name = [], {case.flight.name: case for case in cases}
     for name in FLOWN:
         mine = sorted((row for row in rows if row["controller"] == name and row["flight"] in flown),
@@ -170,7 +171,8 @@ def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
             t, flight = path[:, 0], by_name[row["flight"]].flight
             real = flight["mocap"].interpolate(("px", "py", "pz"), t)
             asked = flight["setpoint"].interpolate(("x", "y", "z"), t)
-            found.append({"flight": row["flight"], "controller": name, "time_s": np.round(t - t[0], 2).tolist(),
+            found.append({"flight": row["flight"], "controller": name, "synthetic": flight.provenance.synthetic,
+                          "time_s": np.round(t - t[0], 2).tolist(),
                           **{key: np.round(value, 4).tolist() for key, value in (
                               ("reference_m", asked), ("real_m", real), ("simulated_m", path[:, 1:4]))}})
     return found
@@ -178,12 +180,12 @@ def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
 
 def reason_of(row: Mapping[str, Any]) -> str:
     """Which quantity fails and by how much; empty for a flight that passes."""
-    parts = []
+    parts, word = [], "SYNTHETIC" if row["synthetic"] else "real"
     if not abs(row["ratio"] - 1.0) <= RATIO:
-        parts.append(f"RMSE {row['rmse_sim_m']:.3f} m simulated, {row['rmse_real_m']:.3f} m real: "
+        parts.append(f"RMSE {row['rmse_sim_m']:.3f} m simulated, {row['rmse_real_m']:.3f} m {word}: "
                      f"{100.0 * (row['ratio'] - 1.0):+.0f} %, allowed {100.0 * RATIO:.0f}")
     if not abs(row["lag_diff_s"]) <= LAG_S:
-        parts.append(f"lag {1e3 * row['lag_sim_s']:.0f} ms simulated, {1e3 * row['lag_real_s']:.0f} ms real: "
+        parts.append(f"lag {1e3 * row['lag_sim_s']:.0f} ms simulated, {1e3 * row['lag_real_s']:.0f} ms {word}: "
                      f"{1e3 * row['lag_diff_s']:+.0f} ms, allowed {1e3 * LAG_S:.0f}")
     if not row["path_gap_m"] < GAP_M:
         parts.append(f"paths {100.0 * row['path_gap_m']:.1f} cm apart, allowed {100.0 * GAP_M:.0f}")

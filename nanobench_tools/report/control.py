@@ -23,10 +23,10 @@ def pictures(control: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
 
 
 def gate_flights(body: Mapping[str, Any]) -> dict[str, Any]:
-    """Real and simulated flights of a recording along its setpoints."""
+    """Recorded and simulated flights of a recording along its setpoints; the recording says whether it is real."""
     sets = [{"name": f"{f['flight']} ({f['controller']})", "time_s": f["time_s"], "reference": _axes(f["reference_m"]),
              "flights": [{"name": name, **_axes(f[key]), "error": _away(f[key], f["reference_m"])}
-                         for name, key in (("real", "real_m"), ("simulated", "simulated_m"))]}
+                         for name, key in ((_recorded(f, body), "real_m"), ("simulated", "simulated_m"))]}
             for f in body.get("gate_flights") or []]
     return {"sets": sets} if sets else {"absent": "No flight was flown again on the plant in this run."}
 
@@ -112,6 +112,11 @@ def solver(times: Sequence[Mapping[str, Any]] | None) -> dict[str, Any]:
         lines.append({"name": one["controller"], "ms": np.sqrt(edges[:-1] * edges[1:])[rows].round(6).tolist(),
                       "percent": (100.0 * counts / counts.sum())[rows].round(3).tolist()})
     return {"lines": lines} if lines else {"absent": "No simulated flights in this run."}
+
+
+def _recorded(flight: Mapping[str, Any], body: Mapping[str, Any]) -> str:
+    """Of a result from before recordings were labelled one by one, the label of all."""
+    return "SYNTHETIC recording" if flight.get("synthetic", body.get("synthetic")) else "real"
 
 
 def _axes(points: Any) -> dict[str, list[float]]:

@@ -237,7 +237,7 @@ def task2_gate(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """How close the simulated plant comes to each logged flight."""
     gate = control.get("gate") or []
     scores = tuple(_score_column(name) for name in ("rmse_real_m", "rmse_sim_m", "ratio", "lag_diff_s", "path_gap_m"))
-    lines = tuple((_text(g.get("flight")), _text(g.get("controller")), data_label(synthetic),
+    lines = tuple((_text(g.get("flight")), _text(g.get("controller")), data_label(g.get("synthetic", synthetic)),
                    "yes" if g.get("pass") else "no", _text(g.get("reason")), *_scores(g, g, scores))
                   for g in gate)
     columns = (Column("flight", "Flight"), Column("controller", "Controller"), DATA, Column("pass", "Passes"),

@@ -60,6 +60,18 @@ def test_a_later_flight_fails_and_the_report_says_by_how_much(case):
     assert found["all"]["ratio_off_median"] > 0.0
 
 
+@pytest.mark.parametrize(("synthetic", "word"), [(False, " real: "), (True, " SYNTHETIC: ")])
+def test_what_is_said_of_a_recording_is_real_only_if_it_is(case, synthetic, word):
+    flight = replace(case.flight, provenance=replace(case.flight.provenance, synthetic=synthetic))
+    mine = replace(case, flight=flight)
+    row = gate.score(mine, truth(case, 0.1), motor(case))
+    assert row["synthetic"] is synthetic
+    assert row["reason"].count(word) == 2
+    path = np.column_stack([case.time_s, truth(case, 0.1)]).tolist()
+    (shown,) = gate.pictured([row], [mine], {flight.name: path})
+    assert shown["synthetic"] is synthetic
+
+
 def test_what_the_planner_asks_has_a_velocity_and_what_is_streamed_has_none(case):
     place, yaw, velocity = gate.setpoints(case)
     t = case.time_s

@@ -50,6 +50,16 @@ def test_error_against_speed_compares_the_same_families_and_the_ranking_has_the_
     assert first["off"] == pytest.approx(0.1 * first["cm"])
 
 
+@pytest.mark.parametrize(("flights", "results", "word"), [
+    ({}, {}, "real"), ({"synthetic": False}, {"synthetic": True}, "real"),  # others beside it are simulated
+    ({"synthetic": True}, {"synthetic": True}, "SYNTHETIC recording"),
+    ({}, {"synthetic": True}, "SYNTHETIC recording")])
+def test_the_recording_says_whether_a_flight_is_real(flights, results, word):
+    body = BODY | results | {"gate_flights": [one | flights for one in BODY["gate_flights"]]}
+    (one,) = control.pictures(body)["gateflights"]["sets"]
+    assert [f["name"] for f in one["flights"]] == [word, "simulated"]
+
+
 def test_the_gap_of_a_real_flight_is_its_distance():
     (one,) = control.pictures(BODY)["gateflights"]["sets"]
     assert one["flights"][0]["error"][0] == pytest.approx(0.1 * np.sqrt(3.0), abs=1e-4)
