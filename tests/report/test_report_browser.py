@@ -238,6 +238,33 @@ def test_the_slider_of_simulated_flights_moves_their_marks(browser, tmp_path):
     phone.context.close()
 
 
+@pytest.mark.parametrize("size", [PHONE, DESK])
+def test_a_flight_that_is_played_goes_in_its_own_time_to_its_end(browser, tmp_path, size):
+    path = write_report(tmp_path, {"control": control_body}, [], {}, synthetic=False)
+    opened = Page(browser, path, size)
+    taken = opened.page.evaluate("""() => new Promise(done => {
+        const button = document.querySelector("#fig-race .player button"), begun = performance.now();
+        button.click();
+        const said = [button.getAttribute("aria-label")];
+        const look = () => (button.getAttribute("aria-label") === "play" ? done([performance.now() - begun, ...said])
+            : setTimeout(look, 5));
+        look();
+    })""")
+    times = control_body["flights"][0]["time_s"][::2]
+    left_ms = 1000.0 * (times[-1] - times[len(times) // 3])
+    assert taken[1] == "stop"
+    assert taken[0] > left_ms - 10.0  # a busy machine is slower; none is faster
+    state = opened.page.evaluate("""() => { const p = document.getElementById("plot-race"); return {
+        mark: p.data[4].x[0], line: p.layout.shapes.map(s => s.x0),
+        slider: document.querySelector("#fig-race input").value,
+        shown: document.querySelector("#fig-race output").textContent }; }""")
+    assert state["mark"] == pytest.approx(control_body["flights"][0]["flown_m"][38][0], abs=2e-3)
+    assert state["line"] == pytest.approx([times[-1]] * 2)
+    assert (state["slider"], state["shown"]) == ("19", "1.9 s")
+    assert opened.trouble == []
+    opened.context.close()
+
+
 def test_another_estimator_can_be_chosen_for_its_three_sigma(desk):
     page = desk.choose("loop one")
     before = page.page.get_attribute("#plot-bands", "data-shows")

@@ -9,7 +9,6 @@ nanobench.control = (() => {
   function flights(set, k) {
     return (c, width) => {
       const wide = width > 620;
-      const tall = wide ? 400 : 760;
       const all = palette(c);
       const goal = set.reference;
       const range = name => {
@@ -33,10 +32,17 @@ nanobench.control = (() => {
       set.flights.forEach((one, i) => path(one, { color: all[i % all.length], width: 2, dash: dashes[Math.floor(i / all.length)] },
         { size: 10, color: all[i % all.length], line: { width: 1, color: c.paper } }, one.name));
       const line = { type: "line", x0: set.time_s[k], x1: set.time_s[k], y0: 0, y1: 1, line: { color: c.soft, width: 1 } };
-      const out = layout(c, { margin: { l: 14, r: 14, t: 10, b: 44 },
+      const margin = { l: 14, r: 14, t: 10, b: 44 };
+      const out = layout(c, { margin,
         shapes: [{ ...line, xref: "x2", yref: "y2 domain" }, { ...line, xref: "x3", yref: "y3 domain" }] });
-      const at = wide ? { a: [0.06, 0.45], ay: [0, 1], b: [0.56, 1], by: [0.46, 1], cy: [0, 0.32] }
-        : { a: [0.14, 1], ay: [0.56, 1], b: [0.14, 1], by: [0.25, 0.48], cy: [0, 0.17] };
+      let [tall, at] = [400, { a: [0.06, 0.45], ay: [0, 1], b: [0.56, 1], by: [0.46, 1], cy: [0, 0.32] }];
+      if (!wide) { // one below the other; what is seen from above is as high as one scale makes it
+        const [across, up] = ["x", "y"].map(name => range(name)[1] - range(name)[0]);
+        const above = Math.min(0.86 * (width - margin.l - margin.r) * up / across, 420);
+        const most = 362 + above; // heights: 122, 60 between, 130, 50 between, then the view from above
+        tall = most + margin.t + margin.b;
+        at = { a: [0.14, 1], ay: [362 / most, 1], b: [0.14, 1], by: [172 / most, 302 / most], cy: [0, 122 / most] };
+      }
       out.xaxis = axis(c, "x [m]", { domain: at.a, range: range("x"), constrain: "domain", automargin: false });
       out.yaxis = axis(c, "y [m]", { domain: at.ay, range: range("y"), scaleanchor: "x", constrain: "domain", automargin: false });
       out.xaxis2 = axis(c, "", { domain: at.b, anchor: "y2", automargin: false });
@@ -52,10 +58,12 @@ nanobench.control = (() => {
     const figure = document.getElementById(`fig-${id}`);
     const place = document.getElementById(`plot-${id}`);
     if (!place) return;
-    let [which, k, timer] = [0, 0, null];
+    let [which, k, playing] = [0, 0, null];
+    // Drawn, as not every font has signs for both.
+    const sign = stops => `<svg width="14" height="14" viewBox="0 0 14 14" fill="currentColor" aria-hidden="true"><path d="${stops ? "M2 1h4v12H2zM8 1h4v12H8z" : "M2 1l11 6-11 6z"}"/></svg>`;
     const bar = document.createElement("div");
     bar.className = "chooser player";
-    bar.innerHTML = `<label>Flight <select></select></label><button type="button" aria-label="play">▶</button>`
+    bar.innerHTML = `<label>Flight <select></select></label><button type="button" aria-label="play">${sign(false)}</button>`
       + `<label>Time <output></output><input type="range" min="0" step="1"></label>`;
     const [select, button, slider, output] = ["select", "button", "input", "output"].map(name => bar.querySelector(name));
     data.sets.forEach((set, i) => select.add(new Option(set.name, String(i))));
@@ -68,9 +76,8 @@ nanobench.control = (() => {
       let next = 0;
       lines.forEach(line => { index.push(next + 1); next += line.error ? 4 : 3; });
       if (typeof Plotly === "undefined") return;
-      Plotly.restyle(place, { x: lines.map(line => [line.x[k]]), y: lines.map(line => [line.y[k]]) }, index);
-      Plotly.relayout(place, { "shapes[0].x0": set().time_s[k], "shapes[0].x1": set().time_s[k],
-        "shapes[1].x0": set().time_s[k], "shapes[1].x1": set().time_s[k] });
+      Plotly.update(place, { x: lines.map(line => [line.x[k]]), y: lines.map(line => [line.y[k]]) },
+        Object.fromEntries([0, 1].flatMap(i => ["x0", "x1"].map(end => [`shapes[${i}].${end}`, set().time_s[k]]))), index);
     };
     const show = () => {
       slider.max = String(set().time_s.length - 1);
@@ -81,18 +88,24 @@ nanobench.control = (() => {
       nanobench.draw(id, (c, width) => flights(set(), k)(c, width), which);
       figure.querySelectorAll(".legend button").forEach((b, i) => { if (off[i]) b.click(); });
     };
-    const stop = () => { clearInterval(timer); timer = null; button.textContent = "▶"; button.setAttribute("aria-label", "play"); };
+    const stop = () => { cancelAnimationFrame(playing); playing = null; button.innerHTML = sign(false); button.setAttribute("aria-label", "play"); };
     select.addEventListener("change", () => { stop(); which = Number(select.value); k = 0; show(); });
     slider.addEventListener("input", () => { stop(); k = Number(slider.value); mark(); });
     button.addEventListener("click", () => {
-      if (timer !== null) { stop(); return; }
-      if (k >= set().time_s.length - 1) k = 0;
-      button.textContent = "⏸"; button.setAttribute("aria-label", "stop");
-      const every = 1000 * (set().time_s[1] - set().time_s[0]);
-      timer = setInterval(() => {
-        if (k >= set().time_s.length - 1) { stop(); return; }
-        k += 1; slider.value = String(k); mark();
-      }, Math.max(every, 50));
+      if (playing !== null) { stop(); return; }
+      const times = set().time_s;
+      if (k >= times.length - 1) k = 0;
+      button.innerHTML = sign(true); button.setAttribute("aria-label", "stop");
+      let [time, before] = [times[k], performance.now()];
+      const frame = now => { // in the time of the flight, however long drawing takes; a page that was hidden goes on where it was
+        time += Math.min(Math.max(now - before, 0) / 1000, 0.5);
+        before = now;
+        const last = k;
+        while (k < times.length - 1 && times[k + 1] <= time) k += 1;
+        if (k !== last) { slider.value = String(k); mark(); }
+        if (k >= times.length - 1) stop(); else playing = requestAnimationFrame(frame);
+      };
+      playing = requestAnimationFrame(frame);
     });
     figure.querySelector(".legend").before(bar);
     k = Math.floor(set().time_s.length / 3);
