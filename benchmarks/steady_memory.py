@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Callable
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -78,6 +79,7 @@ def grown(name: str, steps: int) -> tuple[float, list[float]]:
 
     def mark() -> None:
         marks.append(resident_MB())
+        print(f"\r{name:9} {len(marks)}/{MARKS}: {marks[-1]:.1f} MB ", end="", file=sys.stderr, flush=True)
 
     if name == "served":
         served(steps, mark)
@@ -96,7 +98,7 @@ def main() -> None:
     given = parser.parse_args()
     for name in given.what or KINDS:
         growth, marks = grown(name, given.steps)
-        print(f"{name:9} {given.steps} steps: {growth:+.2f} MB; marks", *(f"{m:.1f}" for m in marks), flush=True)
+        print(f"\r{name:9} {given.steps} steps: {growth:+.2f} MB; marks", *(f"{m:.1f}" for m in marks), flush=True)
 
 
 if __name__ == "__main__":
