@@ -11,6 +11,7 @@ import numpy as np
 from . import fly_setpoints, safety
 from .fly_clock import Clock
 from .fly_guardian import Guardian
+from .fly_heard import astray, health_age_s
 from .fly_interrupts import Hung, Interrupts
 from .fly_link import FLYING, Link
 from .fly_loop import Pacer, ahead_of_others, undisturbed
@@ -32,6 +33,8 @@ GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """So long at most a flight waits for motors that stand, and a program that ends at once for its recording's writer."""
 ECHO_S = 0.1
+RELEASES = 50
+"""So often the end of set-points is said again after landing: a link may lose some of them."""
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
 """A vehicle that stands on the ground so long after the command to take off does not fly. It is told again before:
 soon, as the command may have been lost, then late, as the integrals of one that is heavy need time."""
@@ -148,6 +151,8 @@ class Flight:
         now.battery_V = float(link.values.get("pm.vbat", np.nan))
         now.supervisor = int(link.values.get("supervisor.info", 0))
         now.silent_s, now.lost = host - link.heard_s, link.lost
+        now.health_age_s = health_age_s(link, host)
+        now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.asked
         self._ask_echo()
@@ -239,7 +244,7 @@ class Flight:
     def _land(self) -> Stop | None:
         """The plan's own landing. A link that was lost meanwhile or a vehicle that says it crashed is no good end."""
         self.link.release()
-        land(self.link, self.clock, self.ground_m, self._height(), self._height_now, self._idle)
+        self._by_setpoints(land(self.link, self.clock, self.ground_m, self._height(), self._seen, self._idle))
         self._rest()
         self._look(self._now.time_s)
         asked = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
@@ -256,26 +261,42 @@ class Flight:
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
         brief = now.pose_age_s > self.limits.stale_s or stop.rule == safety.Sinks.name
-        hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief,
-                  height_m=self._height_now, tick=self._idle)
+        own = self._own if stop.rule == safety.Astray.name else None
+        self._by_setpoints(hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
+                                     tick=self._idle, own=own))
         self._rest()
         return stop
 
+    def _own(self, place_m: np.ndarray) -> np.ndarray:
+        """A place in the belief of the vehicle, as far as it is known."""
+        off = astray(self.link, self._seen(), self.clock.now())
+        return place_m + (off if np.isfinite(off).all() else 0.0)
+
+    def _by_setpoints(self, why: str) -> None:
+        if why:
+            self._note(f"{why}: taken down by set-points")
+
     def _rest(self) -> None:
         """Motors off, if the vehicle is where they may be."""
-        newest = self.track.newest
+        newest, again = self.track.newest, 0
         if newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
             self.link.send_setpoint(fly_setpoints.stop())
             self.link.release()  # else the vehicle's watchdog would miss further set-points and lock it
+            again = RELEASES
         self._enter(LANDED, self.clock.now())
         until = self.clock.now() + STILL_S
         while int(self.link.values.get("supervisor.info", 0)) & FLYING and self.clock.now() < until:
+            if again:
+                again -= 1
+                self.link.release()
             self._idle()
             self.clock.sleep_until(self.clock.now() + PERIOD_S)
 
-    def _height_now(self) -> float:
-        newest = self.track.newest
-        return self.ground_m if newest is None else float(newest.position_m[2])
+    def _seen(self) -> Believed | None:
+        """Where it is, if poses come."""
+        now = self.clock.now()
+        believed = self.track.at(now)
+        return None if believed is None or now - believed.pose_s > self.limits.stale_s else believed
 
     def _idle(self) -> None:
         self._alive()
@@ -297,7 +318,7 @@ class Flight:
         self._note(f"stop: {stop}")
         self._outcome.left = True
         if self._phase not in (GROUND, LANDED):
-            tell_to_land(self.link, self.ground_m, self._height_now())
+            tell_to_land(self.link, self.ground_m, self._height())
         return stop
 
     def _take_over(self, why: str) -> None:

@@ -41,13 +41,15 @@ LogSink = Callable[[int, float, bytes], None]
 
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
-    ``round_trips_s``: the last echoes; ``values``: last value of each logged variable."""
+    ``round_trips_s``: the last echoes; ``values``: last value of each logged variable, ``logged_s``: the host time at
+    which it came."""
 
     uri: str
     lost: str
     heard_s: float
     round_trips_s: deque[float]
     values: Mapping[str, float]
+    logged_s: Mapping[str, float]
 
     def send_setpoint(self, packet: bytes) -> None: ...
 
@@ -74,6 +76,8 @@ class CflibLink:
         self.round_trips_s: deque[float] = deque(maxlen=50)
         self._last: dict[str, float] = {}
         self.values: Mapping[str, float] = self._last
+        self._came_s: dict[str, float] = {}
+        self.logged_s: Mapping[str, float] = self._came_s
         self.blocks: list[Block] = []
         self.on_log: LogSink | None = None
         self.on_echo: Callable[[float, float], None] | None = None
@@ -179,6 +183,7 @@ class CflibLink:
         layout, block = self._layouts[number], self.blocks[number]
         if len(data) == 4 + layout.size:
             self._last.update(zip(block.variables, layout.unpack_from(data, 4), strict=True))
+            self._came_s.update(dict.fromkeys(block.variables, now))
 
     # -- what is seen of the link
 

@@ -24,7 +24,9 @@ class Situation:
     the newest pose; battery_V as last logged; silent_s since the last packet of the vehicle; lost: why the link is
     gone; late_ticks that missed their deadline one after the other, call_s of the slowest call of the controller since
     the last tick; controller_error in words; interrupted: name of the signal; supervisor: its bits; streamed: the host
-    flies, not the vehicle's own planner; below_m: how far it is below the height it is asked for, 0 if it is not."""
+    flies, not the vehicle's own planner; below_m: how far it is below the height it is asked for, 0 if it is not;
+    health_age_s since battery or supervisor were heard of; astray_m between the vehicle's own estimate and the poses,
+    nan if not known."""
 
     time_s: float = 0.0
     position_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -40,6 +42,8 @@ class Situation:
     interrupted: str = ""
     supervisor: int = 0
     below_m: float = 0.0
+    health_age_s: float = 0.0
+    astray_m: float = float("nan")
 
 
 class Rule(Protocol):
@@ -211,6 +215,36 @@ class Overrun:
         return f"{now.late_ticks} deadlines missed in a row" if now.late_ticks >= self.most_ticks else ""
 
 
+class Unheard:
+    """Packets come, but battery and supervisor are not among them: the rules that need them would see nothing. Ten
+    packets a second are sent; of a link that loses six of ten, twenty in a row go once in 30 000."""
+
+    name = "silent log"
+    MOST_S = 2.0
+
+    def check(self, now: Situation) -> str:
+        if not now.health_age_s > self.MOST_S:
+            return ""
+        return f"battery and supervisor were not heard of for {now.health_age_s:.1f} s"
+
+
+class Astray:
+    """The vehicle believes to be somewhere else: poses do not reach its filter. Its own loops hold and land where it
+    believes to be, so that sooner is better."""
+
+    name = "astray"
+    MOST_M, OLD_S, FOR_S = 0.2, 0.1, 0.5
+
+    def __init__(self) -> None:
+        self._time_s = self._lasted_s = 0.0
+
+    def check(self, now: Situation) -> str:
+        step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
+        most_m = self.MOST_M + self.OLD_S * float(np.linalg.norm(now.velocity_m_s))  # the log is of a moment ago
+        self._lasted_s = self._lasted_s + step if now.astray_m > most_m else 0.0
+        return f"the vehicle believes to be {now.astray_m:.2f} m from the poses" if self._lasted_s > self.FOR_S else ""
+
+
 class VehicleStopped:
     """Its own supervisor has ended the flight."""
 
@@ -226,7 +260,7 @@ def rules(limits: Limits) -> tuple[Rule, ...]:
     """All of them; the first that has a reason ends the flight."""
     return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), StalePose(limits.stale_s),
             ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks), Geofence(*limits.fence),
-            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks())
+            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(), Astray())
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,27 @@ from . import fly_setpoints
 from .fly_clock import Clock
 from .fly_link import Link
 from .fly_plan import LANDED_M
+from .fly_state import Believed
 
 HOLD_S = 1.0
 BRIEF_HOLD_S = 0.2
 """Without poses a hold drifts, without lift it sinks: it is only long enough to stop the path then."""
 EVERY_S = 0.02
-AGAIN_S = 0.2
-"""A command to land may be lost on its way: it is sent again until the vehicle sinks, at most TRIES times."""
-TRIES = 3
+AGAIN_S, TRIES = 0.05, 20
+"""Any command may be lost on its way: to land and that set-points end, in this order, are said for a second. A planner
+that lands refuses to be told again; one that is not yet told to, when set-points end, lets the vehicle fall."""
+UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.05, 0.1
+"""A vehicle that has not begun to sink by then is not landing, and its watchdog stops its motors half a second later.
+A planner's landing from 3 m has sunk by 7 cm; one that is given over from velocities may rise a little before."""
+FALLS_M_S = 1.8
+"""Planned landings have 0.77 m/s at most, and 1.3 m/s while they take over from rates and thrust: what sinks faster has
+no planner."""
 LANDING_M_S, SHORTEST_LANDING_S = 0.35, 1.5
 MARGIN_M = 0.15
 """The place to hold lies this far inside the fence."""
 AFTER_S = 0.7
 """From the planner's end to motors off and rest."""
+AT_ONCE = 3
 
 
 def place_to_hold(position_m: np.ndarray, velocity_m_s: np.ndarray, fence: tuple[np.ndarray, np.ndarray],
@@ -41,37 +49,81 @@ def place_to_hold(position_m: np.ndarray, velocity_m_s: np.ndarray, fence: tuple
 
 
 def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, ground_m: float, brief: bool,
-              height_m: Callable[[], float], tick: Callable[[], None] = lambda: None) -> None:
-    """Holds ``place_m`` (3,), then lands; returns when the vehicle should be on the ground. ``height_m()``: believed
-    height now; ``tick`` is called all the while. A set-point that cannot be sent is none: the link may come back."""
+              seen: Callable[[], Believed | None], tick: Callable[[], None] = lambda: None,
+              own: Callable[[np.ndarray], np.ndarray] | None = None) -> str:
+    """Holds ``place_m`` (3,), then lands as ``land``; returns when it should be on the ground. ``seen()``: the vehicle
+    as the poses show it now, None without; ``tick`` is called all the while. ``own``: a place (3,) in the belief of a
+    vehicle that is astray, whose planner is no help. A set-point that cannot be sent is none: the link may come back.
+    """
+    if own is not None:
+        _lower(link, clock, seen(), ground_m, seen, tick, own)
+        return "it does not know where it is"
     hold = fly_setpoints.position(place_m, yaw_rad)
     until = clock.now() + (BRIEF_HOLD_S if brief else HOLD_S)
     while clock.now() < until:
         _try(link.send_setpoint, hold)
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
-    land(link, clock, ground_m, max(place_m[2], height_m()), height_m, tick)
+    now = seen()
+    from_m = float(place_m[2]) if now is None else max(float(place_m[2]), float(now.position_m[2]))
+    return land(link, clock, ground_m, from_m, seen, tick)
 
 
-def land(link: Link, clock: Clock, ground_m: float, from_m: float, height_m: Callable[[], float],
-         tick: Callable[[], None]) -> None:
-    """Lands by the vehicle's own planner from a height, and waits for its end."""
-    lasts = _lasts(ground_m, from_m)
+def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callable[[], Believed | None],
+         tick: Callable[[], None]) -> str:
+    """Lands by the vehicle's own planner from a height and waits for the end; "" or, in words, why it was taken down by
+    set-points instead."""
+    lasts, first = _lasts(ground_m, from_m), seen()
     begun, sent, tries = clock.now(), -np.inf, 0
-    while clock.now() < begun + lasts + AFTER_S:
-        sinks = height_m() < from_m - 0.1
-        if tries < TRIES and not sinks and clock.now() - sent > AGAIN_S * (1 + 2 * tries):
-            _try(link.release)
-            _try(link.land, ground_m + LANDED_M, max(lasts - (clock.now() - begun), SHORTEST_LANDING_S))
+    while (since := clock.now() - begun) < lasts + AFTER_S:
+        if tries < TRIES and clock.now() - sent > AGAIN_S - 1e-6:
+            _tell(link, ground_m, max(lasts - since, SHORTEST_LANDING_S))
             sent, tries = clock.now(), tries + 1
+        why = _not_landing(first, seen(), since, ground_m)
+        if why:
+            _lower(link, clock, seen() or first, ground_m, seen, tick)
+            return why
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
+    return ""
+
+
+def _not_landing(first: Believed | None, now: Believed | None, since_s: float, ground_m: float) -> str:
+    if first is None or now is None or now.position_m[2] < ground_m + 2.0 * LANDED_M:
+        return ""
+    if now.velocity_m_s[2] < -FALLS_M_S:
+        return f"told to land it fell with {-now.velocity_m_s[2]:.1f} m/s"
+    sinks = now.position_m[2] < first.position_m[2] - SUNK_M or now.velocity_m_s[2] < -SINKS_M_S
+    if UNHEARD_S < since_s < UNHEARD_S + 2.0 * EVERY_S and not sinks:
+        return f"told to land it did not sink for {UNHEARD_S:.1f} s"
+    return ""
+
+
+def _lower(link: Link, clock: Clock, first: Believed | None, ground_m: float, seen: Callable[[], Believed | None],
+           tick: Callable[[], None], own: Callable[[np.ndarray], np.ndarray] = lambda place: place) -> None:
+    """Down by set-points from where it is, until it is seen near the ground or should be."""
+    if first is None:
+        return
+    now: Believed | None = first
+    top, begun = float(first.position_m[2]), clock.now()
+    most_s = (top - ground_m) / LANDING_M_S + 2.0 * AFTER_S
+    while (since := clock.now() - begun) < most_s and (now is None or now.position_m[2] > ground_m + LANDED_M):
+        place = np.array([*first.position_m[:2], max(top - LANDING_M_S * since, ground_m - MARGIN_M)])
+        _try(link.send_setpoint, fly_setpoints.position(own(place), first.yaw_rad))
+        tick()
+        clock.sleep_until(clock.now() + EVERY_S)
+        now = seen()
 
 
 def tell_to_land(link: Link, ground_m: float, from_m: float) -> None:
-    """Tells the vehicle once to land from a height by its own planner, and waits for nothing."""
+    """Tells the vehicle to land from a height by its own planner, a few times at once, and waits for nothing."""
+    for _ in range(AT_ONCE):
+        _tell(link, ground_m, _lasts(ground_m, from_m))
+
+
+def _tell(link: Link, ground_m: float, lasts: float) -> None:
+    _try(link.land, ground_m + LANDED_M, lasts)
     _try(link.release)
-    _try(link.land, ground_m + LANDED_M, _lasts(ground_m, from_m))
 
 
 def _lasts(ground_m: float, from_m: float) -> float:

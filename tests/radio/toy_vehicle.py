@@ -7,6 +7,7 @@ from collections import deque
 import numpy as np
 
 from nanobench_tools.radio import fly_setpoints
+from nanobench_tools.radio.fly_heard import ESTIMATE, HEALTH
 from nanobench_tools.radio.fly_pilot import PERIOD_S
 from nanobench_tools.radio.fly_plan import Plan, chosen_path
 from nanobench_tools.radio.fly_prepare import Ready
@@ -18,7 +19,8 @@ LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 
 class Toy:
     """Link, clock and motion capture of one vehicle; ``told``: (time, what) of every command. Faults are attributes:
-    ``blind`` no poses, ``mute`` no packets, ``quaternion`` that poses show, ``drift_m_s`` of the place; and values."""
+    ``blind`` no poses, ``mute`` no packets, ``unlogged`` no log, ``quaternion`` that poses show, ``drift_m_s`` of the
+    place, ``astray_m`` of where it believes to be; and values."""
 
     uri, real = "toy://1", False
 
@@ -29,8 +31,10 @@ class Toy:
         self.motors = self.landing = False
         self.told: list[tuple[float, str]] = []
         self.lost, self.heard_s, self.mute, self.blind = "", self.time_s, False, False
+        self.unlogged, self.astray_m = False, np.zeros(3)
         self.round_trips_s: deque[float] = deque([0.002] * 10, maxlen=50)
         self.values = {"pm.vbat": 3.9, "supervisor.info": 0b1011}
+        self.logged_s: dict[str, float] = {}
         self.quaternion = LEVEL
         self.track = PoseTrack()
         self.packets: list[bytes] = []
@@ -59,6 +63,10 @@ class Toy:
             self.motors = False  # its planner does that
         if not self.mute:
             self.heard_s = self.time_s
+        if not (self.mute or self.unlogged):
+            own = zip(ESTIMATE, (self.place + self.astray_m).tolist(), strict=True)
+            self.values.update(own)
+            self.logged_s.update(dict.fromkeys((*HEALTH, *ESTIMATE), self.time_s))
         if not self.blind:
             self.track.add(Pose(self.time_s, self.place.copy(), self.quaternion))
 
