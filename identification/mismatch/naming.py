@@ -41,7 +41,9 @@ CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt
 CHANGED = 0.3
 """That flights differ has to explain more than one value for all by this share."""
 PUSHES = ("wind", "force_world")
-"""Forces of the air: a steady moment alone is a trim, and indoors no wind."""
+ALONE = 2.0
+"""Forces of the air: a steady moment alone is a trim, and indoors no wind. Where most of what one takes away turns the
+vehicle, what it takes of the force has to be so many times enough by itself."""
 TRIED = 6
 """Hypotheses that are fitted to the end; the others are far behind already when linear."""
 
@@ -204,7 +206,7 @@ class _Search:
         for h in tried:
             if h.gain < LEAST_GAIN + self._errors_of_others(h) or self._rest_of_another(h):
                 continue
-            if h.term in PUSHES and self._turning(h) > 0.5:
+            if h.term in PUSHES and self._turning(h) > 0.5 and self._lifting(h) < ALONE * self._least(h):
                 continue
             if h.term in ANSWERED and self._lifting(h) < self._least(h):
                 continue

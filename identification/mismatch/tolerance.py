@@ -19,7 +19,11 @@ ABSOLUTE = {"command_delay.delay_s": 0.006, "motor_lag.tau_up_s": 0.012, "motor_
             "motor_imbalance.g": 0.01, "com_offset.r_m": 1e-4, "frame_tilt.roll_rad": 0.006,
             "frame_tilt.pitch_rad": 0.006}
 """In the unit of the parameter."""
-RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012}
+AIR = 0.15
+"""Of what is believed of drag and flapping: their laws are simple, and rotor speed and thrust change what is true by a
+tenth."""
+RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012, "drag_linear.d": AIR, "drag_quadratic.q": AIR,
+            "drag_rotor.d": AIR, "drag_torque.c": AIR, "inflow.k_z": AIR, "inflow.k_h": AIR}
 """Of the value before."""
 GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
 """Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
