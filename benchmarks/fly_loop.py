@@ -1,10 +1,10 @@
 """Flying over a link: jitter of the 100 Hz loop with a predictive controller, and the circle with every controller.
 
 ``--minutes N`` (default 5) flies MPC in real time against a served vehicle in another process: how late ticks begin and
-set-points leave, deadlines missed. ``--circle`` flies the simulated vehicle on its own clock over 10 ms and 2 % loss
-with every controller and seed, and prints tracking error and what the audit says of the clock. ``--hidden`` hides
-effects in the vehicle and asks ``nanobench diagnose``. Figures of a busy machine are figures of that machine: the load
-is printed beside them.
+set-points leave, deadlines missed, and where the time of those ticks went. ``--circle`` flies the simulated vehicle on
+its own clock over 10 ms and 2 % loss with every controller and seed, and prints tracking error and what the audit says
+of the clock. ``--hidden`` hides effects in the vehicle and asks ``nanobench diagnose``. Figures of a busy machine are
+figures of that machine: the load is printed beside them.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from tick_times import Stopwatch
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -53,38 +54,6 @@ with SimulatedCrazyflie(served(battery_V=4.15), '127.0.0.1', 0, radio=RadioOptio
 """
 
 
-def waited_s() -> tuple[float, float]:
-    """Of this thread since its start: on a core, and ready but waiting for one (Linux; else nan)."""
-    try:
-        with open("/proc/thread-self/schedstat") as file:
-            on, ready, _ = file.read().split()
-        return 1e-9 * int(on), 1e-9 * int(ready)
-    except OSError:
-        return time.thread_time(), float("nan")
-
-
-class Stopwatch:
-    """Where the time of every tick went: rows of (from its due time to its end, on a core, ready and waiting) [s]."""
-
-    def __init__(self, pacer) -> None:
-        self.rows: list[tuple[float, float, float]] = []
-        self._before = waited_s()
-        wait, done = pacer.wait, pacer.done
-        self._due = 0.0
-
-        def begun() -> float:
-            self._due = wait()
-            self._before = waited_s()
-            return self._due
-
-        def ended() -> None:
-            on, ready = waited_s()
-            self.rows.append((pacer.clock.now() - self._due, on - self._before[0], ready - self._before[1]))
-            done()
-
-        pacer.wait, pacer.done = begun, ended
-
-
 def loop(minutes: float) -> None:
     """The real-time loop, in flights of 60 s of path each."""
     from nanobench_tools.cli.fly_controllers import pilot_for
@@ -95,15 +64,26 @@ def loop(minutes: float) -> None:
     from nanobench_tools.radio.safety import Limits
 
     late, sent, ticks, missed, flown = [], [], 0, 0, 0.0
-    watches: list[Stopwatch] = []
-    made = fly.Pacer
+    fly_whole = fly.Flight._fly
 
-    def watched(*given) -> fly.Pacer:
-        pacer = made(*given)
-        watches.append(Stopwatch(pacer))
-        return pacer
+    def watched(flight):
+        watches: list[Stopwatch] = []
+        made = fly.Pacer
 
-    fly.Pacer = watched
+        def pacer(*given):
+            flight.pacer = made(*given)
+            watches.append(Stopwatch(flight))
+            return flight.pacer
+
+        fly.Pacer = pacer
+        try:
+            return fly_whole(flight)
+        finally:
+            fly.Pacer = made
+            for watch in watches:
+                watch.report()
+
+    fly.Flight._fly = watched
     while flown < 60.0 * minutes:
         server = subprocess.Popen([sys.executable, "-c", SERVE], cwd=ROOT, stdin=subprocess.PIPE,
                                   stdout=subprocess.PIPE, text=True)
@@ -128,16 +108,9 @@ def loop(minutes: float) -> None:
               f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
         if outcome.stop is not None:
             break
-    fly.Pacer = made
-    rows = 1e3 * np.array([row for watch in watches for row in watch.rows])
-    long = rows[rows[:, 0] > 10.0]
-    for k, what in enumerate(("from due to done", "on a core", "ready, without a core")):
-        print(f"a tick {what}: p50 {np.percentile(rows[:, k], 50):.2f} p99 {np.percentile(rows[:, k], 99):.2f} max "
-              f"{rows[:, k].max():.2f} ms")
-    if len(long):
-        on, ready = np.median(long[:, 1]), np.median(long[:, 2])
-        print(f"{len(long)} ticks of more than 10 ms: medians {np.median(long[:, 0]):.1f} ms, of which {on:.1f} on a "
-              f"core, {ready:.1f} ready without one, the rest begun late or waiting for other threads")
+    fly.Flight._fly = fly_whole
+    if not late:
+        return
     begin, send = 1e3 * np.array(late), 1e3 * np.abs(sent)
     print(f"loop with mpc_daqp, real time: {ticks} ticks, {missed} deadlines missed; begin late p50 "
           f"{np.percentile(begin, 50):.2f} p99 {np.percentile(begin, 99):.2f} max {begin.max():.2f} ms; set-point p50 "

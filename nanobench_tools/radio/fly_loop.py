@@ -22,7 +22,7 @@ from .fly_clock import Clock
 
 PRIORITY = 2
 """Of real time: before all ordinary processes and a simulated vehicle that has the least, behind the system's own."""
-SWITCH_S = 0.0005
+SWITCH_S = 0.0001
 """Longest time for which another thread keeps the interpreter while a tick waits for it (5 ms by default)."""
 
 

@@ -122,7 +122,7 @@ def tell_to_land(link: Link, ground_m: float, from_m: float) -> None:
 
 
 def _tell(link: Link, ground_m: float, lasts: float) -> None:
-    _try(link.land, ground_m + LANDED_M, lasts)
+    _try(link.land, ground_m, lasts)
     _try(link.release)
 
 

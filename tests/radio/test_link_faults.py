@@ -62,7 +62,7 @@ def on_the_ground(world: FaultyWorld) -> bool:
     {"up": ECHO, "down": ECHO}, {"down": PARAMETERS}, {"down": CONSOLE},
     {"up": SETPOINTS, "lasts_s": 0.3}, {"up": POSES, "lasts_s": 0.5}, {"down": LOG, "lasts_s": 1.5},
     {"up": every, "down": every, "lasts_s": 0.3}, {"up": every, "down": every, "share": 0.3},
-    {"up": every, "down": every, "share": 0.6}, {"up": SETPOINTS, "late_s": 0.04}, {"up": POSES, "late_s": 0.05},
+    {"up": every, "down": every, "share": 0.6}, {"up": SETPOINTS, "late_s": 0.05}, {"up": POSES, "late_s": 0.05},
     {"down": LOG, "late_s": 0.2}, {"radio": RadioOptions(latency_s=0.01, loss=0.3)},
     {"radio": RadioOptions(latency_s=0.01, loss=0.6)}],
     ids=["echoes", "parameters", "console", "set-points 0.3 s", "poses 0.5 s", "log 1.5 s", "link 0.3 s", "30 percent",
