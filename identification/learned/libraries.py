@@ -21,18 +21,23 @@ def share_process() -> None:
         sys.modules["numba"].core.config.USE_LLVMLITE_MEMORY_MANAGER = True
 
 
+def one_thread() -> None:
+    """Has XLA compute on one thread: on a CPU the networks are too small to gain from more, items run side by side, and
+    the last digit depends on the number. Has to be called before JAX is loaded; what the environment says stays."""
+    os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
+    os.environ.setdefault("NPROC", "1")  # how many threads XLA's pool has; no flag sets it
+
+
 @functools.cache
 def libraries() -> SimpleNamespace:
     """{jax, jnp, lax, eqx, optax, safetensors}. MissingExtraError, one line that says what to install, without them.
 
-    JAX takes an accelerator when it sees one. On a CPU it is held to one thread (the networks are too small to gain
-    from more, items run side by side, and the last digit depends on the number), unless XLA_FLAGS and NPROC say
+    JAX takes an accelerator when it sees one. On a CPU it is held to one thread, unless XLA_FLAGS and NPROC say
     otherwise or JAX was loaded before.
     """
     share_process()
     if "jax" not in sys.modules:
-        os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
-        os.environ.setdefault("NPROC", "1")  # how many threads XLA's pool has; no flag sets it
+        one_thread()
         os.environ.setdefault("JAX_PLATFORMS", "")
     try:
         import equinox
