@@ -22,6 +22,9 @@ SHOWN = ("naive", "published_physics", "fit_balanced", "fit_observed")
 STYLE = """
 body { font: 1rem/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 0 .8rem; color: #1c2024 }
 h1 { font-size: 1.5rem } .banner { color: #b04a00; font-weight: 600 }"""
+_MARKS = [m * 10.0**k for k in range(-6, 5) for m in (1, 2, 5)]
+LOG = {"type": "log", "tickvals": _MARKS, "ticktext": [f"{mark:g}" for mark in _MARKS]}
+"""A logarithmic axis whose marks are all numbers of one size."""
 APART = 5
 """Every fifth window is drawn, so that predicted paths follow one another."""
 
@@ -50,8 +53,8 @@ def horizon_figure(rows: Sequence[Mapping[str, Any]]) -> Any:
                                                                 "dash": "solid" if "fit" in row["model"] else "dot"}),
                              row=k + 1, col=1)
     figure.update_xaxes(title_text="s after the start", row=4, col=1)
-    figure.update_yaxes(type="log", exponentformat="power")
-    return _laid_out(figure, "Mean error against the horizon,<br>held-out flights (fits solid, others dotted)", 1500)
+    figure.update_yaxes(**LOG)
+    return _laid_out(figure, "Mean error against the horizon,<br>held-out flights<br>(fits solid, others dotted)", 1500)
 
 
 def learning_figure(learned: Mapping[str, Mapping[str, Any]]) -> Any:
@@ -64,8 +67,8 @@ def learning_figure(learned: Mapping[str, Mapping[str, Any]]) -> Any:
             for column, dash in ((0, "solid"), (1, "dot")):
                 figure.add_trace(go.Scatter(x=np.arange(1, len(one) + 1), y=one[:, column], name=name, legendgroup=name,
                                             showlegend=not (column or number), line={"color": colour(i), "dash": dash}))
-    figure.update_yaxes(type="log", title_text="loss, each in its own unit")
-    figure.update_xaxes(title_text="epoch", type="log")
+    figure.update_yaxes(**LOG, title_text="loss, each in its own unit")
+    figure.update_xaxes(**LOG, title_text="epoch")
     return _laid_out(figure, "Learning curves:<br>loss (solid), validation (dotted)", 640)
 
 
@@ -89,10 +92,10 @@ def path_figure(cases: Sequence[Case], predictors: Sequence[Predictor], family: 
     line(came.position_m, "motion capture", len(predictors), 4.0)
     for i, predictor in enumerate(predictors):
         line(predictor.predict(windows).position_m, predictor.name, i, 1.5)
-    figure.update_yaxes(scaleanchor="x", title_text="y m", constrain="domain")
+    figure.update_yaxes(scaleanchor="x", title_text="y m", constrain="domain", constraintoward="top")
     figure.update_xaxes(title_text="x m", constrain="domain")
-    title = f"Predicted half seconds along a {family_of(case.flight)}<br>that nobody trained on ({case.flight.name})"
-    return _laid_out(figure, title, 760)
+    title = f"Predicted half seconds along a {family_of(case.flight)}<br>that nobody trained on:<br>{case.flight.name}"
+    return _laid_out(figure, title, 680)
 
 
 def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name: str) -> Any:
@@ -107,14 +110,14 @@ def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name
                                         showlegend=not motor, line={"color": colour(i), "width": 1.0}),
                              row=motor + 1, col=1)
     figure.update_xaxes(title_text="s", row=4, col=1)
-    return _laid_out(figure, f"PWM ratios of a flight not shown:<br>{name}", 1000)
+    return _laid_out(figure, f"Motor commands (PWM ratios),<br>cloned and logged, held-out flight<br>{name}", 1000)
 
 
 def _laid_out(figure: Any, title: str, height: int) -> Any:
     """Legible on a phone too: the legend stands below."""
     figure.update_annotations(font_size=14)
     return figure.update_layout(title={"text": title, "font": {"size": 16}, "x": 0.0, "xref": "paper"}, height=height,
-                                template="plotly_white", margin={"l": 56, "r": 12, "t": 90, "b": 40},
+                                template="plotly_white", margin={"l": 56, "r": 12, "t": 135, "b": 40},
                                 legend={"orientation": "h", "yanchor": "top", "y": -60.0 / height, "x": 0.0})
 
 
@@ -123,13 +126,13 @@ def colour(number: int) -> str:
     return f"hsl({(137 * number + 210) % 360}, 70%, {40 + 12 * (number % 2)}%)"
 
 
-def write_page(path: Path, figures: Sequence[Any], synthetic: bool) -> None:
+def write_page(path: Path, figures: Sequence[Any], synthetic: bool, title: str = "Learned models") -> None:
     """One self-contained page."""
     word = "SYNTHETIC" if synthetic else "real"
     parts = [figure.to_html(full_html=False, include_plotlyjs=not i, config={"responsive": True, "displaylogo": False})
              for i, figure in enumerate(figures)]
     banner = '<p class="banner">SYNTHETIC: from simulated practice flights, not from recordings of a vehicle.</p>'
-    page = (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Learned models</title>'
+    page = (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
             f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head><body>'
-            f"<h1>Learned models, {word} flights</h1>{banner if synthetic else ''}{''.join(parts)}</body></html>")
+            f"<h1>{title}, {word} flights</h1>{banner if synthetic else ''}{''.join(parts)}</body></html>")
     write_bytes(path, page.encode())
