@@ -275,7 +275,7 @@ def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float
 @nb.njit(cache=True)
 def _at(time_s: np.ndarray, values: np.ndarray, at_s: float) -> np.ndarray:
     """(d,) values at one time."""
-    j = min(max(np.searchsorted(time_s, at_s, side="right"), 1), len(time_s) - 1)
+    j = min(max(int(np.searchsorted(time_s, at_s, side="right")), 1), len(time_s) - 1)
     share = (at_s - time_s[j - 1]) / (time_s[j] - time_s[j - 1])
     return values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
 
