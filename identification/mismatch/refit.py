@@ -41,6 +41,8 @@ from .space import LEVEL, MAPS, reduced, scales
 from .track import ROW_S, Track
 
 REFIT_HORIZONS = (10, 50)
+WORDS = ("position", "velocity", "attitude", "rate")
+"""QUANTITIES, in a sentence."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 GROUPS = 4 * len(REFIT_HORIZONS)
@@ -71,13 +73,14 @@ class Refitted:
         """For the terminal."""
         values = ", ".join(f"{name} {self.fitted[name]:.4g} -> {value:.4g} {self.units[name]}"
                            for name, value in self.refitted.items())
-        ratio = self.compared.after.mean(0)[-1] / np.maximum(self.compared.before.mean(0)[-1], 1e-12)
-        told = ", ".join(f"{r:.3f} in {q.rpartition('_')[0] if q.endswith('_m') else q.partition('_')[0]}"
-                         for q, r in zip(QUANTITIES, ratio, strict=True) if np.isfinite(r))
-        fate = "taken into the corrected simulator" if self.taken else "not taken: no better"
+        ratios = self.compared.after.mean(0) / np.maximum(self.compared.before.mean(0), 1e-12)
+        told = [f"{', '.join(f'{r:.3f} in {w}' for r, w in zip(ratios[HORIZONS.index(h)], WORDS, strict=True))} "
+                f"after {h * ROW_S:g} s" for h in REFIT_HORIZONS]
+        fate = ("taken into the corrected simulator: what gains most gains more than anything loses" if self.taken
+                else "not taken: no better")
         return (f"Refitted to predictions {REFIT_HORIZONS[0] * ROW_S:g} and {REFIT_HORIZONS[-1] * ROW_S:g} s ahead "
-                f"({values}): on {len(self.compared.flights)} flights left out in turn the errors after "
-                f"{HORIZONS[-1] * ROW_S:g} s are {told} of those of the fit; {fate}.")
+                f"({values}): on {len(self.compared.flights)} flights left out in turn the errors are, of those of the "
+                f"fit, {' and '.join(told)}; {fate}.")
 
     def to_json(self) -> dict[str, Any]:
         """``refit`` of verdict.json."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import threading
 import time
-import warnings
 
 import numpy as np
 import pytest
@@ -28,13 +27,7 @@ from cflib.utils.encoding import compress_quaternion
 
 from nanobench_tools.radio.simulated.quaternion32 import compress
 
-
-@pytest.fixture(scope="module", autouse=True)
-def _drivers():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        cflib.crtp.init_drivers()
-        yield
+pytestmark = pytest.mark.usefixtures("cflib_drivers")
 
 
 def connected(served: SimulatedCrazyflie) -> SyncCrazyflie:

@@ -18,7 +18,6 @@ from nanobench_tools.radio.simulated.supervisor import State
 
 pytest.importorskip("cflib", reason="CFLIB ABSENT: pip install 'nanobench[radio]' to run these tests")
 
-import cflib.crtp
 from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.mem import MemoryElement, Poly4D
@@ -34,13 +33,7 @@ GAIN = "pid_rate.roll_kp"
 ANSWER_S = 10.0
 """For an answer on a busy machine."""
 
-
-@pytest.fixture(scope="module", autouse=True)
-def _drivers():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        cflib.crtp.init_drivers()
-        yield
+pytestmark = pytest.mark.usefixtures("cflib_drivers")
 
 
 @pytest.fixture(scope="module")
