@@ -1,7 +1,8 @@
 """Flies recordings again on the plant, with the firmware's controller that flew them; ``protocols.gate`` judges.
 
-Given are the logged setpoints, the battery and, at the first instant, state, rotor commands and what the controller's
-integrals had gathered on the ground (its own code fed with the log until then). PID flights fly the build of the
+Given are the logged setpoints, the battery, when the radio was silent (gaps between the log's packets, in which no pose
+arrives) and, at the first instant, state, rotor commands and what the controller's integrals had gathered on the ground
+(its own code fed with the log until then). PID flights fly the build of the
 firmware their own log shows. Nothing else of the recording is used.
 """
 
@@ -74,7 +75,11 @@ def flight_of(cases: Sequence[Case], simulator: str, seed: int = 0) -> Flown:
     controller.drive_with(outputs)
     plant = Plant(loads(simulator), start, motor, Trace(volts, TICK_S), ground_z=ground)
     rngs = [np.random.default_rng([seed, int(case.flight.provenance.sha256[:8] or "0", 16)]) for case in cases]
-    senses = Onboard(plant, Sensing(), rngs, ticks)
+    shut = np.zeros((ticks, n), bool)
+    for i, case in enumerate(cases):
+        for span in case.silent:
+            shut[:case.ticks, i] |= (case.time_s > span.start_s) & (case.time_s < span.end_s)
+    senses = Onboard(plant, Sensing(shut=shut), rngs)
     still = np.zeros((n, 3))
     return fly(plant, senses, controller, lambda k: Reference(place[k], yaw[k], velocity[k], still), ticks, begun=True)
 

@@ -32,7 +32,7 @@ from .mpc_tilt import MARGIN_RAD, MOST_RAD
 PERIOD_S = 0.01
 OUTAGE_S = 0.6
 """So long the model flies on without a measurement; then the vehicle is lost (``guard``)."""
-STALE_M, STALE_S = 0.03, 0.05
+STALE_M, STALE_S = 0.01, 0.02
 """A pose that has not changed by one bit for so long, while the vehicle went so far, is an old one."""
 FAR_M = 1.0
 """So far from where it should be, a vehicle starts from the measurement."""
@@ -70,21 +70,20 @@ TUNABLE = {
     "position_level_m": around(Weights.position_m[0], "m"), "position_up_m": around(Weights.position_m[1], "m"),
     "velocity_m_s": around(Weights.velocity_m_s[0], "m/s"), "turn_rad": around(Weights.turn_rad[0], "rad"),
     "rate_rad_s": around(Weights.rate_rad_s[0], "rad/s"), "thrust_N": around(Weights.thrust_N, "N"),
-    "moment_N_m": around(Weights.moment_N_m[0], "N m", 4.0), "force_1_s": around(Tuning.force_1_s, "1/s"),
-    "moment_1_s": around(Tuning.moment_1_s, "1/s"), "share_pose": around(Tuning.share[0], "1", 2.5),
+    "moment_N_m": around(Weights.moment_N_m[0], "N m", 4.0), "place_1_s": around(Tuning.place_1_s, "1/s", 1.5),
+    "moment_1_s": around(Tuning.moment_1_s, "1/s"), "share_attitude": around(Tuning.share[2], "1", 2.5),
     "share_rate": around(Tuning.share[3], "1", 2.5)}
 
 
 def tuned(gains: Mapping[str, float], weights: Weights, tuning: Tuning, who: str) -> tuple[Weights, Tuning]:
     """Both with ``gains`` by the names of TUNABLE; about z a turn, a rate and a moment cost as they did."""
     k = whole(TUNABLE, gains, who)
-    pose = k["share_pose"]
     return (replace(weights, position_m=(k["position_level_m"], k["position_up_m"]),
                     velocity_m_s=(k["velocity_m_s"],) * 2, turn_rad=(k["turn_rad"], weights.turn_rad[1]),
                     rate_rad_s=(k["rate_rad_s"], weights.rate_rad_s[1]), thrust_N=k["thrust_N"],
                     moment_N_m=(k["moment_N_m"], 0.5 * k["moment_N_m"])),
-            replace(tuning, force_1_s=k["force_1_s"], moment_1_s=k["moment_1_s"],
-                    share=(pose, pose, tuning.share[2], k["share_rate"])))
+            replace(tuning, place_1_s=k["place_1_s"], moment_1_s=k["moment_1_s"],
+                    share=(3.0 * k["place_1_s"] * PERIOD_S, tuning.share[1], k["share_attitude"], k["share_rate"])))
 
 
 def _ahead_of(held: Reference) -> Callable[[np.ndarray], Reference]:

@@ -111,7 +111,7 @@ class OverRadio:
             raise UsageError(f"unknown output {output!r}; known: {', '.join(LEAD_S)}")
         self.output, self.delay_s = output, delay_s
         # what the plan asks of single motors does not happen: the loops decide, and learn moments themselves
-        keywords.setdefault("tuning", Tuning(share=(0.25, 0.25, 0.2, 0.9), moment_1_s=0.0))
+        keywords.setdefault("tuning", Tuning(share=(0.33, 0.0, 0.2, 0.9), moment_1_s=0.0))
         if output == "rates":
             keywords.setdefault("weights", SOFT)
         keywords.setdefault("near_m", 0.0)  # the mixer takes thrust from all motors for a plan that needs them whole

@@ -19,12 +19,16 @@ from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 from nanobench_tools.practice.vehicle import VEHICLE
 
 from .plant import Plant
-from .plant_senses import Late, Noise, Sensing
+from .plant_senses import TICK_S, Noise, Sensing
 
-POSE_SD_M, POSE_SD_RAD = 0.01, 0.06
-"""What the filter is told of a pose. The position's is the firmware's default; with the attitude's of 4.5 mrad it
-would follow the tracked tilt, which recordings show it does not: 0.06, what the Crazyswarm software sets, comes
-nearest to the logged attitude of the training flights (0.5 degrees; 1.2 with the default)."""
+POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
+"""What the filter is told of a pose: as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run
+again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
+(``benchmarks/onboard_velocity.py``)."""
+LEAD_S = 0.011
+"""By so much less than the poses the estimated position is late: the velocity, too large in flight, carries it on."""
+QUEUE = 64
+"""Poses that can wait for the radio; later ones are lost."""
 START_SD = {"sd_xy_m": 0.01, "sd_z_m": 0.01, "sd_velocity_m_s": 0.02, "sd_tilt_rad": 0.01, "sd_yaw_rad": 0.01}
 """A filter that has run for a while."""
 FIRST_MS = 1000
@@ -36,16 +40,16 @@ IMU_SIGMA = np.array([VEHICLE[name].value for name in ("acc_noise_m_s2", "acc_vi
 @kept
 def _run_filters(sources):
     @nb.njit(cache=True, nogil=True)
-    def _run_filters(parameters, task, run, measurement, waiting, milliseconds):
-        """n filters through so many runs with the same sample of the IMU in run (n,) RUN; measurement (n,)
-        MEASUREMENT is taken at the first of them if ``waiting``."""
+    def _run_filters(parameters, task, run, measurement, arrived, milliseconds):
+        """n filters through so many runs with the same sample of the IMU in run (n,) RUN; the first ``arrived`` (n,) of
+        measurement (n, QUEUE) MEASUREMENT are taken at the first of them."""
         if not sources:
             return
         for i in range(len(task)):
             for k in range(milliseconds):
                 run[i].t_ms += 1
-                measurement[i].t_ms = run[i].t_ms
-                task_step(parameters[i], task[i], run[i], measurement[i:i + 1], 0 if waiting and k == 0 else 1)
+                first = arrived[i] if k > 0 else 0
+                task_step(parameters[i], task[i], run[i], measurement[i, :arrived[i]], first)
 
     return _run_filters
 
@@ -72,19 +76,23 @@ def _feel(state, before, motor, step_s, gravity, noise, sigma, acc_g, gyro_deg_s
             gyro_deg_s[i, k] = rate[i, k] * 57.29577951308232
 
 
-class OnboardFilter:
-    """n filters, begun where the vehicles are. Poses every 1 / pose_hz s arrive ``Sensing.delay_s`` late, outages have
-    none; the accelerometer shows the mean of a step. ``belief`` (n, 13): what the filters begin with, else the truth.
-    ``Sensing.error`` is not used: errors are the filter's own."""
+class Onboard:
+    """n filters, begun where the vehicles are. Poses every 1 / pose_hz s arrive LEAD_S later than the estimated
+    position is to be (``Sensing.delay_s``), outages have none; while the radio is ``Sensing.shut`` they wait, and come
+    all at once. The accelerometer shows the mean of a step. ``belief`` (n, 13): what the filters begin with, else the
+    truth. Errors are the filter's own; ``Sensing.error`` is not used.
+    """
 
     def __init__(self, plant: Plant, sensing: Sensing, rngs: Sequence[np.random.Generator],
                  belief: np.ndarray | None = None) -> None:
         n = len(plant)
         self.sensing, self._plant, self._rngs = sensing, plant, rngs
         delay = np.broadcast_to(np.asarray(sensing.delay_s, float), (n,))
-        self._lags = np.round(delay / plant.step_s).astype(int)
+        self._lags = np.round((delay + LEAD_S) / plant.step_s).astype(int)
         self._ring = np.repeat(plant.state[None, :10], int(self._lags.max()) + 1, axis=0)
         self._every = max(1, round(1.0 / sensing.pose_hz / plant.step_s))
+        self._per_tick = round(TICK_S / plant.step_s)
+        self._open = np.ones(n, bool)
         self._count, self._lane = 0, np.arange(n)
         self._milliseconds = round(1000.0 * plant.step_s)
         self._noise = Noise(rngs, sensing.noise, n, 6)
@@ -98,12 +106,13 @@ class OnboardFilter:
         for name, sd in START_SD.items():
             start[name] = sd
         start["initial_m"] = belief[:, POSITION]
-        self._run, self._measured = np.zeros(n, RUN), np.zeros(n, MEASUREMENT)
+        self._run, self._measured = np.zeros(n, RUN), np.zeros((n, QUEUE), MEASUREMENT)
+        self._queued = np.zeros(n, np.int64)
         self._run["t_ms"], self._run["flying"] = FIRST_MS, 1
         self._run["acc_g"][:, 2] = 1.0
         self._measured["attitude"] = 1
         self._measured["position_sd_m"], self._measured["attitude_sd_rad"] = POSE_SD_M, POSE_SD_RAD
-        _run_filters(start, self._task, self._run, self._measured, False, 1)
+        _run_filters(start, self._task, self._run, self._measured, self._queued, 1)
         core = self._task["core"]
         q = belief[:, QUATERNION]
         turn = np.stack([so3.rotate(q, axis) for axis in np.eye(3)], axis=-1)
@@ -122,12 +131,22 @@ class OnboardFilter:
         _feel(plant.state, plant.before_m_s, plant.motor, plant.step_s, gravity, noise, IMU_SIGMA, self._run["acc_g"],
               self._run["gyro_deg_s"], self._rate)
         lost = any(start <= plant.time_s < end for start, end in self.sensing.outages)
-        due = self._count % self._every == 0 and not lost
-        if due:
-            seen = self._ring[(newest - self._lags) % len(self._ring), :, self._lane]
-            self._measured["position_m"] = seen[:, POSITION] + self.sensing.pose_noise_m * noise[:, 2::-1]
-            self._measured["quaternion"] = seen[:, QUATERNION]
-        _run_filters(self._parameters, self._task, self._run, self._measured, due, self._milliseconds)
+        if self._count % self._every == 0 and not lost:
+            self._send(self._ring[(newest - self._lags) % len(self._ring), :, self._lane], noise[:, 2::-1])
+        if self.sensing.shut is not None:
+            tick = min(self._count // self._per_tick, len(self.sensing.shut) - 1)
+            self._open = ~self.sensing.shut[tick]
+        _run_filters(self._parameters, self._task, self._run, self._measured, np.where(self._open, self._queued, 0),
+                     self._milliseconds)
+        self._queued[self._open] = 0
+
+    def _send(self, seen: np.ndarray, noise: np.ndarray) -> None:
+        """A pose of every vehicle, state seen (n, 10), joins its queue."""
+        lanes = np.flatnonzero(self._queued < QUEUE)
+        at = self._queued[lanes]
+        self._measured["position_m"][lanes, at] = (seen[:, POSITION] + self.sensing.pose_noise_m * noise)[lanes]
+        self._measured["quaternion"][lanes, at] = seen[lanes, QUATERNION]
+        self._queued[lanes] += 1
 
     def read(self, tick: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """position, velocity (n, 3) world, quaternion (n, 4) believed now."""
@@ -139,31 +158,3 @@ class OnboardFilter:
     def gyro(self) -> np.ndarray:
         """(n, 3) rad/s body, the newest sample."""
         return self._rate
-
-
-class Onboard:
-    """What the gate flies with: position and velocity as logs show them (``Late``), attitude of the firmware's filter.
-
-    Fed with recordings, the filter gives the logged attitude (0.5 degrees) and position (5 mm), but a velocity 4 to 7
-    % too large where the logged one is right to 1 %: something of the flown filter is not known, and velocity is what
-    a position loop lags by.
-    """
-
-    def __init__(self, plant: Plant, sensing: Sensing, rngs: Sequence[np.random.Generator], ticks: int,
-                 belief: np.ndarray | None = None) -> None:
-        self._late = Late(plant, sensing, rngs, ticks)
-        self._filter = OnboardFilter(plant, sensing, rngs, belief)
-
-    def step(self) -> None:
-        """After every step of the plant."""
-        self._late.step()
-        self._filter.step()
-
-    def read(self, tick: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, velocity (n, 3) world, quaternion (n, 4) believed at a tick."""
-        position, velocity, _ = self._late.read(tick)
-        return position, velocity, self._filter.read(tick)[2]
-
-    def gyro(self) -> np.ndarray:
-        """(n, 3) rad/s body, the newest sample."""
-        return self._filter.gyro()

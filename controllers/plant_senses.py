@@ -1,8 +1,8 @@
 """What a vehicle of the plant believes of its state: poses that come late, seldom or not, an IMU, an estimator.
 
-``Late`` is the estimate as recordings show it (the truth, late, with slow errors) and the faster one;
-``OnboardFilter`` runs the firmware's Kalman filter on simulated IMU and poses, so that its errors come from its own
-equations.
+``Late`` is the estimate as recordings over a good radio show it (the truth, late, with slow errors) and the faster
+one; ``plant_filter.Onboard`` runs the firmware's Kalman filter on simulated IMU and poses, so that its errors come from
+its own equations.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class Sensing:
     """delay_s: from the truth to the estimated position, the pose's way included (recordings: 20 ms); attitude and
     velocity are as much sooner as in the recordings. error: size of the slow errors over the recordings'. noise: of
     gyro and accelerometer over the recordings'. outages: (start_s, end_s) without poses. pose_hz and pose_noise_m:
-    what the firmware's filter is given (``Late`` has both in its errors)."""
+    what the firmware's filter is given (``Late`` has both in its errors). shut (ticks, n) bool: the radio takes nothing
+    in this tick of 10 ms, poses wait (the firmware's filter only)."""
 
     delay_s: np.ndarray | float = POSITION_LAG_S
     error: np.ndarray | float = 1.0
@@ -43,6 +44,7 @@ class Sensing:
     outages: tuple[tuple[float, float], ...] = ()
     pose_hz: float = 100.0
     pose_noise_m: float = 1e-4
+    shut: np.ndarray | None = None
 
 
 DRIFT_M_S2, DRIFT_M_S = 0.07, 0.02

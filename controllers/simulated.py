@@ -135,7 +135,7 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
     plant = crowd.plant(np.repeat(paths.all[0][0], len(ensemble), axis=0), late=not on_board(controller))
     begin = HOVER_S + OUTAGE_AT_S
     sensing = crowd.sensing(((begin, begin + OUTAGE_S),) if outage else ())
-    senses = Onboard(plant, sensing, crowd.rngs(2), ticks)
+    senses = Onboard(plant, sensing, crowd.rngs(2))
     air = crowd.air_N(ticks)
     if gust:
         first = round((HOVER_S + GUST_AT_S) / TICK_S)

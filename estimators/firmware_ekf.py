@@ -32,16 +32,18 @@ class FirmwareEkf:
     of what the vehicle had each ms, so the samples between two rows are drawn on a straight line between them
     (``held``: a row stands until the next); the motors, for the flag "flying" (without them it flies from the start).
     Nothing of the logged estimate. It starts at place and yaw of the first pose, level and at rest as the firmware
-    does (``parameters`` (1,) PARAMETERS: wherever they say), and begins there anew beyond 10 m/s or 100 m. No drag and
-    no biases, as on board; the estimate at a row is what the task had said by then, and moves at its 100 Hz. Rows of
-    the IMU stand on the nearest ms, poses and motors on the next one, counted between rows.
+    does (``parameters`` (1,) PARAMETERS: wherever they say; ``pose_sd``: m and rad that it is told of a pose), and
+    begins there anew beyond 10 m/s or 100 m. No drag and no biases, as on board; the estimate at a row is what the task
+    had said by then, and moves at its 100 Hz. Rows of the IMU stand on the nearest ms, poses and motors on the next
+    one, counted between rows.
     """
 
     name = "firmware_ekf"
     causal = True
 
-    def __init__(self, parameters: np.ndarray | None = None, held: bool = False) -> None:
-        self.parameters, self.held = parameters, held
+    def __init__(self, parameters: np.ndarray | None = None, held: bool = False,
+                 pose_sd: tuple[float, float] = (POSITION_SD_M, ATTITUDE_SD_RAD)) -> None:
+        self.parameters, self.held, self.pose_sd = parameters, held, pose_sd
 
     def estimate(self, flight: Flight) -> Estimate:
         """At the rows of the IMU from the first pose on. InputError without a pose, or without IMU after it."""
@@ -62,7 +64,7 @@ class FirmwareEkf:
         time_s, values = time_s[:last], values[:last]
         clock = _Clock(time_s)
         out, task = np.zeros(len(time_s), CORE), np.zeros(1, TASK)
-        run_task(_runs(flight, clock, values, self.held), _measurements(pose_s, poses, clock),
+        run_task(_runs(flight, clock, values, self.held), _measurements(pose_s, poses, clock, self.pose_sd),
                  self._start(poses[0]) if self.parameters is None else self.parameters, task, clock.rows, out)
         q = out["quaternion"][:, [1, 2, 3, 0]].astype(float)
         velocity = np.einsum("nij,nj->ni", out["rotation"], out["state"][:, 3:6]).astype(float)
@@ -122,7 +124,7 @@ def _flying(flight: Flight, clock: _Clock, ticks: np.ndarray) -> np.ndarray:
     return (latest >= 0) & (ticks - on[np.maximum(latest, 0)] <= 1000.0 * FLYING_S)
 
 
-def _measurements(pose_s: np.ndarray, poses: np.ndarray, clock: _Clock) -> np.ndarray:
+def _measurements(pose_s: np.ndarray, poses: np.ndarray, clock: _Clock, sd: tuple[float, float]) -> np.ndarray:
     """(j,) MEASUREMENT in order of arrival; of the poses before the first run only the newest."""
     tick = clock.next(pose_s)
     order = np.argsort(tick, kind="stable")
@@ -130,5 +132,5 @@ def _measurements(pose_s: np.ndarray, poses: np.ndarray, clock: _Clock) -> np.nd
     found = np.zeros(len(order), MEASUREMENT)
     found["t_ms"], found["attitude"] = _FIRST_MS + np.maximum(tick[order], 0), 1
     found["position_m"], found["quaternion"] = poses[order, :3], poses[order, 3:]
-    found["position_sd_m"], found["attitude_sd_rad"] = POSITION_SD_M, ATTITUDE_SD_RAD
+    found["position_sd_m"], found["attitude_sd_rad"] = sd
     return found

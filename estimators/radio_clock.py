@@ -11,33 +11,12 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from nanobench_tools.content.radio_gaps import drawn
 from nanobench_tools.flight import Flight
-from nanobench_tools.sources.kinks import carries_no_packet
 
 FORGET_S = (0.03, 0.06, 0.1, 0.2, 0.4, 0.8)
 LATE_S = (0.0334, -0.0156, -0.1004, 0.1475, -0.0623, 0.0121)
 """Seconds of lateness per drawn row, forgotten at FORGET_S; a ridge regression on circles and trefoils."""
-
-RESOLUTION = {"imu": {"acc": 3e-6, "gyro": 1e-6}, "motor": {"m": 2e-7}}
-"""A row is drawn if it is on the chord within this, m/s^2, rad/s, PWM ratio; fixed, so that nothing later counts."""
-
-
-def drawn(flight: Flight) -> np.ndarray:
-    """(n,) at the rows of the IMU: which part of the streams ``imu`` and ``motor`` carries no packet there, as known
-    one row later (0, 1/2 or 1)."""
-    imu = flight["imu"]
-    found = []
-    for name, digits in RESOLUTION.items():
-        if name not in flight:
-            continue
-        stream = flight[name]
-        if not np.array_equal(stream.time_s, imu.time_s):
-            continue
-        known = {i: digit for i, quantity in enumerate(stream.quantities) for start, digit in digits.items()
-                 if quantity.startswith(start)}
-        found.append(carries_no_packet(stream.time_s, stream.values[:, list(known)], np.array(list(known.values()))))
-    return np.mean(found, axis=0) if found else np.zeros(len(imu))
-
 
 def lateness(flight: Flight) -> np.ndarray:
     """(n,) s at the rows of the IMU; the constant part cannot be told from packets and is left to the filter."""

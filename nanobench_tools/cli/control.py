@@ -99,7 +99,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
                           flies)
         if "gate" in wanted:
             seen, judged = options.on_clock(flights, audits)
-            body |= gate_body(options, seen, judged, chosen, asked="gate" in plants)
+            body |= gate_body(options, seen, judged, chosen, "gate" in plants, flights)
     if "simulated" in wanted:
         simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"),
                                    radio_delay_s, wind_m_s, gains)

@@ -123,8 +123,9 @@ def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], spe
 
 
 def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-              asked: bool = False) -> dict[str, Any]:
+              asked: bool = False, recorded: Sequence[Flight] = ()) -> dict[str, Any]:
     """{gate, gate_summary, gate_left_out, gate_plant, gate_note}, with the table shown and paths written to ``--out``.
+    ``recorded``: the flights on their own stamps.
 
     Raises InputError when it was ``asked`` for and no recording can be judged.
     """
@@ -133,7 +134,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     from ..harness import make_item
     from ..protocols import gate
 
-    cases, reasons = gate.select(flights, audits, chosen.trained)
+    cases, reasons = gate.select(flights, audits, chosen.trained, recorded)
     if not cases:
         note = "no recording to judge the plant by: " + "; ".join(sorted(set(reasons.values())))
         if asked:

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are told where to be; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
-NOW: dict[str, Any] = {"ages_s": (0.0, 0.0, 0.0, 0.0), "share": (0.25, 0.25, 0.2, 0.4), "moment_1_s": 0.0}
+NOW: dict[str, Any] = {"ages_s": (0.0, 0.0, 0.0, 0.0), "share": (0.25, 0.25, 0.2, 0.4), "place_1_s": 0.0,
+                       "moment_1_s": 0.0}
 """Of the observer: what it is told is of now (``radio.fly_state``), and its rates come from poses, noisier than a
 gyro's."""
 

@@ -1,9 +1,9 @@
 """The gate of Task 2: does the plant, flown by the controller that flew, do what the recording did?
 
 A case is a held-out recording from the first to the last time it was in the air, as far as its log is alive. What
-flies it again (``controllers.gate``) is given setpoints, battery and the state at the start as logged, and nothing
-else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of the real one, the lag
-behind them within LAG_S, and the median distance of the two paths below GAP_M.
+flies it again (``controllers.gate``) is given setpoints, battery, the gaps of the radio and the state at the start as
+logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of the real
+one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from scipy.signal import welch
 
 from ..audit import Audit
+from ..content.radio_gaps import radio_gaps
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
@@ -50,11 +51,12 @@ PLANNED_M_S = 1.6
 
 @dataclass(frozen=True)
 class Case:
-    """One recording, who flew it, and the span that is flown again."""
+    """One recording, who flew it, the span that is flown again, and when the radio was silent."""
 
     flight: Flight
     controller: str
     span: Span
+    silent: tuple[Span, ...] = ()
 
     @property
     def ticks(self) -> int:
@@ -66,11 +68,13 @@ class Case:
         return self.span.start_s + TICK_S * np.arange(self.ticks)
 
 
-def select(flights: Sequence[Flight], audits: Mapping[str, Audit],
-           trained: Sequence[tuple[float, float]] = ()) -> tuple[list[Case], dict[str, str]]:
+def select(flights: Sequence[Flight], audits: Mapping[str, Audit], trained: Sequence[tuple[float, float]] = (),
+           recorded: Sequence[Flight] = ()) -> tuple[list[Case], dict[str, str]]:
     """(cases, reason by name of the recordings left out). ``trained``: (start, end) in Unix time of the recordings the
-    plant was identified from; whatever overlaps them is no judge. Copies and slices are left out."""
+    plant was identified from; whatever overlaps them is no judge. ``recorded``: the flights on their own stamps, where
+    ``flights`` are on another clock; gaps of the radio are read there. Copies and slices are left out."""
     kept, repeats = distinct(flights)
+    stamped = {f.name: f for f in (*flights, *recorded)}
     reasons = {r.flight.name: f"{r.kind} of {r.of.name}" for r in repeats}
     fit = {f.name: f for f in usable(kept, audits, NEEDED)}
     cases = []
@@ -92,7 +96,7 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit],
             elif not is_cut(whole) and np.ptp(whole["mocap"]["pz"]) < ROSE_M:
                 reasons[flight.name] = f"never rose {ROSE_M:g} m: all in ground effect"
             else:
-                cases.append(Case(whole, SAID[audit.controller], span))
+                cases.append(Case(whole, SAID[audit.controller], span, tuple(radio_gaps(stamped[flight.name]))))
     return cases, reasons
 
 

@@ -92,6 +92,26 @@ def test_recordings_the_plant_was_made_from_do_not_judge_it():
     assert "not of the firmware" in reasons["f2"]
 
 
+def test_the_radio_is_silent_on_the_stamps_of_the_receiver():
+    """Of a flight that was moved to another clock, gaps are read from the recording."""
+    flight = made_flight()
+    t = 0.01 * np.arange(len(flight["imu"]))
+
+    def on(stamps):
+        rng, made = np.random.default_rng(1), {}
+        for name in ("imu", "motor"):
+            values = flight[name].values + rng.normal(0.0, 0.01, flight[name].values.shape)
+            values[701:706] = values[700] + np.outer(np.arange(1, 6) / 6.0, values[706] - values[700])
+            made[name] = replace(flight[name], values=values, time_s=stamps)
+        return flight.with_streams(**made)
+
+    recorded, moved = on(t), on(t - 0.2)
+    audits = {flight.name: verdict(flight)}
+    for flights, given in (([recorded], []), ([moved], [recorded])):
+        (case,), _ = gate.select(flights, audits, (), given)
+        assert [(s.start_s, s.end_s) for s in case.silent] == [(t[700], t[706])]
+
+
 def test_what_nanobench_fly_recorded_judges_if_it_was_told_positions():
     flights = [made_flight(f"f{i}", epoch_s=1e9 + 1000.0 * i, seed=i) for i in range(2)]
     flights[1] = replace(flights[1], metadata={**flights[1].metadata, "setpoints": "velocity"})
