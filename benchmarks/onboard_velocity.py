@@ -4,8 +4,8 @@
 
 Real recordings, re-timed. Of every flight with a streamed path: slope of the estimated on the true horizontal velocity
 and correlation of what is left along the track, of the logged estimate and of the firmware's filter fed with the
-recorded IMU and poses. Told of poses as the firmware does by default, as Crazyswarm2 does, and so with every pose that
-was sent in a gap of the radio arriving at its end. Gaps are read from missing packets of the log alone
+recorded IMU and poses. Told of poses as the firmware does by default and as Crazyswarm2 does, and both with every pose
+that was sent in a gap of the radio arriving at its end. Gaps are read from missing packets of the log alone
 (``content.radio_gaps``); nothing is fitted.
 """
 
@@ -22,6 +22,7 @@ from controllers.plant_filter import POSE_SD_M, POSE_SD_RAD
 from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
+from nanobench_tools.firmware.kalman import ATTITUDE_SD_RAD, POSITION_SD_M
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.gate import select
@@ -31,8 +32,9 @@ from nanobench_tools.sources.discover import default_data, load_recordings
 LATE_S = 0.015
 """Of a pose on its way; a constant one does not move the slope."""
 SETTLED_S = 3.0
-FILTERS = {"default, on time": (0.01, 4.5e-3, False), "Crazyswarm2, on time": (POSE_SD_M, POSE_SD_RAD, False),
-           "Crazyswarm2, gaps": (POSE_SD_M, POSE_SD_RAD, True)}
+BY_DEFAULT, CRAZYSWARM2 = (POSITION_SD_M, ATTITUDE_SD_RAD), (POSE_SD_M, POSE_SD_RAD)
+FILTERS = {"default, on time": (*BY_DEFAULT, False), "default, gaps": (*BY_DEFAULT, True),
+           "Crazyswarm2, on time": (*CRAZYSWARM2, False), "Crazyswarm2, gaps": (*CRAZYSWARM2, True)}
 """Row -> standard deviations that the filter is told of a pose, and whether poses wait for the radio."""
 
 

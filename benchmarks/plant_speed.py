@@ -46,8 +46,8 @@ def whole(n: int, ticks: int, kind: str) -> float:
     """Processor time [s] of a flight behind the PID cascade."""
     crowd = draw(shipped_simulator(), n)
     plant = crowd.plant(np.tile([0.0, 0.0, 1.0], (n, 1)))
-    make = Late if kind == "late" else Onboard
-    senses, told = make(plant, crowd.sensing(), crowd.rngs(2), ticks), hover(n)
+    sensing, rngs, told = crowd.sensing(), crowd.rngs(2), hover(n)
+    senses = Late(plant, sensing, rngs, ticks) if kind == "late" else Onboard(plant, sensing, rngs)
     before = time.process_time()
     fly(plant, senses, PidCascade(), lambda tick: told, ticks)
     return time.process_time() - before

@@ -105,7 +105,7 @@ def control_on(given: Recordings) -> dict[str, Any]:
     def gate() -> dict[str, Any]:
         options = replace(given.options, clock=given.clock or AS_RECORDED)
         flights, audits = options.on_clock(given.flights, given.audits)
-        return gate_body(options, flights, audits, Chosen.of(options, None, ()))
+        return gate_body(options, flights, audits, Chosen.of(options, None, ()), recorded=given.flights)
 
     body = _parts(given, PROTOCOLS, recorded, moved)
     return {**body, **gate()}

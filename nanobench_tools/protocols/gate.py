@@ -42,6 +42,10 @@ ROSE_M = 0.3
 TICK_S = 0.01
 MOST_LAG_S = 1.0
 BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
+PWM_OFF = 0.025
+"""Of the mean PWM: more than this is said of a flight that fails."""
+LEVEL_M, LEVEL_TICKS = 0.1, 200
+"""PWM is compared where both vehicles are at one height, if that is so for so long."""
 SHOWN_S = 0.1
 STILL_M = 2e-4
 """Per 10 ms: a setpoint that moves less stands still."""
@@ -149,6 +153,7 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
     lag = [constant_delay(t, p, t, asked, MOST_LAG_S).delay_s for p in (real, position_m)]
     gap = float(np.median(tracking.position_errors(position_m, real)))
     steady = _streamed(case)
+    level = steady & (np.abs(position_m[:, 2] - real[:, 2]) < LEVEL_M)
     bias = [float(np.mean((p - asked)[steady, 2])) for p in (real, position_m)]
     full = [tracking.saturated_percent(u) for u in (flown, motor)]
     row = {"flight": case.flight.name, "controller": case.controller, "duration_s": case.ticks * TICK_S,
@@ -156,6 +161,7 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
            "rmse_real_m": rmse[0], "rmse_sim_m": rmse[1], "ratio": rmse[1] / rmse[0], "lag_real_s": lag[0],
            "lag_sim_s": lag[1], "lag_diff_s": lag[1] - lag[0], "path_gap_m": gap, "z_bias_real_m": bias[0],
            "z_bias_sim_m": bias[1], "saturated_real_percent": full[0], "saturated_sim_percent": full[1],
+           "pwm_mean": [float(u[level].mean()) for u in (flown, motor)] if level.sum() > LEVEL_TICKS else None,
            "pwm_rms": {f"{low:g}-{high:g} Hz": [_band(u, low, high) for u in (flown, motor)] for low, high in BANDS_HZ}}
     reason = reason_of(row)
     return {**row, "pass": not reason, "reason": reason}
@@ -193,6 +199,11 @@ def reason_of(row: Mapping[str, Any]) -> str:
                      f"{1e3 * row['lag_diff_s']:+.0f} ms, allowed {1e3 * LAG_S:.0f}")
     if not row["path_gap_m"] < GAP_M:
         parts.append(f"paths {100.0 * row['path_gap_m']:.1f} cm apart, allowed {100.0 * GAP_M:.0f}")
+    if parts and row["pwm_mean"]:
+        flown, simulated = row["pwm_mean"]
+        if abs(simulated - flown) > PWM_OFF * flown:
+            parts.append(f"motors at {100.0 * simulated:.1f} % simulated, {100.0 * flown:.1f} % {word}, at the same "
+                         f"height: the plant lifts {'less' if simulated > flown else 'more'}")
     return "; ".join(parts)
 
 

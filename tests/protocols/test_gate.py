@@ -54,6 +54,12 @@ def test_a_later_flight_fails_and_the_report_says_by_how_much(case):
     aside = gate.score(case, truth(case) + np.array([0.0, 0.0, 0.08]), motor(case))
     assert aside["path_gap_m"] == pytest.approx(0.08)
     assert "paths 8.0 cm apart, allowed 5" in aside["reason"]
+    assert "motors at" not in row["reason"]
+    harder = gate.score(case, truth(case, 0.1), 1.05 * motor(case))
+    assert "at the same height: the plant lifts less" in harder["reason"]
+    fallen = gate.score(case, truth(case) - np.array([0.0, 0.0, 1.0]), 0.5 * motor(case))
+    assert fallen["pwm_mean"] is None  # a vehicle on the ground says nothing of its lift
+    assert "motors at" not in fallen["reason"]
     found = gate.summary([gate.score(case, truth(case), motor(case)), row])
     assert found["pid"]["n"] == 2
     assert found["pid"]["lag_share"] == 0.5
