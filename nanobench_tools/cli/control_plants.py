@@ -174,14 +174,16 @@ def _gate_note(found: Mapping[str, Mapping[str, Any]], chosen: Chosen) -> str:
     parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s['ratio_share']:.0f} % of {s['n']} flights (aim 85), median "
              f"lag difference {1e3 * s['lag_diff_median_s']:+.0f} ms (aim 30), median path gap "
              f"{100.0 * s['path_gap_median_m']:.1f} cm (aim 5)" for name, s in found.items() if name != "all"]
-    return f"plant: {chosen.origin}; " + "; ".join(parts)
+    return (f"plant: {chosen.origin}; given setpoints, battery, gaps of the radio and state at the start; "
+            + "; ".join(parts))
 
 
 def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mapping[str, Mapping[str, Any]]) -> None:
     from rich import box
     from rich.table import Table
 
-    title = f"Gate: {data_word(options)} held-out flights flown again on the plant, clock {options.clock}"
+    title = (f"Gate: {data_word(options)} held-out flights flown again on the plant, clock {options.clock}; given: "
+             "setpoints, battery, gaps of the radio, state at the start")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("flight", "controller"):
         table.add_column(head, no_wrap=True)
