@@ -26,7 +26,8 @@ POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
 again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
 (``benchmarks/onboard_velocity.py``)."""
 LEAD_S = 0.011
-"""By so much less than the poses the estimated position is late: the velocity, too large in flight, carries it on."""
+"""The estimated position is so much less late than the poses: a pose corrects the last prediction, the
+next carries it on."""
 QUEUE = 64
 """Poses that can wait for the radio; later ones are lost."""
 START_SD = {"sd_xy_m": 0.01, "sd_z_m": 0.01, "sd_velocity_m_s": 0.02, "sd_tilt_rad": 0.01, "sd_yaw_rad": 0.01}
