@@ -9,7 +9,8 @@ and ``thrust_scale``) are told of the identified one, never of the single plants
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from .mismatch import CASES, TOLD_RADIO_S, mismatched
 from .plant_filter import Onboard
 from .plant_flight import Flown, fly
 from .plant_senses import TICK_S
+from .radio_silence import Waiting, heard, silence
 
 SHORTEST_AFTER_S = 4.0
 GUST_N, GUST_S, GUST_AT_S = 0.2, 0.25, 4.0
@@ -128,35 +130,41 @@ class Told:
 
 
 def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: bool = False, outage: bool = False,
-          reset: bool = True) -> Flown:
-    """Paths x plants side by side, paths outermost."""
+          silent: float = 0.0) -> Flown:
+    """Paths x plants side by side, paths outermost; ``silent``: the share of the time in which the radio takes
+    nothing."""
     crowd = ensemble.repeated(len(paths.specs))
     ticks = paths.ticks
     plant = crowd.plant(np.repeat(paths.all[0][0], len(ensemble), axis=0), late=not on_board(controller))
     begin = HOVER_S + OUTAGE_AT_S
-    sensing = crowd.sensing(((begin, begin + OUTAGE_S),) if outage else ())
+    shut = silence(crowd.rngs(4), ticks, silent) if silent else None
+    sensing = replace(crowd.sensing(((begin, begin + OUTAGE_S),) if outage else ()), shut=shut)
     senses = Onboard(plant, sensing, crowd.rngs(2))
     air = crowd.air_N(ticks)
     if gust:
         first = round((HOVER_S + GUST_AT_S) / TICK_S)
         air[first:first + round(GUST_S / TICK_S), 1] += GUST_N
-    told = Told(paths, ensemble, controller)
-    return fly(plant, senses, controller, told.at, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
+    told: Callable[[int], Reference] = Told(paths, ensemble, controller).at
+    if shut is not None and on_board(controller):
+        told = heard(told, shut)
+    elif shut is not None:
+        controller = Waiting(controller, shut)
+    return fly(plant, senses, controller, told, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
 
 
 def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants: int, seed: int = 0,
                    draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
-                   radio_s: float = 0.0, wind_m_s: float = 0.0,
+                   radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
                    gains: Mapping[str, float] | None = None) -> dict[str, Any]:
     """{controller, information, runs: [of every path: [scores of every plant]], paths: of the median plant,
     call_counts: commands by the time they took, gust and outage: recovery on the first path}. ``radio_s``: delay of the
-    radio, of which controllers are told; gains: instead of the controller's own; a wind blows from a direction of its
-    own at every plant."""
+    radio, of which controllers are told; silent: share of the time in which it takes nothing; gains: instead of the
+    controller's own; a wind blows from a direction of its own at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
     ensemble = draw(simulator, plants, seed, known, radio_s).in_wind(wind_m_s)
     controller = made(name, loads(simulator), radio_s, gains)
     paths = Paths(tuple(specs))
-    found = flown(controller, paths, ensemble)
+    found = flown(controller, paths, ensemble, silent=silent)
     runs = score(found, paths, len(ensemble), controller.period_s)
     own = f"{controller.name} tuned" if gains is not None else controller.name
     result: dict[str, Any] = {"controller": own, "information": controller.information, "runs": runs,
@@ -168,7 +176,8 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
         first = Paths(tuple(specs[:1]))
         calm = found.position_m[:, :len(ensemble)]
         for what in ("gust", "outage"):
-            bent = flown(controller, first, ensemble, gust=what == "gust", outage=what == "outage")
+            bent = flown(controller, first, ensemble, gust=what == "gust", outage=what == "outage",
+                         silent=silent)
             begin = HOVER_S + (GUST_AT_S if what == "gust" else OUTAGE_AT_S)
             result[what] = recovery(bent.position_m, calm[:len(bent.position_m)], bent.time_s, begin)
     return result

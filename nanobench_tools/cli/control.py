@@ -52,6 +52,11 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @click.option("--radio-delay-s", type=click.FloatRange(min=0.0, max=0.1), default=0.0, show_default=True, metavar="S",
               help="Simulated: delay of the radio. Commands of controllers that are not on board reach the motors so "
                    "late, and these are told; references reach those on board so late.")
+@click.option("--radio-silent", "silent_percent", type=click.FloatRange(min=0.0, max=50.0), default=0.0,
+              show_default=True, metavar="PERCENT",
+              help="Simulated: the radio takes nothing for so much of the time, in gaps of 50 ms on average "
+                   "(recordings: 0 to 11 %). Poses, commands of controllers that are not on board and references of "
+                   "those that are wait.")
 @click.option("--wind", "wind_m_s", type=click.FloatRange(min=0.0, max=10.0), default=0.0, show_default=True,
               metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
@@ -62,8 +67,8 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
               help="Learned: rounds in which the onboard PID corrects the policies on the plant.")
 def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...], controllers: tuple[str, ...],
             simulator: Path | None, train: tuple[Path, ...], trajectories: tuple[str, ...], speeds: tuple[float, ...],
-            seconds: float, members: int, radio_delay_s: float, wind_m_s: float, gain_files: tuple[Path, ...],
-            learned: str | None, dagger: int) -> int:
+            seconds: float, members: int, radio_delay_s: float, silent_percent: float, wind_m_s: float,
+            gain_files: tuple[Path, ...], learned: str | None, dagger: int) -> int:
     """Task 2: how well was it flown, and how would another controller fly it?
 
     real: as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
@@ -102,7 +107,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
             body |= gate_body(options, seen, judged, chosen, "gate" in plants, flights)
     if "simulated" in wanted:
         simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"),
-                                   radio_delay_s, wind_m_s, gains)
+                                   radio_delay_s, wind_m_s, silent_percent / 100.0, gains)
         body["rows"] = [*body["rows"], *simulated.pop("rows")]
         body |= simulated
     if "mismatch" in wanted:

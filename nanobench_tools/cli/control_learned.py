@@ -156,8 +156,8 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
     values = options.run(items, "simulated").values
     rows = [row for item in items if item.key in values for row in tabulate([values[item.key]], specs, bar)]
     for row in rows:
-        row["radio_delay_s"], row["wind_m_s"] = 0.0, 0.0
-    show_simulated(options, rows, bar, 0.0, 0.0)
+        row["radio_delay_s"], row["wind_m_s"], row["radio_silent_percent"] = 0.0, 0.0, 0.0
+    show_simulated(options, rows, bar, 0.0, 0.0, 0.0)
     for row in rows:
         kept = row["statistics"]["kept_s"]["median"]
         options.show(f"{one_line(row['controller'])}, {row['reference']}: within {LOST_M:g} m of its path for "

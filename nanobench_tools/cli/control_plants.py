@@ -205,7 +205,7 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
 
 
 def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
-                   summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
+                   summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
                    gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, flights, solve_times, error_bar, simulated_plant}: every controller (all registered ones without
     ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
@@ -221,7 +221,7 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
     items = {(name, tuned is not None, k): make_item(
         fly_controller, {"name": name, "specs": same, "simulator": chosen.simulator, "plants": members,
                          "seed": options.seed, "draws": chosen.draws, "disturbed": k == 0, "radio_s": radio_s,
-                         "wind_m_s": wind_m_s, "gains": tuned},
+                         "wind_m_s": wind_m_s, "silent": silent, "gains": tuned},
         f"simulated {name}{' tuned' if tuned is not None else ''} {same[0].family} to {same[-1].family}", file=name)
         for name, tuned in _versions(names, gains) for k, same in enumerate(families)}
     values = options.run(list(items.values()), "simulated").values
@@ -235,10 +235,10 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
                      "speed_m_s": spec.params.get("speed_mps"), **path}
                     for spec, path in zip(families[k], found["paths"], strict=True)]
     for row in rows:
-        row["radio_delay_s"], row["wind_m_s"] = radio_s, wind_m_s
+        row["radio_delay_s"], row["wind_m_s"], row["radio_silent_percent"] = radio_s, wind_m_s, 100.0 * silent
     if not rows and not options.failed:
         raise UsageError("no controller to fly")
-    show_simulated(options, rows, bar, radio_s, wind_m_s)
+    show_simulated(options, rows, bar, radio_s, wind_m_s, silent)
     times = solve_times([values[item.key] for item in items.values() if item.key in values])
     return {"rows": rows, "flights": flights, "solve_times": times, "error_bar": bar, "simulated_plant": chosen.origin}
 

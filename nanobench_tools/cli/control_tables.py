@@ -22,13 +22,14 @@ def number(value: float | None, digits: int) -> str:
 
 
 def show_simulated(options: Options, rows: Sequence[Mapping[str, Any]], bar: Mapping[str, Any] | None,
-                   radio_s: float, wind_m_s: float) -> None:
+                   radio_s: float, wind_m_s: float, silent: float) -> None:
     """By reference and speed, the best first; then every controller over all of them; then the disturbances."""
     from rich import box
     from rich.table import Table
 
     off = "no gate" if bar is None else f"± {100.0 * bar['rmse_share']:.0f} % by the gate of {bar['n']} flights"
-    with_ = f", radio {1e3 * radio_s:g} ms" * (radio_s > 0.0) + f", wind {wind_m_s:g} m/s" * (wind_m_s > 0.0)
+    with_ = (f", radio {1e3 * radio_s:g} ms" * (radio_s > 0.0) + f", radio silent {100.0 * silent:g} %" * (silent > 0.0)
+             + f", wind {wind_m_s:g} m/s" * (wind_m_s > 0.0))
     table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{with_})",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("reference", "m/s", "controller", "told", "n"):
