@@ -27,7 +27,7 @@ class Tuning:
     (three equal poles; 0: they do not). force_1_s, moment_1_s: speed at which velocities teach a force and rates a
     moment. most: bounds of both [m/s^2, rad/s^2].
 
-    Velocities are not believed by default: the firmware's filter says 7 % too much where the air pulls, and up to 12 %
+    Velocities are not believed by default: the firmware's filter says 7 % too much where the air pulls, and up to 13 %
     too little over a radio with gaps (docs/control.md).
     """
 

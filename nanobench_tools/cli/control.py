@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
-from .options import PATH, Options, one_line, shared_options
+from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 MODERATE = ("figure_eight", "star", "linear_ramp")
@@ -43,21 +43,21 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",
               help="Simulated: a family of paths such as figure8; may repeat. Default: all; for mismatch figure8, "
                    "star, linear_ramp.")
-@click.option("--speed", "speeds", multiple=True, type=click.FloatRange(min=0.05, max=5.0), metavar="M_S",
+@click.option("--speed", "speeds", multiple=True, type=FiniteRange(min=0.05, max=5.0), metavar="M_S",
               help="Simulated: speed along the path [m/s]; may repeat. Default: 0.5 and 1.0.")
-@click.option("--seconds", type=click.FloatRange(min=5.0, max=600.0), default=12.0, show_default=True,
+@click.option("--seconds", type=FiniteRange(min=5.0, max=600.0), default=12.0, show_default=True,
               help="Simulated: length of every path, of which the first 3 s are not scored.")
 @click.option("--plants", "members", type=click.IntRange(min=1), default=12, show_default=True, metavar="N",
               help="Simulated: how many plants; the first is the median one.")
-@click.option("--radio-delay-s", type=click.FloatRange(min=0.0, max=0.1), default=0.0, show_default=True, metavar="S",
+@click.option("--radio-delay-s", type=FiniteRange(min=0.0, max=0.1), default=0.0, show_default=True, metavar="S",
               help="Simulated: delay of the radio. Commands of controllers that are not on board reach the motors so "
                    "late, and these are told; references reach those on board so late.")
-@click.option("--radio-silent", "silent_percent", type=click.FloatRange(min=0.0, max=50.0), default=0.0,
+@click.option("--radio-silent", "silent_percent", type=FiniteRange(min=0.0, max=50.0), default=0.0,
               show_default=True, metavar="PERCENT",
               help="Simulated: the radio takes nothing for so much of the time, in gaps of 50 ms on average "
                    "(recordings: 0 to 11 %). Poses, commands of controllers that are not on board and references of "
                    "those that are wait.")
-@click.option("--wind", "wind_m_s", type=click.FloatRange(min=0.0, max=10.0), default=0.0, show_default=True,
+@click.option("--wind", "wind_m_s", type=FiniteRange(min=0.0, max=10.0), default=0.0, show_default=True,
               metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
               help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")

@@ -11,7 +11,7 @@ import click
 from ..errors import InputError, UsageError
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .methods import load_methods
-from .options import AS_RECORDED, PATH, Options, one_line, shared_options
+from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, show_left_out
 
 if TYPE_CHECKING:
@@ -58,13 +58,13 @@ ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10,
               help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
 @click.option("--imu-noise", "noise_file", type=PATH, metavar="FILE",
               help="imu_noise.toml of nanobench noise, for the rows of --method that take one (smoothers and filters).")
-@click.option("--pose-rate", "rates", multiple=True, type=click.FloatRange(min=0.1, max=1000.0), metavar="HZ",
+@click.option("--pose-rate", "rates", multiple=True, type=FiniteRange(min=0.1, max=1000.0), metavar="HZ",
               help="aided: poses per second; may repeat, as may the next three, for every combination. Default: 10.")
-@click.option("--pose-delay", "delays", multiple=True, type=click.FloatRange(min=0.0, max=10.0), metavar="S",
+@click.option("--pose-delay", "delays", multiple=True, type=FiniteRange(min=0.0, max=10.0), metavar="S",
               help="aided: how long after it was measured a pose arrives. Default: 0.03.")
-@click.option("--pose-noise", "noises", multiple=True, type=click.FloatRange(min=0.0, max=10.0), metavar="M",
+@click.option("--pose-noise", "noises", multiple=True, type=FiniteRange(min=0.0, max=10.0), metavar="M",
               help="aided: SD of the noise put on each axis of the position. Default: 0.01.")
-@click.option("--pose-loss", "losses", multiple=True, type=click.FloatRange(min=0.0, max=1.0, max_open=True),
+@click.option("--pose-loss", "losses", multiple=True, type=FiniteRange(min=0.0, max=1.0, max_open=True),
               metavar="SHARE", help="aided: share of the poses that never arrive. Default: 0.")
 @click.option("--attribution", "explained", is_flag=True,
               help="Also say what the onboard filter's error comes from: its logged estimate by clock, and the filter "

@@ -10,7 +10,7 @@ import click
 
 from ..errors import UsageError
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
-from .options import PATH, Options, one_line, shared_options
+from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .record import say_export, toc_cache
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ INTERRUPTED = 130
 @click.option("--controller", required=True, metavar="NAME", help=CONTROLLERS_HELP)
 @click.option("--trajectory", default="figure_eight", show_default=True, metavar="NAME",
               help="Family of paths: circle, figure_eight, helix, oval, star, trefoil, lissajous, ...")
-@click.option("--speed", type=click.FloatRange(min=0.05, max=5.0), metavar="M_S", help="Along the path. Default: the "
+@click.option("--speed", type=FiniteRange(min=0.05, max=5.0), metavar="M_S", help="Along the path. Default: the "
               "family's slow one.")
-@click.option("--size", type=click.FloatRange(min=0.05, max=20.0), metavar="M", help="Radius or half width.")
-@click.option("--seconds", type=click.FloatRange(min=4.0, max=600.0), metavar="S", help="Length of the path.")
+@click.option("--size", type=FiniteRange(min=0.05, max=20.0), metavar="M", help="Radius or half width.")
+@click.option("--seconds", type=FiniteRange(min=4.0, max=600.0), metavar="S", help="Length of the path.")
 @click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
 @click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY of the package motioncapture (vicon, "
               "optitrack, qualisys, vrpn, ...), or module:callable.")
@@ -42,14 +42,14 @@ INTERRUPTED = 130
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml that a predictive controller plans with. "
               "Default: the recorded vehicle.")
 @click.option("--dry-run", is_flag=True, help="Print what would be sent; no link.")
-@click.option("--yaw", "yaw_deg", type=click.FloatRange(-180.0, 180.0), default=0.0, show_default=True, metavar="DEG",
+@click.option("--yaw", "yaw_deg", type=FiniteRange(-180.0, 180.0), default=0.0, show_default=True, metavar="DEG",
               help="Where the vehicle looks on the ground.")
 @click.option("--fence", nargs=6, type=float, default=(-2.0, 2.0, -2.0, 2.0, -0.1, 2.0), show_default=True,
               metavar="X X Y Y Z Z", help="Box [m] that it must not leave.")
-@click.option("--tilt-limit", "tilt_deg", type=click.FloatRange(5.0, 90.0), default=50.0, show_default=True,
+@click.option("--tilt-limit", "tilt_deg", type=FiniteRange(5.0, 90.0), default=50.0, show_default=True,
               metavar="DEG")
-@click.option("--speed-limit", type=click.FloatRange(0.1, 20.0), default=3.0, show_default=True, metavar="M_S")
-@click.option("--battery-limit", type=click.FloatRange(2.5, 4.2), default=2.9, show_default=True, metavar="V",
+@click.option("--speed-limit", type=FiniteRange(0.1, 20.0), default=3.0, show_default=True, metavar="M_S")
+@click.option("--battery-limit", type=FiniteRange(2.5, 4.2), default=2.9, show_default=True, metavar="V",
               help="Mean of a second under load below which it lands.")
 def fly(options: Options, controller: str, trajectory: str, speed: float | None, size: float | None,
         seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import re
 import sys
@@ -28,6 +29,16 @@ CLOCKS = (AS_RECORDED, "offset", "retimed")
 PATH = click.Path(path_type=Path)
 Case = TypeVar("Case")
 """One recording as a protocol uses it."""
+
+
+class FiniteRange(click.FloatRange):
+    """A number within bounds; nan, which no bound holds back, and inf are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        found = super().convert(value, param, ctx)
+        if not math.isfinite(found):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return found
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from .options import PATH, Options, shared_options
+from .options import PATH, FiniteRange, Options, shared_options
 
 if TYPE_CHECKING:
     from ..radio.record_export import Exported
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
 @click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML). Default: the NanoBench signals.")
 @click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY or module:callable.")
-@click.option("--seconds", type=click.FloatRange(min=1.0), metavar="S", help="Length. Default: until Ctrl-C.")
+@click.option("--seconds", type=FiniteRange(min=1.0), metavar="S", help="Length. Default: until Ctrl-C.")
 @click.option("--export", "exported", type=PATH, metavar="FILE",
               help="Export a raw recording (again), such as one that was interrupted.")
 @click.option("--stamps", type=click.Choice(("aligned", "arrival")), default="aligned", show_default=True,

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from ..errors import UsageError
-from .options import Options, shared_options
+from .options import FiniteRange, Options, shared_options
 from .simulate_serve import SERVE_OPTIONS, serve, serve_options
 
 KNOWN = "pid, mellinger, a registered name or module:Class"
@@ -23,10 +23,10 @@ KNOWN = "pid, mellinger, a registered name or module:Class"
               help="May repeat. Default: all in turn.")
 @click.option("--controller", "--method", "controller", metavar="NAME",
               help=f"{KNOWN}. Default: two of three pid, the others mellinger.")
-@click.option("--duration", "duration_s", type=click.FloatRange(min=1.0), metavar="S", help="Length of every path [s].")
+@click.option("--duration", "duration_s", type=FiniteRange(min=1.0), metavar="S", help="Length of every path [s].")
 @click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
-@click.option("--wander-ms", type=click.FloatRange(min=0.0), default=0.0, show_default=True,
+@click.option("--wander-ms", type=FiniteRange(min=0.0), default=0.0, show_default=True,
               help="Standard deviation of the sawtooth in the vehicle's stamps; the recordings have about 33.")
 @click.option("--suffix", type=click.Choice((".csv", ".csv.gz", ".csv.xz")), default=".csv", show_default=True)
 @serve_options

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
-from .options import PATH, Options
+from .options import PATH, FiniteRange, Options
 
 if TYPE_CHECKING:
     from ..radio.simulated.server import SimulatedCrazyflie
@@ -72,11 +72,11 @@ _OPTIONS: tuple[Callable, ...] = (
     click.option("--clock-drift", "ticks_ppm", type=float, metavar="PPM", help="Served: its ticks are this much too "
                  "fast."),
     click.option("--boot-offset-s", type=float, metavar="S", help="Served: switched on so long before. Default: 1."),
-    click.option("--pace", type=click.FloatRange(0.1, 20.0), metavar="X", help="Served: seconds of its world in one of "
+    click.option("--pace", type=FiniteRange(0.1, 20.0), metavar="X", help="Served: seconds of its world in one of "
                  "ours."),
     click.option("--bind-anywhere", is_flag=True, default=None, help="Served: allow an address that others on the net "
                  "can reach."),
-    click.option("--seconds", "seconds", type=click.FloatRange(min=0.0), metavar="S", help="Served: end by itself."),
+    click.option("--seconds", "seconds", type=FiniteRange(min=0.0), metavar="S", help="Served: end by itself."),
 )
 SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
                  "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad", "mocap_delay_s",

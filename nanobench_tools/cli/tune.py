@@ -11,7 +11,7 @@ import click
 
 from ..errors import UsageError
 from ..harness.progress import Progress, Task
-from .options import PATH, Options, one_line, shared_options
+from .options import PATH, FiniteRange, Options, one_line, shared_options
 
 if TYPE_CHECKING:
     from ..harness import Item, RunResult
@@ -36,13 +36,13 @@ SEED_APART = 1000
               help=f"A family to search on; may repeat. Default: {', '.join(TRAINED)}.")
 @click.option("--judge", "judges", multiple=True, metavar="NAME",
               help=f"A family to judge on; may repeat. Default: those of {', '.join(JUDGED)} that are not searched on.")
-@click.option("--speed", "speeds", multiple=True, type=click.FloatRange(min=0.05, max=5.0), metavar="M_S",
+@click.option("--speed", "speeds", multiple=True, type=FiniteRange(min=0.05, max=5.0), metavar="M_S",
               help="Speed along the paths [m/s]; may repeat. Default: 0.5 and 1.0.")
-@click.option("--seconds", type=click.FloatRange(min=7.0, max=600.0), default=7.5, show_default=True,
+@click.option("--seconds", type=FiniteRange(min=7.0, max=600.0), default=7.5, show_default=True,
               help="Length of every path, of which the first 3 s are not scored.")
 @click.option("--plants", type=click.IntRange(min=2), default=8, show_default=True, metavar="N",
               help="Plants to search on; as many others choose among the best, and twice as many others judge.")
-@click.option("--radio-delay-s", type=click.FloatRange(min=0.0, max=0.1), default=0.03, show_default=True, metavar="S",
+@click.option("--radio-delay-s", type=FiniteRange(min=0.0, max=0.1), default=0.03, show_default=True, metavar="S",
               help="Delay of the radio; every second plant's is 20 ms longer than controllers are told.")
 @click.option("--budget", type=click.IntRange(min=2), default=120, show_default=True, metavar="N",
               help="Trials, each of all paths on all plants.")

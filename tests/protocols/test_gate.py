@@ -233,6 +233,8 @@ def test_a_plant_identified_from_recordings_flies(crowd, tmp_path, capsys):
     (["--plant", "simulated", "--controller", "no_such"], "unknown name 'no_such' among controllers"),
     (["--plant", "simulated", "--trajectory", "square"], "unknown trajectory 'square'"),
     (["--plant", "simulated", "--seconds", "6"], "a path of 6 s is too short"),
+    (["--plant", "simulated", "--wind", "nan"], "nan is not a finite number"),
+    (["--plant", "simulated", "--radio-silent", "nan"], "nan is not a finite number"),
     (["--simulator", "a.toml", "--train", "b"], "both choose the plant"),
     (["--plant", "gate", "--simulator", "absent.toml"], "cannot be read")])
 def test_wrong_plants_are_one_line(arguments, words, capsys):
