@@ -44,6 +44,7 @@ VERBS: dict[str, tuple[str, str]] = {
                "nanobench record --uri URI --seconds 10 --out flights"),
     "convert": ("Recordings or a simulator.toml into another format.",
                 "nanobench convert --data LOGS --to parquet --out DIR"),
+    "settings": ("Numbers set by looking at data, and what they were set on.", "nanobench settings audit"),
     "report": ("One HTML page from the result files of a folder.", "nanobench report --out results"),
 }
 """Verb -> one line of help, an example. Help is printed from here, so that no verb is loaded for it."""

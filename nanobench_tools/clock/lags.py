@@ -14,17 +14,19 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
-FINE_S = 5e-4
+from ..settings import number, setting
+
+FINE_S = number("audit.lags.fine_s")
 """Step of the search between grid points, before a parabola; the signals end at 8 Hz, where a cubic spline is exact
 to 1e-4."""
 
-GROUPS_S = (1.0, 2.0, 4.0)
+GROUPS_S = setting("audit.lags.groups_s")
 """Lengths of the groups left out; the largest scatter counts, so that slow changes widen the interval."""
 
-BLOCK_S = 0.5
-GRID_S = 3e-4
+BLOCK_S = number("audit.lags.block_s")
+GRID_S = number("audit.lags.grid_s")
 """Half width that is left when nothing scatters: rows interpolated linearly between packets."""
-LOCAL_S = 0.08
+LOCAL_S = number("audit.lags.local_s")
 """The jackknife looks this far around the best lag."""
 
 

@@ -16,14 +16,15 @@ from scipy.stats import pearsonr
 from ..content import compare, pairs
 from ..content.context import Context
 from ..content.leaps import mocap_leaps
+from ..settings import number, setting
 from .offset import Measured, measured_lags
 from .track import TrackError, track_error
 from .windows import Movement
 
-OWN_LAG_S = (-0.015, 0.050)
+OWN_LAG_S = setting("audit.moving.own_lag_s")
 """Delay of an estimator's output behind the gyro that is its own: measured 5-22 ms (firmware Kalman filter)."""
 JUDGED = ("imu", "attitude", "attitude_qw", "estimator")
-CONFIRMED = 1e-3
+CONFIRMED = number("audit.moving.confirmed")
 """Chance below which the gyro's windows are said to move with the track."""
 
 

@@ -18,15 +18,16 @@ import numpy as np
 
 from ..content import compare, pairs
 from ..content.context import Context
+from ..settings import number
 from .mean_offset import mean_lag
 from .moving import OWN_LAG_S, moving_clocks
 from .offset import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
 
-SMALLEST_RATE_RAD_S = 0.1
+SMALLEST_RATE_RAD_S = number("audit.readings.smallest_rate_rad_s")
 """Less rotation (RMS of the gyro in 0.3-8 Hz) drowns in the noise of differentiated poses, measured 0.1 rad/s in
 flight."""
-WIDEST_S = 0.1
+WIDEST_S = number("audit.readings.widest_s")
 """An offset that is not known better than this is not identifiable."""
 UNSEEN = {
     "motor": "cameras do not see what the motors are told",

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from ..settings import number
 from .steadiness import CHANCE, SMALLEST_WANDER_S, SURELY_SD, Steadiness
 
-SLOWEST_M_S = 0.2
+SLOWEST_M_S = number("audit.track.slowest_m_s")
 """Below this speed a millimetre is more than 5 ms."""
-OFF_TRACK = 10.0
+OFF_TRACK = number("audit.track.off_track")
 """Rows that err across by more than this many medians (and 5 mm) are leaps of the estimate and say nothing of time."""
 BLOCK_S = 1.0
 """Errors of an estimator keep for half a second; blocks of one are nearly independent."""

@@ -14,12 +14,13 @@ from scipy.signal import hilbert
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
+from ..settings import number
 from .lags import Lag, LagSums, best
 from .steadiness import CHANCE, SMALLEST_WANDER_S, Steadiness
 
-REACH_S = 0.1
+REACH_S = number("audit.windows.reach_s")
 """Lags of windows are looked for this far around that of the whole flight."""
-KEPT = 0.7
+KEPT = number("audit.windows.kept")
 """Standard deviation of the means of half seconds as a share of the whole, for an error as fast as that of the
 published recordings: tau = 0.19 s (correlation 0.2 after 0.3 s), 2 tau/T (1 - tau/T (1 - exp(-T/tau))) = 0.49."""
 

@@ -9,22 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from ..flight import Span
+from ..settings import number
 from .context import Context
 from .levelled import levelled
 from .ranges import tracker_scale
 from .rows import usable_streams
 
-HEIGHT_M = 0.05
+HEIGHT_M = number("audit.airborne.height_m")
 """Above the resting height; a vehicle of 40 g stands within 1 mm and rebounds by 2-14 cm after touch-down."""
-CARRIES = 0.9
+CARRIES = number("audit.airborne.carries")
 """Of the median command of motors that run: less may not lift the vehicle off."""
-RUNS = 0.1
+RUNS = number("audit.airborne.runs")
 """Mean command of motors that run."""
-ALWAYS = 0.99
+ALWAYS = number("audit.airborne.always")
 """Share of rows in which they run, of a log without the ground."""
-HELD_S = 1.0
+HELD_S = number("audit.airborne.held_s")
 """A vehicle at rest whose motors carry it has left the 5 cm within this time."""
-MOVED_M = 0.02
+MOVED_M = number("audit.airborne.moved_m")
 """Range of a position that no vehicle at rest has: the tracker's noise is 1 mm."""
 
 

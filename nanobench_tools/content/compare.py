@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from ..settings import count, number, setting
 from .airborne import airborne_spans
 from .context import Context
 from .crashes import crash_of
@@ -22,18 +23,18 @@ from .rows import runs, usable_streams
 from .tails import alive_until
 from .truth import STEP_S, Truth, truth_of, widened
 
-RATE_BAND_HZ = (0.3, 8.0)
+RATE_BAND_HZ = setting("audit.compare.rate_band_hz")
 """For rates and forces: below, slow turns hide a frame rotation as a delay; above, noise of the poses."""
-POSE_BAND_HZ = (0.05, 5.0)
+POSE_BAND_HZ = setting("audit.compare.pose_band_hz")
 """For positions and velocities, which carry their signal below 1 Hz and whose frames agree."""
-FORCE_BAND_HZ = (0.1, 3.0)
+FORCE_BAND_HZ = setting("audit.compare.force_band_hz")
 """For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses
 above."""
-STILL_ROWS = 10
+STILL_ROWS = count("audit.compare.still_rows")
 """So many equal rows in a row are no values of a moving vehicle."""
-BEFORE_LANDING_S = 0.3
+BEFORE_LANDING_S = number("audit.compare.before_landing_s")
 """The end of a flight is left out: shocks of the landing are not rigid motion."""
-REACH_S = 0.3
+REACH_S = number("audit.compare.reach_s")
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings import number
 from .airborne import airborne_spans, height_of
 from .context import Context
 from .quaternions import orientation_of
 from .rows import runs, usable_streams
 
-TILT_RAD = np.radians(60.0)
-LASTS_S = 0.1
-FALL_M_S = 3.0
-FALL_OVER_S = 0.05
-LOOK_BACK_S = 1.0
+TILT_RAD = number("audit.crashes.tilt_rad")
+LASTS_S = number("audit.crashes.lasts_s")
+FALL_M_S = number("audit.crashes.fall_m_s")
+FALL_OVER_S = number("audit.crashes.fall_over_s")
+LOOK_BACK_S = number("audit.crashes.look_back_s")
 
 
 @dataclass(frozen=True)

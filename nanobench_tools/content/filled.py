@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings import number
 from .context import Context
 from .packets import PRINT_RESOLUTION
 from .rows import usable_streams
 
-LEAST_STEP_M = 5e-6
+LEAST_STEP_M = number("audit.filled.least_step_m")
 """A slower line cannot be told from a tracker that rests and rounds."""
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 

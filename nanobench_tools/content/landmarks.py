@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..settings import number
 from .airborne import airborne_spans, height_of, resting_height_m
 from .context import Context
 from .rows import usable_streams
 from .tails import alive_until
 from .truth import widened
 
-NEAR_M = 0.2
+NEAR_M = number("audit.landmarks.near_m")
 """Above the ground; rebounds and slides happen below."""
 
 

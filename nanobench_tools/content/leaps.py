@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
+from ..settings import number
 from .context import Context
 from .crashes import crash_of
 from .filled import filled_poses
@@ -16,7 +17,8 @@ from .ranges import tracker_scale
 from .rows import tables, usable_streams, whole_span
 from .spikes import spikes
 
-LIMIT_RAD, BEND_RAD_S2 = 0.17, 300.0
+LIMIT_RAD = number("audit.leaps.limit_rad")
+BEND_RAD_S2 = number("audit.leaps.bend_rad_s2")
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-LIMIT_M, BEND_M_S2 = 0.012, 60.0
+from ..settings import count, number
+
+LIMIT_M = number("audit.levelled.limit_m")
+BEND_M_S2 = number("audit.levelled.bend_m_s2")
 """Between two frames a vehicle bends its path by less (``faults.mocap_jump``)."""
-SIDE = 3
+SIDE = count("audit.levelled.side")
 """Frames on either side that give the velocity."""
 
 

@@ -14,6 +14,7 @@ from itertools import permutations
 import numpy as np
 
 from ..clock.lags import LagSums
+from ..settings import number
 from .compare import Pair
 from .context import Context
 from .pairs import (
@@ -31,12 +32,12 @@ from .pairs import (
 )
 
 ORDERS = tuple(permutations(range(3)))
-CLEAR = 0.4
+CLEAR = number("audit.likeness.clear")
 """Correlation with its opposite or with another axis that counts as clear. The motion capture's noise and the
 wandering clock of the real flights lower a true one to 0.3-1.0 but cannot turn it."""
-CERTAIN_T = 4.0
+CERTAIN_T = number("audit.likeness.certain_t")
 """Mean over its standard error of the contributions of single seconds; by chance less than once in 10^4."""
-FACTOR = 3.0
+FACTOR = number("audit.likeness.factor")
 """Amplitudes that differ by less are noise, jitter or calibration; unit mistakes start at pi (mrad of a turn aside)."""
 KNOWN_FACTORS = {
     "deg for rad": 180.0 / np.pi,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
+from ..settings import number
 from .context import Context
 from .rows import usable_streams
 from .tails import alive_until
@@ -19,10 +20,10 @@ from .tails import alive_until
 STREAMS = {"mocap": ("qx", "qy", "qz", "qw"), "attitude_qw": ("qx", "qy", "qz", "qw")}
 ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
 """Name of the order in which the elements stand -> where x, y, z, w are found."""
-UPRIGHT = 0.5
+UPRIGHT = number("audit.quaternions.upright")
 """Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
-AGREES_RAD = 0.5
-FIRST_S = 3.0
+AGREES_RAD = number("audit.quaternions.agrees_rad")
+FIRST_S = number("audit.quaternions.first_s")
 """Before anything can have gone wrong."""
 
 

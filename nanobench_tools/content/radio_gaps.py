@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..flight import Flight, Span
+from ..settings import number, setting
 from ..sources.kinks import carries_no_packet
 
-RESOLUTION = {"imu": {"acc": 3e-6, "gyro": 1e-6}, "motor": {"m": 2e-7}}
+RESOLUTION = setting("audit.radio_gaps.resolution")
 """A row is drawn if it is on the chord within this, m/s^2, rad/s, PWM ratio; fixed, so that nothing later counts."""
-LONGER = 1.5
+LONGER = number("audit.radio_gaps.longer")
 """A gap is so many times as long as packets are apart (median), or longer."""
 
 

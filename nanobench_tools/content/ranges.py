@@ -11,17 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..flight import Stream, motors_of
+from ..settings import number, setting
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .context import Context
 from .rows import typical_step_s, usable_streams
 from .tails import alive_until
 
-ROOM_M = 50.0
+ROOM_M = number("audit.ranges.room_m")
 """Wider than any room with a motion capture system; a metre read as millimetre is 1000."""
-FACTOR = 3.0
+FACTOR = number("audit.ranges.factor")
 SLOWEST_STEP_S = 2.0
 """Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
-BATTERY_V = (1.5, 60.0)
+BATTERY_V = setting("audit.ranges.battery_v")
 """One cell under load to fourteen cells."""
 
 

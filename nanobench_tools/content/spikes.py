@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from ..flight import Stream
+from ..settings import count, number, setting
 from .context import Context
 from .crashes import crash_of
 from .landmarks import contact_likely
@@ -15,21 +16,13 @@ from .rows import runs, usable_streams, usual_step_s
 from .tails import alive_until
 from .wrongness import distorted_streams
 
-LIMITS: dict[str, dict[str, float]] = {
-    "mocap": {**dict.fromkeys(("px", "py", "pz"), 0.02), **dict.fromkeys(("qx", "qy", "qz", "qw"), 0.08)},
-    "imu": {**dict.fromkeys(("acc_x", "acc_y", "acc_z"), 6.0), **dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), 3.0)},
-    "estimator": {**dict.fromkeys(("x", "y", "z"), 0.12), **dict.fromkeys(("vx", "vy", "vz"), 0.4)},
-    "estimator_acc": dict.fromkeys(("ax", "ay", "az"), 6.0),
-    "attitude": dict.fromkeys(("roll", "pitch", "yaw"), 0.12),
-    "attitude_qw": dict.fromkeys(("qx", "qy", "qz", "qw"), 0.06),
-    "battery": {"vbat": 0.12},
-}
+LIMITS: dict[str, dict[str, float]] = setting("audit.spikes.limits")
 SHOCKED = ("imu", "estimator_acc", "attitude", "attitude_qw")
-ROW_S = 0.01
-TIMES_LOCAL = 12.0
-WIDTH = 7
-WIDEST = 3
-AROUND = 50
+ROW_S = number("audit.spikes.row_s")
+TIMES_LOCAL = number("audit.spikes.times_local")
+WIDTH = count("audit.spikes.width")
+WIDEST = count("audit.spikes.widest")
+AROUND = count("audit.spikes.around")
 """Rows on either side from which the local noise is taken."""
 
 

@@ -13,18 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..flight import Stream
+from ..settings import count, number
 from .context import Context
 from .packets import Packets, packets_of
 from .rows import usable_streams
 
-SHORTEST_S = 0.1
+SHORTEST_S = number("audit.tails.shortest_s")
 """A straight end is called dead from this length on, or 5 packets if they come slower than 50 Hz: fewer rows can be
 lost to the radio by chance."""
 
-STRAIGHT_ROWS = 15
+STRAIGHT_ROWS = count("audit.tails.straight_rows")
 NO_SENSORS = ("extra", "stand")
 """Columns nobody knows and benches on which nothing need change."""
-BATTERY_HOLDS_S = 3.0
+BATTERY_HOLDS_S = number("audit.tails.battery_holds_s")
 """So long may one voltage be repeated: 30 packets with the same reading."""
 
 

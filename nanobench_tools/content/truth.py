@@ -9,19 +9,20 @@ from scipy.interpolate import CubicSpline
 
 from .. import so3
 from ..frames import gravity_up
+from ..settings import number
 from .context import Context
 from .filled import filled_poses
 from .quaternions import ORDERS, quaternion_orders
 from .ranges import tracker_scale
 from .rows import usable_streams
 
-STEP_S = 0.01
+STEP_S = number("audit.truth.step_s")
 """Of the grid; the recordings' own frame time, and ten times finer than what is compared (8 Hz)."""
 
-SLOWEST_STEP_S = 0.2
+SLOWEST_STEP_S = number("audit.truth.slowest_step_s")
 """Poses rarer than 5 Hz tell no rates, and stamps in milliseconds are 10 "s" apart."""
 
-BRIDGED_S = 0.05
+BRIDGED_S = number("audit.truth.bridged_s")
 """Frames missing for longer are not bridged: the grid is marked bad there."""
 
 

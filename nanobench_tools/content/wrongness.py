@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings import number
 from ..units import GRAVITY_M_S2
 from .context import Context
 from .crashes import crash_of
@@ -14,7 +15,7 @@ from .ranges import WrongUnit, wrong_ranges
 from .rows import usable_streams
 from .tails import alive_until
 
-GRAVITY_SHARE = 0.8
+GRAVITY_SHARE = number("audit.wrongness.gravity_share")
 """The mean specific force of a flight lies along body z up to its tilt: at least this share of it."""
 ACC = ("acc_x", "acc_y", "acc_z")
 

@@ -15,11 +15,12 @@ from ..clock.moving import OWN_LAG_S
 from ..clock.readings import read_clocks
 from ..content.context import Context
 from ..flight import Fault, Flight
+from ..settings import number
 from .making import over_stream
 
 KIND = "clock_offset"
 
-SMALLEST_S = 0.005
+SMALLEST_S = number("audit.clock_offset.smallest_s")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

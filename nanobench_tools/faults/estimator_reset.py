@@ -22,16 +22,19 @@ from ..content.spikes import spikes
 from ..content.tails import alive_until
 from ..content.truth import truth_of
 from ..flight import Fault, Flight
+from ..settings import count, number
 
 KIND = "estimator_reset"
 
-ALONG_M, ALONG_S, ACROSS_M = 0.10, 0.20, 0.08
-ALONE_M = 0.30
+ALONG_M = number("audit.estimator_reset.along_m")
+ALONG_S = number("audit.estimator_reset.along_s")
+ACROSS_M = number("audit.estimator_reset.across_m")
+ALONE_M = number("audit.estimator_reset.alone_m")
 """Without motion capture, both ways: filters are pulled by 0.16 m in 0.1 s by position systems of less precision."""
-SURELY = 1.3
+SURELY = number("audit.estimator_reset.surely")
 """Times the limit, a leap is found whatever it does in the five rows after it."""
-ROWS = 5
-LONGEST_S = 2.0
+ROWS = count("audit.estimator_reset.rows")
+LONGEST_S = number("audit.estimator_reset.longest_s")
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
 
 

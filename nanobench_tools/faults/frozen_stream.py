@@ -21,10 +21,11 @@ from ..content.packets import packets_of
 from ..content.rows import runs, usable_streams
 from ..content.tails import BATTERY_HOLDS_S, alive_until, flies, holds_still_rightly, voltage_stands
 from ..flight import Fault, Flight
+from ..settings import number
 
 KIND = "frozen_stream"
 
-SHORTEST_S = 0.15
+SHORTEST_S = number("audit.frozen_stream.shortest_s")
 NEVER_STILL = ("imu", "estimator", "estimator_acc")
 """Streams in which no single column stands still either."""
 OTHERS = ("attitude", "attitude_qw", "motor", "motor_request", "rpm", "pid", "command", "battery")

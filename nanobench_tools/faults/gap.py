@@ -24,13 +24,14 @@ from ..content.packets import packets_of
 from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
+from ..settings import number
 
 KIND = "gap"
 
-SHORTEST_S = 0.1
-SHORTEST_MOCAP_S = 0.05
-SHORTEST_SETPOINT_S = 0.25
-KINK = 4.0
+SHORTEST_S = number("audit.gap.shortest_s")
+SHORTEST_MOCAP_S = number("audit.gap.shortest_mocap_s")
+SHORTEST_SETPOINT_S = number("audit.gap.shortest_setpoint_s")
+KINK = number("audit.gap.kink")
 
 
 def shortest_s(name: str, interval_s: float) -> float:

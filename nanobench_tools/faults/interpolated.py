@@ -10,11 +10,12 @@ from __future__ import annotations
 from ..content.context import Context
 from ..content.rates import rates_of
 from ..flight import Fault, Flight
+from ..settings import number
 from .making import over_stream
 
 KIND = "interpolated"
 
-SMALLEST = 0.01
+SMALLEST = number("audit.interpolated.smallest")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

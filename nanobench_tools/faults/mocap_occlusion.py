@@ -15,10 +15,11 @@ from ..content.filled import POSITION, ROTATION, filled_poses
 from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
+from ..settings import number
 
 KIND = "mocap_occlusion"
 
-SHORTEST_S = 0.05
+SHORTEST_S = number("audit.mocap_occlusion.shortest_s")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -20,11 +20,13 @@ from ..content.packets import packets_of
 from ..content.rows import usable_streams
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
+from ..settings import count
 
 KIND = "saturated_sensor"
 
-FEWEST_ROWS = 3
-NEIGHBOURS, TIMES_NEIGHBOURS = 5, 3
+FEWEST_ROWS = count("audit.saturated_sensor.fewest_rows")
+NEIGHBOURS = count("audit.saturated_sensor.neighbours")
+TIMES_NEIGHBOURS = count("audit.saturated_sensor.times_neighbours")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -16,16 +16,18 @@ from scipy.ndimage import uniform_filter1d
 from ..content.context import Context
 from ..content.rows import usable_streams
 from ..flight import Fault, Flight, motors_of
+from ..settings import count, number
 
 KIND = "wrong_speed"
 
-FEWEST = 3
+FEWEST = count("audit.wrong_speed.fewest")
 """Motors that say what is usual."""
-LESS = 2.0 / 3.0
-ALIKE = 0.85
-RUNS = 0.15
+LESS = number("audit.wrong_speed.less")
+ALIKE = number("audit.wrong_speed.alike")
+RUNS = number("audit.wrong_speed.runs")
 """Of full command: below, a motor may stand."""
-MEAN_S, LEAST_S = 0.1, 0.3
+MEAN_S = number("audit.wrong_speed.mean_s")
+LEAST_S = number("audit.wrong_speed.least_s")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
