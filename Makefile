@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 OUT ?= results
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run test lint types pytest bench clean help
+.PHONY: run test lint types pytest bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
 	@echo "make test   install with the test tools, lint, check types, run the tests"
 	@echo "make bench  speed and detection-power benchmarks (slow; prints ratios)"
+	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
 	@echo "make clean  remove the virtual environment and results"
 
 # The stamps make an installation happen once per change of what is to be installed.
@@ -50,6 +51,14 @@ pytest: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-test
 	@for f in benchmarks/*.py; do echo "== $$f"; $(BIN)/python $$f || exit 1; done
+
+# Numbers of README.md and docs/*.md: run what prints them (RESULTS=DIR: take what lies there), store them, write the text.
+RESULTS ?=
+figures: $(VENV)/.installed
+	$(BIN)/python -m tools.figures --results $(or $(RESULTS),$(OUT)) $(if $(RESULTS),,--run quick)
+
+figures-slow: $(VENV)/.installed
+	$(BIN)/python -m tools.figures --results $(or $(RESULTS),$(OUT)) --run slow
 
 clean:
 	rm -rf $(VENV) $(OUT)

@@ -1,0 +1,270 @@
+"""Numbers in README.md and docs/*.md come from stored results; the tool that writes them does what it says."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools.figures import collect, numbers, tables, text
+from tools.figures.__main__ import check, main, pages
+from tools.figures.store import ROOT, FigureError, Store
+
+STORE = Store(
+    {
+        "estimate": {
+            "command": "nanobench run",
+            "data": "Real: some flights",
+            "version": "9.9",
+            "date": "2031-02-03",
+            "figures": {"clean": {"retimed": {"n": 1067, "ate": {"mean": 0.0125, "ci95": [0.0113, 0.0138]}}}},
+        },
+        "old": {
+            "command": "slow command",
+            "data": "SYNTHETIC",
+            "version": "0.1.0",
+            "imported": True,
+            "figures": {"share": 0.5, "votes": ["gyro", "accelerometer"], "none": None},
+            "tables": {"t": {"header": ["a", "b"], "rows": [["x", "1"]], "note": "n = 3"}},
+        },
+    },
+    {
+        "estimate": {
+            "tables": {
+                "clocks": {
+                    "header": ["clock", "ATE mm"],
+                    "cells": ["{ate mm.1} ({ate.ci95 mm.1})"],
+                    "rows": [["re-timed", "clean.retimed"], ["joint", "clean.joint?"]],
+                    "note": "{clean.retimed.n} flights",
+                }
+            }
+        }
+    },
+)
+
+
+# -- the pages of this project
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
+def test_a_page_says_what_the_stored_figures_say(page: Path) -> None:
+    assert check(page, Store.load()) == []
+
+
+def test_every_stored_source_is_quoted() -> None:
+    quoted = {name for page in pages() for name in text.used(page.read_text())}
+    store = Store.load()
+    for layout in store.layouts.values():
+        quoted |= set(re.findall(r"[\"{ ]([A-Za-z]\w*)/", json.dumps(layout.get("tables", {}))))
+    assert set(store.sources) - quoted - {"published"} == set()
+
+
+def test_every_source_says_what_was_measured() -> None:
+    for name, source in Store.load().sources.items():
+        if name != "published":
+            assert re.match(r"(Real|SYNTHETIC): \w", source["data"]), name
+            assert source["command"], name
+            assert source["version"], name
+            assert source.get("imported") or re.fullmatch(r"\d{4}-\d{2}-\d{2}", source["date"]), name
+            assert "/tmp/" not in json.dumps(source), name
+
+
+# -- marks
+
+
+def test_a_mark_is_filled_from_the_stored_figure() -> None:
+    page = "It is <!-- fig: estimate/clean.retimed.ate mm.1 -->7<!-- /fig --> mm."
+    assert text.render(page, STORE) == "It is <!-- fig: estimate/clean.retimed.ate mm.1 -->12.5<!-- /fig --> mm."
+
+
+def test_a_constant_is_read_from_the_code() -> None:
+    page = "g = <!-- code: scipy.constants:g .2 --><!-- /code -->"
+    assert ">9.81<" in text.render(page, STORE)
+
+
+@pytest.mark.parametrize(
+    ("value", "form", "shown"),
+    [
+        (0.0125, "mm.1", "12.5"),
+        (-0.001, "+ms.0", "-1"),
+        (0.004, "+ms.0", "+4"),
+        (0.873, "%.0", "87"),
+        (1234.5, ".1", "1,234.5"),
+        (15263, None, "15,263"),
+        ([0.0113, 0.0138], "mm.1", "11.3 .. 13.8"),
+        ([0.1, 0.2], ".1,", "0.1, 0.2"),
+        (["gyro", "accelerometer"], None, "gyro, accelerometer"),
+        (None, "mm.1", "–"),
+    ],
+)
+def test_formats(value: object, form: str | None, shown: str) -> None:
+    assert text.show(value, form) == shown
+
+
+@pytest.mark.parametrize(
+    ("page", "said"),
+    [
+        ("x <!-- fig: estimate/clean.retimed.ape mm.1 -->1<!-- /fig -->", "no 'ape'"),
+        ("x <!-- fig: nothing/here .1 -->1<!-- /fig -->", "no docs/figures/nothing.json"),
+        ("x <!-- fig: estimate/clean.retimed.ate -->1<!-- /fig -->", "needs a format"),
+        ("x <!-- fig: estimate/clean.retimed.ate miles.1 -->1<!-- /fig -->", "no format 'miles.1'"),
+        ("x <!-- fig: estimate/clean.retimed mm.1 -->1<!-- /fig -->", "say which"),
+        ("x\n<!-- fig: estimate/clean.retimed.n -->1<!-- /fig -->", "must not begin a line"),
+        ("x <!-- figs: estimate/clean.retimed.n -->1<!-- /figs -->", "not a mark"),
+        ("x <!-- fig: estimate/clean.retimed.n -->1", "not a mark"),
+        ("x <!-- code: no.such.module:g .1 -->1<!-- /code -->", "No module"),
+        ("<!-- table: estimate/absent -->\n<!-- /table -->", "neither in"),
+    ],
+)
+def test_a_wrong_mark_is_refused_by_name(page: str, said: str) -> None:
+    with pytest.raises(FigureError, match=re.escape(said)):
+        text.render(page, STORE)
+
+
+def test_a_table_of_a_layout() -> None:
+    page = text.render("<!-- table: estimate/clocks -->\nold\n<!-- /table -->", STORE)
+    assert "| re-timed | 12.5 (11.3 .. 13.8) |" in page
+    assert "joint" not in page
+    assert "old" not in page
+    assert "*1,067 flights. Real: some flights; `nanobench run`, version 9.9, 2031-02-03.*" in page
+    assert text.render(page, STORE) == page
+
+
+def test_a_table_taken_over_says_so() -> None:
+    page = text.render("<!-- table: old/t -->\n<!-- /table -->", STORE)
+    assert "| x | 1 |" in page
+    assert "SYNTHETIC; `slow command`, version 0.1.0, taken over from its pages" in page
+
+
+def test_marks_in_code_are_code() -> None:
+    page = "```\n<!-- fig: no/such -->1<!-- /fig -->\n```\n"
+    assert text.render(page, STORE) == page
+    assert text.used(page) == []
+
+
+def test_the_sources_of_a_page() -> None:
+    page = "x <!-- fig: old/share %.0 --><!-- /fig --> %\n\n<!-- table: sources -->\n<!-- /table -->"
+    assert "| `slow command` | SYNTHETIC | 0.1.0 | taken over from its pages |" in text.render(page, STORE)
+
+
+def test_a_row_of_another_length_is_refused() -> None:
+    with pytest.raises(FigureError, match="'x' has 1 cells"):
+        tables.markdown(["a", "b"], [["x"]])
+
+
+def test_a_claim_that_fails_is_found() -> None:
+    right, wrong = "<!-- holds: old/share < 0.6 -->", "<!-- holds: old/share > estimate/clean.retimed.n -->"
+    assert text.broken_claims(right, STORE) == []
+    assert text.broken_claims(wrong, STORE) == ["old/share > estimate/clean.retimed.n: 0.5 and 1067"]
+
+
+# -- numbers without a mark
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "The error is 12.5 mm.",
+        "## 3 flights",
+        "| a |\n|---|\n| 7 |",
+        "- off by .05 m",
+        "as <!-- fig: k -->1<!-- /fig --> and 2",
+        "x 95 % of flights",
+        "a 20-s window",
+        "1.2 <!-- holds: a/b < 1 -->",
+        "<b>4</b> m",
+        "<div>4 m</div>",
+    ],
+)
+def test_a_number_in_the_text_is_found(page: str) -> None:
+    assert len(numbers.unmarked(page)) == 1
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "as <!-- fig: k -->12.5<!-- /fig --> mm",
+        "<!-- table: k -->\n\n| a |\n|---|\n| 7 |\n\n*n = 3*\n\n<!-- /table -->",
+        "`--seed 3` and\n\n```sh\nseq 5\n```\n\n    indented 4\n",
+        "Task 1, ROS 1 and 2, PX4, p99, BSD-3-Clause, GPL-3.0, Python 3.11, 2026-11-23, m/s^2, a 95 % interval, 3-D",
+        "[page](https://a.b/9)",
+        "1. first\n2. second",
+    ],
+)
+def test_marks_code_and_harmless_kinds_are_left_alone(page: str) -> None:
+    assert numbers.unmarked(page) == []
+
+
+@given(st.integers(0, 99999), st.sampled_from(["mm", "m", "%", "flights"]))
+def test_any_number_of_flights_or_millimetres_is_found(value: int, unit: str) -> None:
+    assert numbers.unmarked(f"It was {value} {unit}.") != []
+
+
+# -- results to stored figures
+
+SPEC = {
+    "command": "nanobench x",
+    "data": "Real: made up",
+    "result": "x.json",
+    "picks": [
+        {
+            "key": "clean.{clock}",
+            "each": {"clock": ["as-recorded", "joint"]},
+            "from": "rows",
+            "where": {"clock": "{clock}", "group": "all"},
+            "take": {"ate": "metrics.ate", "count": "flights#", "votes": "clock_evidence?"},
+            "optional": True,
+        }
+    ],
+}
+ROW = {"clock": "as-recorded", "group": "all", "metrics": {"ate": {"mean": 0.123456789}}, "flights": ["a", "b"]}
+
+
+def test_results_become_stored_figures() -> None:
+    result = {"version": "1.0", "manifest": {"started": "2031-02-03T04:05"}, "rows": [ROW, {**ROW, "group": "slow"}]}
+    stored = collect.collect("x", SPEC, result)
+    assert stored["figures"] == {"clean": {"as-recorded": {"ate": {"mean": 0.123457}, "count": 2, "votes": None}}}
+    assert stored["date"] == "2031-02-03"
+
+
+def test_a_pick_that_is_not_unique_is_refused() -> None:
+    with pytest.raises(FigureError, match=r"x/clean\.as-recorded: 2 items of 'rows'"):
+        collect.collect("x", SPEC, {"rows": [ROW, ROW]})
+
+
+def test_a_missing_pick_is_refused_unless_optional() -> None:
+    needed = {**SPEC, "picks": [{**SPEC["picks"][0], "optional": False}]}
+    with pytest.raises(FigureError, match="0 items"):
+        collect.collect("x", needed, {"rows": [ROW]})
+
+
+def test_a_file_changes_only_with_its_figures(tmp_path: Path) -> None:
+    stored = collect.collect("x", SPEC, {"version": "1.0", "manifest": {"started": "2031-02-03"}, "rows": [ROW]})
+    assert collect.save("x", stored, tmp_path)
+    assert not collect.save("x", {**stored, "date": "2032-01-01"}, tmp_path)
+    assert json.loads((tmp_path / "x.json").read_text())["date"] == "2031-02-03"
+    assert collect.save("x", {**stored, "version": "1.1"}, tmp_path)
+
+
+def test_layouts_and_picks_are_well_formed() -> None:
+    for name, spec in collect.specs().items():
+        assert {"command", "result", "run", "data", "picks"} <= set(spec), name
+
+
+def test_the_command_checks_and_names_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["--check"]) == 0
+    assert main(["--only", "nonsense"]) == 1
+    assert "no source nonsense" in capsys.readouterr().err
+    assert main(["--results", str(tmp_path)]) == 1
+    assert "holds none of" in capsys.readouterr().err
+
+
+def test_the_command_runs_from_a_shell() -> None:
+    ended = subprocess.run([sys.executable, "-m", "tools.figures", "--check"], cwd=ROOT, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout.strip()) == (0, ""), ended.stderr

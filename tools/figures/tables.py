@@ -1,0 +1,84 @@
+"""Tables of the pages.
+
+docs/figures/SOURCE.toml lays a table out:
+
+    [tables.clocks]
+    header = ["clock", "ATE mm"]
+    cells = ["{ate mm.1} ({ate.ci95 mm.1})"]                   # {KEY FORMAT}; keys begin at the key of the row
+    rows = [["as recorded", "clean.as-recorded"], ["joint", "clean.joint?"]]     # labels, then the key of the row
+    note = "{clean.retimed.n} flights"                         # printed below; optional
+
+A row whose key ends in `?` is left out while nothing is stored for it. A table without `cells` has its cells in `rows`.
+Tables that were taken over by hand stand as text in docs/figures/SOURCE.json. Where the numbers come from is said below
+every table.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from tools.figures.store import FigureError, Store
+
+Fill = Callable[..., str]
+
+
+def table(key: str, store: Store, fill: Fill) -> str:
+    """The table `SOURCE/NAME` as Markdown with a line that says where its numbers come from."""
+    source, _, name = key.partition("/")
+    layout = store.layouts.get(source, {}).get("tables", {}).get(name)
+    if layout is None:
+        stored = store.source(source).get("tables", {}).get(name)
+        if stored is None:
+            raise FigureError(f"{key}: neither in docs/figures/{source}.toml nor in docs/figures/{source}.json")
+        return markdown(stored["header"], stored["rows"]) + f"\n\n{origin([source], store, stored.get('note', ''))}"
+    rows, sources = [], []
+    for entry in layout["rows"]:
+        if "cells" not in layout:
+            rows.append([fill(cell, base=source) for cell in entry])
+            sources += [m for cell in entry for m in re.findall(r"\{([\w-]+)/", cell)]
+            continue
+        *labels, place = entry
+        base = place.rstrip("?")
+        base = base if "/" in base else f"{source}/{base}"
+        if place.endswith("?") and not store.has(base):
+            continue
+        sources.append(base.partition("/")[0])
+        rows.append([*labels, *(fill(cell, base=base) for cell in layout["cells"])])
+    note = fill(layout.get("note", ""), base=source)
+    return markdown(layout["header"], rows) + f"\n\n{origin(sources or [source], store, note)}"
+
+
+def markdown(header: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table; every row has as many cells as the header."""
+    for row in rows:
+        if len(row) != len(header):
+            raise FigureError(f"row {row[0]!r} has {len(row)} cells, the header {len(header)}")
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def origin(names: list[str], store: Store, note: str = "") -> str:
+    """One line: real or SYNTHETIC, command, version and date of every source."""
+    commands: dict[tuple[str, str, str], list[str]] = {}
+    for name in dict.fromkeys(names):
+        if name != "published":
+            command, data, version, when = _whence(store.source(name))
+            commands.setdefault((data, version, when), []).append(command)
+    whence = [
+        f"{data}; {', '.join(dict.fromkeys(of))}, version {version}, {when}"
+        for (data, version, when), of in commands.items()
+    ]
+    return f"*{'. '.join(filter(None, [note.rstrip('.'), *whence]))}.*"
+
+
+def sources(names: list[str], store: Store) -> str:
+    """Where the numbers of a page come from, one line a source."""
+    rows = [list(_whence(store.source(n))) for n in names if n != "published"]
+    return markdown(["command", "measured on", "version", "when"], rows)
+
+
+def _whence(source: dict[str, Any]) -> tuple[str, str, str, str]:
+    when = "taken over from its pages" if source.get("imported") else source["date"]
+    return f"`{source['command']}`", source["data"], source["version"], when

@@ -1,0 +1,128 @@
+"""Marks in the pages, and the text they stand for.
+
+    <!-- fig: KEY FORMAT -->12.5<!-- /fig -->          a stored figure (store.py)
+    <!-- code: MODULE:NAME FORMAT -->0.3<!-- /code -->  a constant, read from the code itself
+    <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py)
+    <!-- holds: KEY < KEY -->                          what a sentence claims; < or >, a key or a number
+
+FORMAT is a scale and the number of decimals: `mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need
+none. Two numbers are an interval, `lo .. hi`; a `,` behind the format makes them a list. A mark must not begin a line:
+a comment there would end the paragraph. Marks in fenced code are code.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from tools.figures import tables
+from tools.figures.store import FigureError, Store
+
+SCALES = {"": 1.0, "mm": 1e3, "cm": 1e2, "ms": 1e3, "%": 1e2, "deg": 180.0 / math.pi, "mN": 1e3, "e-5": 1e5, "e-8": 1e8}
+INLINE = re.compile(r"<!-- (fig|code): (\S+)(?: (\S+))? -->(.*?)<!-- /\1 -->", re.DOTALL)
+BLOCK = re.compile(r"<!-- table: (\S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
+HOLDS = re.compile(r"<!-- holds: (\S+) ([<>]) (\S+) -->")
+FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
+KEYS = re.compile(r"<!-- (?:fig|table|holds): (\S+)")
+FORMAT = re.compile(r"(\+?)([^.+]*)\.(\d)(,?)")
+
+
+def show(value: Any, form: str | None = None, where: str = "") -> str:
+    """A value as text: `show(0.0125, "mm.1")` is "12.5"."""
+    if value is None:
+        return "–"
+    if isinstance(value, list):
+        listed = form is None or form.endswith(",")
+        return (", " if listed else " .. ").join(show(v, form, where) for v in value) or "–"
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if form is None:
+        if isinstance(value, int):
+            return f"{value:,d}"
+        raise FigureError(f"{where}: {value!r} needs a format such as mm.1")
+    match = FORMAT.fullmatch(form)
+    if match is None or match[2] not in SCALES:
+        raise FigureError(f"{where}: no format {form!r}; scales are {', '.join(s for s in SCALES if s)}")
+    return f"{value * SCALES[match[2]]:{match[1]},.{match[3]}f}"
+
+
+def constant(name: str) -> Any:
+    """A constant of the code: `package.module:NAME`, `package.module:NAME.attribute` or `...:TABLE.key`."""
+    module, _, path = name.partition(":")
+    try:
+        here: Any = importlib.import_module(module)
+    except ImportError as error:
+        raise FigureError(f"{name}: {error}") from None
+    for part in path.split("."):
+        if isinstance(here, dict) and part in here:
+            here = here[part]
+        elif hasattr(here, part):
+            here = getattr(here, part)
+        else:
+            raise FigureError(f"{name}: no {part!r}")
+    return here
+
+
+def fill(template: str, store: Store, base: str = "") -> str:
+    """Text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces; keys without a source begin at `base`."""
+
+    def one(match: re.Match[str]) -> str:
+        key, _, form = match[1].partition(" ")
+        if key.startswith("code:"):
+            return show(constant(key[5:]), form or None, key)
+        if "/" not in key:
+            key = f"{base}.{key}" if "/" in base else f"{base}/{key}"
+        return show(store.value(key), form or None, key)
+
+    return re.sub(r"\{([^{}]+)\}", one, template).replace("– %", "–").replace(": –", "").replace(" (–)", "")
+
+
+def render(text: str, store: Store) -> str:
+    """The page with every mark filled anew."""
+    names = used(text)
+    parts = FENCE.split(text)
+    return "".join(part if k % 2 else _render(part, store, names) for k, part in enumerate(parts))
+
+
+def _render(text: str, store: Store, names: list[str]) -> str:
+    def inline(match: re.Match[str]) -> str:
+        kind, key, form, _ = match.groups()
+        if text[: match.start()].endswith("\n"):
+            raise FigureError(f"{key}: a mark must not begin a line")
+        value = store.value(key) if kind == "fig" else constant(key)
+        return f"<!-- {kind}: {key}{f' {form}' if form else ''} -->{show(value, form, key)}<!-- /{kind} -->"
+
+    def block(match: re.Match[str]) -> str:
+        key = match[1]
+        own = partial(fill, store=store)
+        lines = tables.sources(names, store) if key == "sources" else tables.table(key, store, own)
+        return f"<!-- table: {key} -->\n\n{lines}\n\n<!-- /table -->"
+
+    marks = "|".join(pattern.pattern for pattern in (INLINE, BLOCK, HOLDS))
+    strays = re.search(r"<!--.*?(?:-->|$)", re.sub(marks, "", text, flags=re.DOTALL))
+    if strays:
+        raise FigureError(f"not a mark: {strays[0]}")
+    return BLOCK.sub(block, INLINE.sub(inline, text))
+
+
+def used(text: str) -> list[str]:
+    """Sources that a page quotes, in order, each once."""
+    names = (key.partition("/")[0] for key in KEYS.findall(FENCE.sub("", text)))
+    return [n for n in dict.fromkeys(names) if n != "sources"]
+
+
+def broken_claims(text: str, store: Store) -> list[str]:
+    """Claims of a page (`holds`) that the stored figures contradict."""
+    compare: dict[str, Callable[[float, float], bool]] = {"<": lambda a, b: a < b, ">": lambda a, b: a > b}
+    broken = []
+    for left, sign, right in HOLDS.findall(FENCE.sub("", text)):
+        values = [float(store.value(k) if "/" in k else k) for k in (left, right)]
+        if not compare[sign](*values):
+            broken.append(f"{left} {sign} {right}: {values[0]:g} and {values[1]:g}")
+    return broken
