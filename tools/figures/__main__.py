@@ -23,7 +23,7 @@ from tools.figures.store import ROOT, FigureError, Store
 
 def pages(root: Path = ROOT) -> list[Path]:
     """The pages whose numbers are written here."""
-    return [root / "README.md", root / "docs" / "evidence.md"]
+    return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
 def other_data() -> Path | None:
