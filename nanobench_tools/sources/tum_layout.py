@@ -56,9 +56,13 @@ def look(lines: list[str]) -> Seen:
         if len(rows) == ROWS_SEEN:
             break
     comment = header.lstrip().startswith("#")
-    layout, why = (Layout(), "") if not header or (comment and _prose(header)) else _from_names(header)
+    layout: Layout | None = Layout()
+    why = ""
+    if header and not (comment and _prose(header)):
+        layout, why = _from_names(header)
     if layout is not None and layout.left and not comment:
-        layout, why = None, f"its first line is no comment, and names {listed(layout.left)} as well"
+        why = f"its first line is no comment, and names {listed(layout.left)} as well"
+        layout = None
     if layout is None:
         return Seen(None, "" if _prose(header) else why, 0, len(rows))
     fit = [r for r in rows if len(r) in layout.widths]
