@@ -39,11 +39,12 @@ def cases_of(flights: Sequence[Flight]) -> list[Case]:
     return training_cases(flights, {flight.name: audit(flight) for flight in flights})
 
 
-def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin: int | None = None) -> list[Cut]:
-    """Windows of every case, every ``thin``-th (by default so that there are about MOST_WINDOWS)."""
+def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin: int | None = None,
+        most: int = MOST_WINDOWS) -> list[Cut]:
+    """Windows of every case, every ``thin``-th (by default so that there are about ``most``)."""
     found = [(case, cut_windows(case.flight, case.spans, truth, past)) for case in cases]
     whole = [(case, both) for case, both in found if both is not None]
-    thin = thin or max(1, round(sum(len(both[0]) for _, both in whole) / MOST_WINDOWS))
+    thin = thin or max(1, round(sum(len(both[0]) for _, both in whole) / most))
     return [Cut(case.flight.name, _rows(windows, slice(number % thin, None, thin)),
                 _rows(came, slice(number % thin, None, thin)), thin)
             for number, (case, (windows, came)) in enumerate(whole)]

@@ -77,8 +77,9 @@ class GreyBox:
         cuts = cut(_cases(flights), past=self.adapt == "past")
         return self.fit_cuts(cuts)
 
-    def fit_cuts(self, cuts: Sequence[Cut]) -> GreyBox:
-        """The same from windows that were cut already."""
+    def fit_cuts(self, cuts: Sequence[Cut], like: GreyBox | None = None) -> GreyBox:
+        """The same from windows that were cut already. ``like``: a model with the same terms that was fitted to the
+        same windows; its parameters are taken, and only what is set per window is learnt anew."""
         before = time.perf_counter()
         data = gather(cuts)
         nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
@@ -93,7 +94,11 @@ class GreyBox:
         soft = tuple(p for p in soft if any(name not in fixed for name in p.names))
         problem = Problem(model, data, free, lower, upper, soft, nuisances, _share(cuts), self.threads,
                           progress=self.progress)
-        solution, unseen = without_effect(solve(problem))
+        known: tuple[Solution, list[str]] | None = None if like is None else like.searched_
+        if known is None or known[0].problem.model != model:
+            known = without_effect(solve(problem))
+        self.searched_: tuple[Solution, list[str]] = known
+        solution, unseen = known
         problem = solution.problem
         self.solution_, self.data_ = solution, data
         ci95 = bootstrap(solution, self.seed)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
-from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.protocols.task1 import Case, score
 
+from .data import MOST_WINDOWS, cut
 from .fit import GreyBox, nuisances_of
 from .ladder import LADDER, Rung
 from .predictor import GreyBoxPredictor
 
 SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 """The rungs of the main job."""
+HELD_OUT_WINDOWS = 600
+"""A fit that only ranks models takes about so many windows: half of what a fit takes that is shown."""
 
 
 NOTES = {"none": "",
-         "inputs": "simulator.toml holds the mean thrust and trim of the training flights; the row sets both, the "
+         "inputs": "It holds the mean thrust and trim of the training flights; the row it is made from sets both, the "
                    "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
-         "past": "simulator.toml holds the mean thrust and trim of the training flights; the row learns them, the "
+         "past": "It holds the mean thrust and trim of the training flights; the row it is made from learns them, the "
                  "tilt, and corrections of rate and rotors at the start, from the two seconds before each window"}
 
 
@@ -32,9 +36,47 @@ def rungs(names: Sequence[str] | None = None) -> list[Rung]:
 
 def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> dict[str, Any]:
     """{predictor, result} of one rung fitted to ``cases``, as plain JSON values."""
+    return fit_together(cases, [rung], seed, mass_kg)[rung.name]
+
+
+def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
+                 windows: int = MOST_WINDOWS) -> dict[str, dict[str, Any]]:
+    """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window: their parameters
+    are searched once. ``windows``: about how many are fitted to."""
     vehicle = Vehicle(mass_kg=mass_kg)
-    model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed,
-                    hold=rung.hold).fit(cases)
+    found: dict[str, dict[str, Any]] = {}
+    first: GreyBox | None = None
+    for rung in rungs:
+        model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold)
+        model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
+        first = first or model
+        found[rung.name] = _found(rung, model, mass_kg)
+    return found
+
+
+def held_out_item(cases: Sequence[Case], others: Sequence[Case], rungs: Sequence[Rung], seed: int,
+                  mass_kg: float) -> dict[str, list[dict[str, Any]]]:
+    """{rung: [score of each of ``others``]} of rungs with the same terms, fitted to ``cases``; onboard truth."""
+    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS)
+    predictors = {name: predictor_of(value) for name, value in fitted.items()}
+    return {name: [score(case, cast("Predictor", predictor), "onboard") for case in others]
+            for name, predictor in predictors.items()}
+
+
+def alike(rungs: Sequence[Rung]) -> list[list[Rung]]:
+    """Rungs that may be fitted together, in the order of the first of each lot."""
+    lots: list[list[Rung]] = []
+    for rung in rungs:
+        for lot in lots:
+            if lot[0].terms == rung.terms and lot[0].hold == rung.hold and "none" not in (lot[0].adapt, rung.adapt):
+                lot.append(rung)
+                break
+        else:
+            lots.append([rung])
+    return lots
+
+
+def _found(rung: Rung, model: GreyBox, mass_kg: float) -> dict[str, Any]:
     made = model.predictor_
     return {"predictor": {"terms": {term: {k: _plain(v) for k, v in values.items()}
                                     for term, values in made.terms.items()},

@@ -18,7 +18,7 @@ MERGED = ("rows", "per_flight", "windows", "bands")
 """Lists of a result that hold one part after the other."""
 
 SIMULATOR_RETIMED = "simulator_retimed.toml"
-OF_ONE_CLOCK = ("best", "parameters", "simulator", "simulator_note", "fits")
+OF_ONE_CLOCK = ("best", "best_chosen_on", "parameters", "simulator", "simulator_note", "fits")
 """What sysid.json says about the models as they were fitted on one clock."""
 
 

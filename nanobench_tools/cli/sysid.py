@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import NanobenchError, UsageError
+from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
-from .convert import SIMULATORS, export_simulators
 from .methods import load_methods
 from .options import PATH, Options, shared_options
 from .show import data_word, show_left_out
+from .sysid_models import SIMULATOR, Choice, choose, exported, fitted
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
-    from ..protocols.task1 import Case, Split
+    from ..protocols.task1 import Split
 
-SIMULATOR = "simulator.toml"
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
          ("rate_mae_rad_s", "rate rad/s"))
@@ -93,7 +91,9 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
     fits = fitted(options, chosen.train, wanted, mass_kg)
-    predictors = [*predictors, *(predictor for predictor, _ in fits.values())]
+    choice = choose(options, chosen.train, predictors, fits, mass_kg)
+    written = exported(options, fits, choice.exported, simulator)
+    predictors = [*predictors, *(predictor for predictor, _ in fits.values()), *written.predictors]
     learned: list[Any] = []
     if epochs is not None:
         from .sysid_learned import learned_predictors
@@ -118,18 +118,21 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             result = fits[row["model"]][1]["result"]
             row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],
                     "nuisances_in_training": list(result["nuisances"])}
+        if row["model"] == SIMULATOR:
+            row |= {"uses": f"{choice.exported} as exported: one constant vehicle, inputs and start state alone"}
     if learned:
         from .sysid_learned import draw
 
         draw(options, rows, learned, predictors, chosen.test)
-    best = task1.best_model(rows)
-    flies = task1.best_model([row for row in rows if row["model"] in fits])
     _show(options, rows, chosen)
-    _show_fits(options, fits, best)
+    _show_fits(options, fits, choice)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
+                                         and p.name != SIMULATOR
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
-            "best": best, "simulator": _write_simulator(options, fits, flies, simulator),
-            "simulator_note": fits[flies][1]["simulator_note"] if flies is not None else "",
+            "best": choice.best, "best_chosen_on": choice.chosen_on([p.name for p in learned
+                                                                     if p.information == "state"]),
+            "simulator": written.path,
+            "simulator_note": fits[choice.exported][1]["simulator_note"] if choice.exported is not None else "",
             "split": chosen.note, **({"learned": {p.name: p.trained for p in learned}} if epochs is not None else {}),
             "fits": {name: value["result"] for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
@@ -138,66 +141,22 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                                       task1.NEEDED, chosen.left_out)}
 
 
-def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float) -> dict[str, tuple[Any, dict]]:
-    """(predictor, what the fit gave) by name. Empty, and said why, without CasADi or training flights."""
-    from ..harness import make_item
-
-    if wanted == "none":
-        return {}
-    if importlib.util.find_spec("casadi") is None:
-        options.say('no model is fitted: casadi is not installed; pip install "nanobench[identification]"')
-        return {}
-    if not train:
-        options.say("no model is fitted: no training flight can be used")
-        return {}
-    from identification.greybox.study import SHORT, fit_item, predictor_of, rungs
-
-    chosen = rungs(None if wanted == "all" else SHORT)
-    items = [make_item(fit_item, {"cases": list(train), "rung": rung, "seed": options.seed, "mass_kg": mass_kg},
-                       f"fit {rung.name}", file=train[0].flight.provenance.path) for rung in chosen]
-    values = options.run(items, "fit").values
-    return {rung.name: (predictor_of(values[item.key]), values[item.key])
-            for rung, item in zip(chosen, items, strict=True) if item.key in values}
-
-
-def _write_simulator(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None,
-                     name: str) -> str | None:
-    """The best model as file ``name`` in ``--out``, or beside ``--json``; its path. Its trim is the mean of the
-    training flights. For other simulators it goes into a folder beside it."""
-    if best is None or best not in fits:
-        return None
-    from ..physics import Model
-    from ..physics.simulator import write_simulator
-
-    beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
-    folder = options.out or beside
-    if folder is None:
-        return None
-    predictor, value = fits[best]
-    folder.mkdir(parents=True, exist_ok=True)
-    model = Model(predictor.vehicle, value["simulator"])
-    write_simulator(model, folder / name)
-    others = folder / Path(name).stem.replace("simulator", "simulators", 1)
-    for target in SIMULATORS:
-        try:
-            export_simulators(model, others, (target,))
-        except NanobenchError as error:  # a model that this one cannot take is still a result
-            options.say(f"not written for {target}: {error}")
-    options.say(f"{folder / name}, and for {', '.join(SIMULATORS)} in {others}")
-    return str(folder / name)
-
-
-def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], best: str | None) -> None:
+def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], choice: Choice) -> None:
     from rich.markup import escape
 
+    best = choice.best
     for name, (_, value) in fits.items():
         if trouble := value["result"]["trouble"]:
             options.show(f"{name} is no result: {escape(trouble)}")
     if best is not None:
-        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1]['uses']})" if best in fits else ""))
+        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1]['uses']})" if best in fits else "")
+                     + f". Chosen on {escape(choice.chosen_on()['how'])}.")
     if best is not None and best in fits:
         options.show(escape(fits[best][1]["summary"]))
-        options.show(escape(fits[best][1]["simulator_note"]))
+    if choice.exported is not None:
+        options.show(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, read "
+                                                   "back and judged by itself.",
+                                                   fits[choice.exported][1]["simulator_note"])))))
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:

@@ -221,16 +221,5 @@ def _battery_rank(group: str) -> int:
     return [battery_group(i) for i in range(len(BATTERY_V) + 1)].index(group)
 
 
-def best_model(rows: Sequence[Mapping[str, Any]]) -> str | None:
-    """The best model of class ``state``: smallest geometric mean of the four sums, onboard truth, group ``all``.
-
-    The geometric mean ranks the same whatever the units. A row with ``trouble`` is no result and never the best.
-    """
-    scores = {row["model"]: float(np.mean([np.log(max(row["metrics"][name]["sum"], 1e-12)) for name in QUANTITIES]))
-              for row in rows if (row["information"], row["truth"], row["group"]) == ("state", "onboard", "all")
-              and not row.get("trouble")}
-    return min(scores, key=scores.__getitem__) if scores else None
-
-
-__all__ = ["HORIZON", "STREAMS", "TRAINED", "TRUTHS", "Case", "Split", "best_model", "given_split", "score", "split",
-           "tabulate", "training_cases"]
+__all__ = ["HORIZON", "STREAMS", "TRAINED", "TRUTHS", "Case", "Split", "given_split", "score", "split", "tabulate",
+           "training_cases"]

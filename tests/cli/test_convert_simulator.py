@@ -7,10 +7,10 @@ import pytest
 
 from nanobench_tools.cli.convert import ALL, SIMULATORS
 from nanobench_tools.cli.options import Options
-from nanobench_tools.cli.sysid import _write_simulator
+from nanobench_tools.cli.sysid_models import SIMULATOR, exported
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.export import TARGETS
-from nanobench_tools.physics.simulator import write_simulator
+from nanobench_tools.physics.simulator import read_simulator, write_simulator
 
 TERMS = {"thrust_voltage": {"c": (0.0056, 0.0368, -0.0016)}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.04},
          "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.0105, 0.0105, 0.0032)}, "drag_torque": {"c": -3e-4}}
@@ -71,8 +71,10 @@ def test_bad_usage_is_one_line(nanobench, simulator, arguments, hint, tmp_path, 
 @pytest.mark.parametrize(("mass_kg", "said"), [(0.04085, ""), (0.5, "not written for urdf: model: cannot hover")])
 def test_sysid_writes_its_best_model_for_all_of_them(mass_kg, said, tmp_path, capsys):
     best = SimpleNamespace(vehicle=Vehicle(mass_kg=mass_kg)), {"simulator": TERMS}
-    path = _write_simulator(Options(out=tmp_path), {"best": best}, "best", "simulator_retimed.toml")
-    assert path == str(tmp_path / "simulator_retimed.toml")
+    written = exported(Options(out=tmp_path), {"best": best}, "best", "simulator_retimed.toml")
+    assert written.path == str(tmp_path / "simulator_retimed.toml")
+    assert [p.name for p in written.predictors] == [SIMULATOR]
+    assert written.predictors[0].model == read_simulator(written.path)
     assert said in capsys.readouterr().err
     written = {file.name for file in (tmp_path / "simulators_retimed").iterdir()}
     assert {"model.c", "model_step.casadi"} <= written

@@ -222,15 +222,6 @@ def test_rows_pool_windows_and_draw_flights():
     assert task1.tabulate(Naive(), "onboard", scored[:1])[0]["ci95"]["rate_mae_rad_s"]["1"] is None
 
 
-def test_the_best_is_chosen_among_class_state():
-    def row(model, information, value):
-        return {"model": model, "information": information, "truth": "onboard", "group": "all",
-                "metrics": {name: {"sum": value} for name in QUANTITIES}}
-
-    assert task1.best_model([row("a", "state", 2.0), row("b", "state", 1.0), row("c", "past", 0.5)]) == "b"
-    assert task1.best_model([]) is None
-
-
 @pytest.mark.real
 def test_the_real_rows(real):
     """Close to the figures of all airborne flights (other test set); the published row within its known distance."""

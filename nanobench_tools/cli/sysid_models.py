@@ -1,0 +1,133 @@
+"""The models of ``nanobench sysid``: fitted to training flights, the best of them chosen there, one exported."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import NanobenchError
+from .convert import SIMULATORS, export_simulators
+from .options import Options
+
+if TYPE_CHECKING:
+    from ..physics import Model
+    from ..physics.predictor import ModelPredictor
+    from ..protocols.task1 import Case
+
+SIMULATOR = "simulator.toml"
+Fits = Mapping[str, tuple[Any, dict]]
+"""(predictor, what the fit gave) by name."""
+
+
+def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float) -> dict[str, tuple[Any, dict]]:
+    """(predictor, what the fit gave) by name; ``wanted``: all, short or none. Empty, and said why, without CasADi or
+    training flights."""
+    from ..harness import make_item
+
+    if wanted == "none":
+        return {}
+    if importlib.util.find_spec("casadi") is None:
+        options.say('no model is fitted: casadi is not installed; pip install "nanobench[identification]"')
+        return {}
+    if not train:
+        options.say("no model is fitted: no training flight can be used")
+        return {}
+    from identification.greybox.study import SHORT, alike, fit_together, predictor_of, rungs
+
+    chosen = rungs(None if wanted == "all" else SHORT)
+    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, "seed": options.seed, "mass_kg": mass_kg},
+                       f"fit {' and '.join(rung.name for rung in lot)}", file=train[0].flight.provenance.path)
+             for lot in alike(chosen)]
+    values = options.run(items, "fit").values
+    found = {name: value for item in items if item.key in values for name, value in values[item.key].items()}
+    return {rung.name: (predictor_of(found[rung.name]), found[rung.name]) for rung in chosen if rung.name in found}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """best: name of the best model of class ``state``; exported: of the best fitted one; scores {model: criterion} on
+    training ``cases``, held out where a model is fitted to them."""
+
+    best: str | None
+    exported: str | None
+    cases: Sequence[Case]
+    scores: Mapping[str, float | None]
+
+    def chosen_on(self, not_asked: Sequence[str] = ()) -> dict[str, Any]:
+        """``best_chosen_on`` of the result."""
+        from ..protocols import choice
+
+        return choice.said(self.cases, self.scores, not_asked)
+
+
+def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], fits: Fits, mass_kg: float) -> Choice:
+    """The best model of class ``state`` by whole training flights held out in turn; no test flight takes part. Fits
+    that are no result, and ``predictors`` that fail on a flight, are never the best."""
+    from ..harness import make_item
+    from ..protocols import choice, task1
+
+    plain = [p for p in predictors if p.information == "state"]
+    good = [name for name, (p, value) in fits.items() if p.information == "state" and not value["result"]["trouble"]]
+    as_they_are = [(p.name, make_item(task1.score, {"case": case, "predictor": p, "truth": "onboard"},
+                                      f"{p.name} {case.flight.name}, for the choice", file=case.flight.provenance.path))
+                   for p in plain for case in train]
+    again = []
+    if good:
+        from identification.greybox.study import alike, held_out_item, rungs
+
+        again = [make_item(held_out_item, {"cases": rest, "others": left_out, "rungs": lot, "seed": options.seed,
+                                           "mass_kg": mass_kg},
+                           f"fit {' and '.join(rung.name for rung in lot)}, group {number} held out",
+                           file=train[0].flight.provenance.path)
+                 for lot in alike(rungs(good)) for number, (rest, left_out) in enumerate(choice.held_out(train), 1)]
+    values = options.run([*(item for _, item in as_they_are), *again], "choose").values
+    found: dict[str, list[Mapping[str, Any]]] = {name: [] for name in (*(p.name for p in plain), *good)}
+    for name, item in as_they_are:
+        found[name] += [values[item.key]] if item.key in values else []
+    for item in again:
+        for name, scores in values.get(item.key, {}).items():
+            found[name] += scores
+    scores = {name: choice.criterion(mine) if len(mine) == len(train) else None for name, mine in found.items()}
+    return Choice(choice.best_of(scores), choice.best_of({name: scores[name] for name in good}), train, scores)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """path of the simulator file, None where nowhere to write was given; predictors: what is in it, by itself."""
+
+    path: str | None = None
+    predictors: list[ModelPredictor] = field(default_factory=list)
+
+
+def exported(options: Options, fits: Fits, best: str | None, name: str) -> Exported:
+    """The best fitted model as file ``name`` in ``--out``, or beside ``--json``, and for other simulators in a folder
+    beside it; read back, it is a predictor called SIMULATOR. Its trim is the mean of the training flights."""
+    if best is None or best not in fits:
+        return Exported()
+    from ..physics import Model
+    from ..physics.predictor import ModelPredictor
+    from ..physics.simulator import dumps, loads, read_simulator, write_simulator
+
+    predictor, value = fits[best]
+    model = Model(predictor.vehicle, value["simulator"])
+    beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
+    folder = options.out or beside
+    if folder is None:
+        return Exported(None, [ModelPredictor(loads(dumps(model)), SIMULATOR)])
+    folder.mkdir(parents=True, exist_ok=True)
+    write_simulator(model, folder / name)
+    _write_others(options, model, folder, name)
+    return Exported(str(folder / name), [ModelPredictor(read_simulator(folder / name), SIMULATOR)])
+
+
+def _write_others(options: Options, model: Model, folder: Path, name: str) -> None:
+    others = folder / Path(name).stem.replace("simulator", "simulators", 1)
+    for target in SIMULATORS:
+        try:
+            export_simulators(model, others, (target,))
+        except NanobenchError as error:  # a model that this one cannot take is still a result
+            options.say(f"not written for {target}: {error}")
+    options.say(f"{folder / name}, and for {', '.join(SIMULATORS)} in {others}")
