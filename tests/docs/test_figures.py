@@ -75,6 +75,13 @@ def test_every_source_says_what_was_measured() -> None:
             assert "/tmp/" not in json.dumps(source), name
 
 
+def test_settings_that_pages_name_exist() -> None:
+    from nanobench_tools.settings import areas
+
+    named = {a for page in pages() for a in re.findall(r"`nanobench settings (\w+)`", page.read_text())}
+    assert named == set(areas())
+
+
 # -- marks
 
 

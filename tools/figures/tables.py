@@ -79,6 +79,20 @@ def sources(names: list[str], store: Store) -> str:
     return markdown(["command", "measured on", "version", "when"], rows)
 
 
+def settings() -> str:
+    """Numbers set by looking at data (nanobench_tools.settings), by part and by what they were set on."""
+    from nanobench_tools.settings import everything, recordings
+
+    counts: dict[tuple[str, str], int] = {}
+    for entry in everything().values():
+        counts[entry.area, entry.set_on] = counts.get((entry.area, entry.set_on), 0) + 1
+    rows = []
+    for (area, name), n in sorted(counts.items(), key=lambda item: (item[0][0], -item[1])):
+        on = recordings()[name]
+        rows.append([f"`nanobench settings {area}`", str(n), ": ".join(filter(None, (on.n, on.what))), on.kind])
+    return markdown(["part", "settings", "set on", "real or SYNTHETIC"], rows)
+
+
 def _whence(source: dict[str, Any]) -> tuple[str, str, str, str]:
     when = "taken over from its pages" if source.get("imported") else source["date"]
     return f"`{source['command']}`", source["data"], source["version"], when

@@ -2,7 +2,8 @@
 
     <!-- fig: KEY FORMAT -->12.5<!-- /fig -->          a stored figure (store.py)
     <!-- code: MODULE:NAME FORMAT -->0.3<!-- /code -->  a constant, read from the code itself
-    <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py)
+    <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py); `sources`: what the page quotes,
+                                                       `settings`: the numbers set by looking at data
     <!-- holds: KEY < KEY -->                          what a sentence claims; < or >, a key or a number
 
 FORMAT is a scale and the number of decimals: `mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need
@@ -100,8 +101,12 @@ def _render(text: str, store: Store, names: list[str]) -> str:
 
     def block(match: re.Match[str]) -> str:
         key = match[1]
-        own = partial(fill, store=store)
-        lines = tables.sources(names, store) if key == "sources" else tables.table(key, store, own)
+        if key == "settings":
+            lines = tables.settings()
+        elif key == "sources":
+            lines = tables.sources(names, store)
+        else:
+            lines = tables.table(key, store, partial(fill, store=store))
         return f"<!-- table: {key} -->\n\n{lines}\n\n<!-- /table -->"
 
     marks = "|".join(pattern.pattern for pattern in (INLINE, BLOCK, HOLDS))
@@ -114,7 +119,7 @@ def _render(text: str, store: Store, names: list[str]) -> str:
 def used(text: str) -> list[str]:
     """Sources that a page quotes, in order, each once."""
     names = (key.partition("/")[0] for key in KEYS.findall(FENCE.sub("", text)))
-    return [n for n in dict.fromkeys(names) if n != "sources"]
+    return [n for n in dict.fromkeys(names) if n not in ("sources", "settings")]
 
 
 def broken_claims(text: str, store: Store) -> list[str]:
