@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,10 +23,10 @@ from .companions import companion
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
 from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
+from .strangers import STRANGE, why_strange
 from .table import TableSource
 
 BLANK = b"\x00 \r\n\t"
-STRANGE = "not a recording of any known format"
 PACKED_SUFFIXES = (".xz", ".gz")
 Progress = Callable[[int, int, str], None]
 
@@ -135,7 +135,7 @@ def find_recordings(
             name = next((n for n, s in known.items() if s.recognises(path, start)), None)
             if name is not None:
                 found.append((path, name, start))
-            elif (why := _stranger(path)) is not None:
+            elif (why := _stranger(path, known)) is not None:
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
             failed.append({"path": str(path), "error": str(error)})
@@ -156,7 +156,7 @@ def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -
     """A YAML file that nobody recognised, but lies where the sheet of a recording should, is told to be a bad sheet."""
     for entry in failed:
         path = Path(entry["path"])
-        strange = entry["error"].endswith(STRANGE)
+        strange = entry["error"].startswith(f"{path}: {STRANGE}")
         if strange and path.suffix.lower() in (".yaml", ".yml") and any(lies_beside(path, r) for r in recordings):
             entry["error"] = why_bad(path)
 
@@ -184,14 +184,13 @@ def _candidates(source: Source, sheets: Sequence[Sheet], path: Path, start: byte
     return tuple(s for s in sheets if may_hold(s, path, first_s))
 
 
-def _stranger(path: Path) -> str | None:
+def _stranger(path: Path, known: Mapping[str, Source]) -> str | None:
     """Why a file is no recording, or None for a known companion."""
     stored = read_file(path)
     if not stored:
         return "the file is empty"
-    if companion(unpack(stored, str(path)).data) is not None:
-        return None
-    return STRANGE
+    data = unpack(stored, str(path)).data
+    return None if companion(data) is not None else why_strange(data, known.values())
 
 
 def _labels(paths: Sequence[Path]) -> list[str]:

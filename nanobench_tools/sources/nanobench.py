@@ -18,9 +18,20 @@ from .cells import Grid, LostRow, parse_number, read_grid
 from .describe import describe
 from .dialect import header_of, normalise_text, split_line
 from .kinks import Packets, count_packets
-from .nanobench_columns import COLUMN_NAMES, ROW_COUNT_KEYS, STREAMS, scales_of, units_of
+from .names import listed
+from .nanobench_columns import (
+    COLUMN_NAMES,
+    MARKS,
+    PLAIN_POSE,
+    POSITION,
+    ROW_COUNT_KEYS,
+    STREAMS,
+    scales_of,
+    units_of,
+)
 from .nanobench_writer import write_nanobench
 from .sheets import Sheet, normalised
+from .stamps import not_seconds
 
 __all__ = ["NanoBench", "with_sheet", "write_nanobench"]
 
@@ -29,7 +40,7 @@ FRAMES = {"imu": "body", "motor": "motor", "battery": "-"}  # all others: world
 ENDS_EARLY_S = 0.1
 """A recording that stops by more before the end its sheet names was cut; whole ones stop at most 0.02 s before."""
 FEWEST_NAMES = 4
-"""So many of the format's column names in the first line make a file a NanoBench CSV."""
+"""So many of the format's column names in the first line, one of ``MARKS`` among them, make a file a NanoBench CSV."""
 
 
 class NanoBench:
@@ -39,11 +50,19 @@ class NanoBench:
     version = 1
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        names, _ = header_of(head)
-        return len(KNOWN.intersection(names)) >= FEWEST_NAMES
+        known = KNOWN.intersection(header_of(head)[0])
+        return len(known) >= FEWEST_NAMES and not MARKS.isdisjoint(known)
+
+    def why_not(self, head: bytes) -> str | None:
+        names = header_of(head)[0]
+        shared = [n for n in names if n in KNOWN]
+        if len(shared) < FEWEST_NAMES or not MARKS.isdisjoint(shared):
+            return None
+        return f"{listed(shared)} may be a NanoBench CSV's, but no name stands there that only that format has"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         grid = read_grid(data, str(path), numeric=KNOWN)
+        _check_pose(grid, str(path))
         time_unix, kept = _time(grid, str(path))
         time_s = time_unix - time_unix[0]
         streams, faults = _streams(grid, time_s, kept)
@@ -77,6 +96,20 @@ class NanoBench:
         return with_sheet(flight, sheet, own)
 
 
+def _check_pose(grid: Grid, place: str) -> None:
+    """InputError for ``qx``, ``vx`` ... of which nothing says that they are the motion capture's: the vehicle's own
+    estimate is called the same elsewhere."""
+    names = (*grid.columns, *grid.empty, *grid.text)
+    doubtful = [n for n in PLAIN_POSE if n in names]
+    if doubtful and not all(n in names for n in POSITION) and not any(n.endswith("_vicon") for n in names):
+        raise InputError(
+            place,
+            f"{listed(doubtful)} may be the motion capture's or the vehicle's own: neither px, py, pz nor wx_vicon is "
+            f"there; its columns: {listed(names)}",
+            "say in a column map what they are (--columns MAP.toml, docs/recordings.md)",
+        )
+
+
 def _time(grid: Grid, place: str) -> tuple[np.ndarray, np.ndarray]:
     """Times of the rows that have one [Unix s] and their indices; a row without is added to ``grid.lost``."""
     if "t" not in grid.columns:
@@ -86,7 +119,11 @@ def _time(grid: Grid, place: str) -> tuple[np.ndarray, np.ndarray]:
     readable = np.isfinite(time)
     kept = np.flatnonzero(readable)
     if not len(kept):
-        raise InputError(f"{place}: column t", "holds no number", "without times the rows cannot be placed")
+        first = next(iter(grid.bad["t"].what.values()), "") if "t" in grid.bad else ""
+        found = f"holds no number{first and f', but {first}'}"
+        raise InputError(f"{place}: column t", found, "without times in seconds the rows cannot be placed")
+    if (why := not_seconds(time[kept])) is not None:
+        raise InputError(f"{place}: column t", why, "write them in seconds, or name column and unit in a column map")
     bad = grid.bad.pop("t", None)
     for row in np.flatnonzero(~readable):
         what = bad.what.get(int(row), "no number") if bad else "no number"

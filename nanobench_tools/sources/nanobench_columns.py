@@ -75,6 +75,13 @@ STREAMS: dict[str, tuple[Column, ...]] = {
     s: tuple(c for c in COLUMNS if c.stream == s) for s in dict.fromkeys(c.stream for c in COLUMNS)
 }
 
+MARKS = frozenset(c.name for c in COLUMNS if c.stream not in ("mocap", "imu") or c.name.endswith("_vicon"))
+"""Names that no other format has: log groups of the vehicle behind a prefix, and what says ``vicon``. The others
+(``t``, ``qx``, ``vx``, ``imu_acc_x`` ...) anybody may choose, for numbers in other units and of other sources."""
+
+PLAIN_POSE = tuple(c.name for c in COLUMNS if c.stream == "mocap" and c.name not in MARKS)
+POSITION = ("px", "py", "pz")
+
 ROW_COUNT_KEYS = {"mocap": "vicon", "pid": "pid_output", "battery": "power"}
 """Streams that ``row_counts`` of the sheet calls by another name."""
 

@@ -63,7 +63,8 @@ def write_nanobench(flight: Flight, path: str | Path) -> Path:
 
     Rows are the stamps of the motion capture (else of the stream with the most rows). Streams on other stamps are
     interpolated linearly onto them, as the format does, and left empty outside their span; quaternions keep the
-    sign of the sample before and unit length. Reading the file again gives the same numbers to print rounding.
+    sign of the sample before and unit length. All 52 columns are named, by which the file is known again; those of
+    which the flight has nothing are empty. Reading the file again gives the same numbers to print rounding.
     """
     path = Path(path)
     if not flight.streams or not any(len(s) for s in flight.streams.values()):
@@ -72,10 +73,12 @@ def write_nanobench(flight: Flight, path: str | Path) -> Path:
     names, blocks = ["t"], [(flight.epoch_s + stamps)[:, None]]
     for stream_name, columns in STREAMS.items():
         stream = flight.streams.get(stream_name)
-        if stream is None or not (here := tuple(c for c in columns if c.quantity in stream)):
-            continue
-        values = _on_stamps(stream, tuple(c.quantity for c in here), stamps) / scales_of(here)
-        names += [c.name for c in here]
+        there = [k for k, c in enumerate(columns) if stream is not None and c.quantity in stream]
+        values = np.full((len(stamps), len(columns)), np.nan)
+        if stream is not None and there:
+            here = tuple(columns[k] for k in there)
+            values[:, there] = _on_stamps(stream, tuple(c.quantity for c in here), stamps) / scales_of(here)
+        names += [c.name for c in columns]
         blocks.append(values)
     if "extra" in flight:
         extra = flight["extra"]

@@ -18,6 +18,7 @@ from ..units import SI_FACTOR
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
 from .dialect import header_of
+from .names import listed, quantity_of
 from .sheets import Sheet
 
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
@@ -90,8 +91,14 @@ class ThrustStand:
     version = 1
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        bases = {h.base for h in map(heading, header_of(head)[0]) if h}
-        return "pwm" in bases and bool(bases & {"rpm", "weight", "thrust"})
+        names = header_of(head)[0]
+        return _like_a_stand(names) and not _of_a_flight(names)
+
+    def why_not(self, head: bytes) -> str | None:
+        names = header_of(head)[0]
+        if not _like_a_stand(names) or not (flown := _of_a_flight(names)):
+            return None
+        return f"a thrust stand's rows are settled points without a time or a pose, and here is {listed(flown)}"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
@@ -151,6 +158,16 @@ class ThrustStand:
             {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
             Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes),
         )
+
+
+def _like_a_stand(names: list[str]) -> bool:
+    bases = {h.base for h in map(heading, names) if h}
+    return "pwm" in bases and bool(bases & {"rpm", "weight", "thrust"})
+
+
+def _of_a_flight(names: list[str]) -> list[str]:
+    """Columns of time and pose: a log of a flight may well hold PWM and rotor speed."""
+    return [n for n in names if (match := _HEADER.fullmatch(n)) and quantity_of(match[1])[0] is not None]
 
 
 def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> tuple[dict[str, Stream], set[str]]:

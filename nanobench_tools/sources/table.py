@@ -43,6 +43,15 @@ class TableSource:
         names = set(header_of(head)[0])
         return self.map.time.column in names and any(e.column in names for e in self.map.entries)
 
+    def why_not(self, head: bytes) -> str | None:
+        if head.startswith(PARQUET_MAGIC) or self.map.topics:
+            return None
+        names = set(header_of(head)[0])
+        here = [c for c in self.map.columns if c in names]
+        if self.map.time.column not in names:
+            return f"the time column {self.map.time.column} of {self.map.path} is not there" if here else None
+        return f"of the columns of {self.map.path} only the time {self.map.time.column} is there"
+
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place = str(path)
         cells = _parquet(data, place, self.map) if data.startswith(PARQUET_MAGIC) else _text(data, place, self.map)

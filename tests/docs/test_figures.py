@@ -165,6 +165,12 @@ def test_a_row_of_another_length_is_refused() -> None:
         tables.markdown(["a", "b"], [["x"]])
 
 
+def test_what_is_not_stored_may_be_left_out() -> None:
+    said = text.fill("n = {n}[? of {sessions} days][?: {ate mm.1}]", STORE, "estimate/clean.retimed")
+    assert said == "n = 1,067: 12.5"
+    assert text.fill("all[?, {none .1}]", STORE, "old") == "all"
+
+
 def test_a_claim_that_fails_is_found() -> None:
     right, wrong = "<!-- holds: old/share < 0.6 -->", "<!-- holds: old/share > estimate/clean.retimed.n -->"
     assert text.broken_claims(right, STORE) == []
@@ -249,6 +255,16 @@ def test_a_missing_pick_is_refused_unless_optional() -> None:
     needed = {**SPEC, "picks": [{**SPEC["picks"][0], "optional": False}]}
     with pytest.raises(FigureError, match="0 items"):
         collect.collect("x", needed, {"rows": [ROW]})
+
+
+def test_a_condition_may_hold_for_items_that_do_not_say() -> None:
+    pick = {**SPEC["picks"][0], "where": {"clock": "{clock}", "group": "all", "start?": "centred"}}
+    rows = [{**ROW, "start": "past"}, ROW]
+    found = collect.collect("x", {**SPEC, "picks": [pick]}, {"rows": rows})["figures"]
+    assert found["clean"]["as-recorded"]["count"] == 2
+    both = [ROW, {**ROW, "start": "centred"}]
+    with pytest.raises(FigureError, match="2 items"):
+        collect.collect("x", {**SPEC, "picks": [pick]}, {"rows": both})
 
 
 def test_a_file_changes_only_with_its_figures(tmp_path: Path) -> None:

@@ -163,10 +163,10 @@ def test_bad_cell_names_stream_column_row_and_line(tmp_path):
     ("text", "words"),
     [
         ("", "the file is empty"),
-        ("t,px,py,pz,qx\n", "there is a header but no row"),
-        ("px,py,pz,qx\n1,2,3,4\n", "column t: is not in the file"),
-        ("t,px,py,pz\nx,1,2,3\n", "column t: holds no number"),
-        ("t,px,py,pz\n1,0,1,5,2,5,3,5\n2,0,1,5,2,5,3,5\n", "no row fits the header: 8 cells in a row"),
+        ("t,px,py,pz,wx_vicon\n", "there is a header but no row"),
+        ("px,py,pz,wx_vicon\n1,2,3,4\n", "column t: is not in the file"),
+        ("t,px,py,pz,pwr_pm_vbat\nx,1,2,3,4\n", "column t: holds no number"),
+        ("t,wx_vicon,wy_vicon,wz_vicon\n1,0,1,5,2,5,3,5\n2,0,1,5,2,5,3,5\n", "no row fits the header: 8 cells"),
     ],
 )
 def test_no_recording_in_one_line(tmp_path, text, words):

@@ -180,7 +180,7 @@ def test_round_trip_of_a_real_recording(everything, tmp_path):
     assert after.metadata["row_counts"] == flight.metadata["row_counts"]
 
 
-@pytest.mark.parametrize(("folder", "count"), [("crazyflie_usd", 25), ("crazypad", 50)])
+@pytest.mark.parametrize(("folder", "count"), [("crazyflie_usd", 25), ("crazypad", 56)])
 def test_usd_logs(real_data, folder, count, cache_folder):
     loaded = load_recordings([real_data / folder])
     assert len(loaded.flights) == count

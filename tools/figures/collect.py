@@ -11,7 +11,7 @@
     key = "clean.{clock}"                    # under which it is stored
     each = {clock = ["as-recorded", "retimed"]}
     from = "rows"                            # a list (one item of it) or a dictionary of the result
-    where = {protocol = "clean", clock = "{clock}", group = "all"}
+    where = {protocol = "clean", clock = "{clock}", group = "all"}     # "start?": items without `start` are meant, too
     take = {ate = "metrics.ate_rmse_m"}      # name -> path in the item: "." the item itself, "a|b" b where there is no
                                              # a, "a?" null where there is none, "a#" how many entries a has
     optional = true                          # may be missing
@@ -82,7 +82,7 @@ def _find(key: str, result: dict[str, Any], pick: dict[str, Any], where: dict[st
         raise
     if isinstance(place, dict):
         return place
-    found = [i for i in place if all(_same(_get(i, k), v) for k, v in where.items())]
+    found = [i for i in place if all(_same(i, k, v) for k, v in where.items())]
     if len(found) == 1:
         return found[0]
     if not found and pick.get("optional"):
@@ -90,8 +90,9 @@ def _find(key: str, result: dict[str, Any], pick: dict[str, Any], where: dict[st
     raise FigureError(f"{key}: {len(found)} items of {pick['from']!r} have {where}; one is wanted")
 
 
-def _same(got: Any, wanted: Any) -> bool:
-    return bool(got in wanted if isinstance(wanted, list) else got == wanted)
+def _same(item: Any, path: str, wanted: Any) -> bool:
+    got = _get(item, path.rstrip("?"))
+    return bool(got == wanted or (got is None and path.endswith("?")))
 
 
 def _get(item: Any, path: str) -> Any:

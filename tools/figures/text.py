@@ -71,16 +71,25 @@ def constant(name: str) -> Any:
 
 
 def fill(template: str, store: Store, base: str = "") -> str:
-    """Text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces; keys without a source begin at `base`."""
+    """Text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces; keys without a source begin at `base`.
+
+    [?text with {KEY}] is left out where nothing is stored for a key in it.
+    """
+
+    def whole(key: str) -> str:
+        return key if "/" in key else f"{base}.{key}" if "/" in base else f"{base}/{key}"
+
+    def stored(match: re.Match[str]) -> str:
+        keys = [whole(k.partition(" ")[0]) for k in re.findall(r"\{([^{}]+)\}", match[1])]
+        return match[1] if all(store.has(k) and store.node(k) is not None for k in keys) else ""
 
     def one(match: re.Match[str]) -> str:
         key, _, form = match[1].partition(" ")
         if key.startswith("code:"):
             return show(constant(key[5:]), form or None, key)
-        if "/" not in key:
-            key = f"{base}.{key}" if "/" in base else f"{base}/{key}"
-        return show(store.value(key), form or None, key)
+        return show(store.value(whole(key)), form or None, key)
 
+    template = re.sub(r"\[\?(.*?)\]", stored, template)
     return re.sub(r"\{([^{}]+)\}", one, template).replace("– %", "–").replace(": –", "").replace(" (–)", "")
 
 

@@ -1,0 +1,25 @@
+"""Whether stamps can be seconds: a file in another unit must not be read as one that lasts for hours, or years."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LATEST_S = 4.2e9
+"""Unix time of the year 2103."""
+LONGEST_STEP_S = 1.0
+"""Between rows of a recording of a vehicle in flight: nothing can be said of one that was looked at more rarely."""
+
+
+def not_seconds(stamps: np.ndarray, said: bool = False) -> str | None:
+    """Why stamps (n,) are not in seconds, None where they may be. ``said``: the file itself says that they are, so that
+    rare rows are believed."""
+    finite = stamps[np.isfinite(stamps)]
+    if not len(finite):
+        return None
+    middle = float(np.median(np.abs(finite)))
+    if middle > LATEST_S:
+        return f"stamps of about {middle:.4g} are no seconds"
+    step = float(np.median(np.diff(finite))) if len(finite) > 2 else 0.0
+    if step > LONGEST_STEP_S and not said:
+        return f"stamps that are {step:.4g} apart are no seconds of a recording"
+    return None

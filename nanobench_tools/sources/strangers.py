@@ -1,0 +1,64 @@
+"""What is said of a file that no source reads: its columns as they were seen, and what to do.
+
+A file that only looks like one of a format is refused, never read as it: a source that knows why adds a sentence
+(``Doubtful``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol, runtime_checkable
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from .base import Source
+from .dialect import NUMBER, header_of, normalise_text, split_line
+from .names import listed
+from .payload import HEAD_BYTES
+
+STRANGE = "not a recording of any known format"
+MAP = "say in a column map what they are (--columns MAP.toml, docs/recordings.md)"
+PARQUET_MAGIC = b"PAR1"
+
+
+@runtime_checkable
+class Doubtful(Protocol):
+    """A source that can say why a file which looks like one of its own is none; None for any other file."""
+
+    def why_not(self, head: bytes) -> str | None: ...
+
+
+def why_strange(data: bytes, sources: Iterable[Source]) -> str:
+    """One line about a file nobody recognised; ``data`` its unpacked content."""
+    head = data[:HEAD_BYTES]
+    doubts = [why for s in sources if isinstance(s, Doubtful) and (why := s.why_not(head)) is not None]
+    columns = _columns(data)
+    parts = [STRANGE, *doubts]
+    if columns is not None:
+        parts.append(f"its columns: {columns}" if columns else "a table without a line of names")
+        parts.append(MAP if columns else "write one above its rows, and " + MAP)
+    return "; ".join(parts)
+
+
+def _columns(data: bytes) -> str | None:
+    """Names of a table's columns in one line; empty for rows of numbers without names, None for no table."""
+    if data.startswith(PARQUET_MAGIC):
+        try:
+            return listed(pq.read_schema(pa.BufferReader(data)).names)
+        except (pa.ArrowException, OSError, ValueError):
+            return None
+    if b"\x00" in data[:HEAD_BYTES]:
+        return None
+    text = normalise_text(data[:HEAD_BYTES])
+    names, dialect = header_of(text)
+    named = [n for n in names if n]
+    rows = [line.decode("utf-8", errors="replace") for line in text.lstrip(b"\n \t").split(b"\n")[1:]]
+    rows = [r for r in rows if r.strip() and not r.lstrip().startswith("#")]
+    cells = split_line(rows[0].rstrip("\r"), dialect.delimiter) if rows else []
+    if len(named) < 2 or len(cells) < 2 or not any(c.lstrip("+-.")[:1].isdigit() for c in cells):
+        return None
+    if all(NUMBER.fullmatch(n) for n in named):
+        return ""
+    counted = "" if len(cells) in (len(named), len(names)) else f" ({len(named)} names, {len(cells)} cells in a row)"
+    return listed(names if len(cells) == len(names) else named) + counted
