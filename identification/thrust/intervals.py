@@ -13,13 +13,12 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from nanobench_tools.protocols.sessions import Sessions
+
 from .flight_fit import FlightFit, FlightModel
 from .flown import Flown
 
 PROBABILITY = 0.95
-
-SESSION_GAP_S = 3.0 * 3600.0
-"""Recordings that begin further apart than this are of two sessions."""
 
 FEWEST_SESSIONS = 3
 """Fewer say nothing about a spread; they count as so many."""
@@ -29,13 +28,14 @@ FEW_ROWS = 30
 
 
 def sessions(epochs_s: Sequence[float]) -> int:
-    """How many sessions recordings of these Unix times are of; one without a date (0) is one of its own.
+    """How many sessions recordings of these Unix times are of; one without a stamp (0) is one of its own, those whose
+    clock started with the vehicle are one together.
 
     >>> sessions([0.0, 0.0, 1e9, 1e9 + 600.0, 1e9 + 86400.0])
     4
     """
-    known = np.sort([s for s in epochs_s if s])
-    return len(epochs_s) - len(known) + min(len(known), 1) + int(np.sum(np.diff(known) > SESSION_GAP_S))
+    stamps = [s for s in epochs_s if s]
+    return len(epochs_s) - len(stamps) + len(np.unique(Sessions.at(stamps).labels_at(stamps)))
 
 
 def half_width(found: Sequence[np.ndarray], files: int, unseen: float = 0.0, groups: int | None = None) -> float:

@@ -173,7 +173,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                            file=case.flight.provenance.path) for case in cases]
         values = options.run(items, protocol).values
         rows += task2.tabulate([(case, values[item.key]) for case, item in zip(cases, items, strict=True)
-                                if item.key in values], options.seed)
+                                if item.key in values], options.seed, options.sessions)
         reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
     for row in rows:
         row["clock"] = options.clock

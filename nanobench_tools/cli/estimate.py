@@ -227,7 +227,7 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
-                               given.get(protocol, task3.GIVEN))
+                               given.get(protocol, task3.GIVEN), options.sessions)
     for row in rows:
         row |= {"clock": options.clock, **said}
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
@@ -252,7 +252,8 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
     rows = []
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
-        rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed)
+        rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed,
+                                  options.sessions)
     for row in rows:
         row["clock"] = options.clock
         row["given"] += GIVEN_CLOCK.get(options.clock, "")

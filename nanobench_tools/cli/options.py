@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import OnClock
+    from ..protocols.sessions import Sessions
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 AS_RECORDED = "as-recorded"
@@ -75,6 +76,13 @@ class Options:
     def synthetic(self) -> bool:
         """Whether any flight that was read is simulated."""
         return any(flight.provenance.synthetic for flight in self.flights)
+
+    @property
+    def sessions(self) -> Sessions:
+        """The sessions of all recordings that were read, whichever of them a table counts."""
+        from ..protocols.sessions import Sessions
+
+        return Sessions.of(self.flights)
 
     def places(self) -> list[Path]:
         """``--data``, else the default places; UsageError when there is nothing to read, InputError for a bad path."""

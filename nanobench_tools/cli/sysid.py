@@ -111,7 +111,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
         for truth in task1.TRUTHS:
             mine = [(case, values[item.key]) for (p, t, case), item in zip(work, items, strict=True)
                     if p is predictor and t == truth and item.key in values]
-            rows += task1.tabulate(predictor, truth, mine, options.seed)
+            rows += task1.tabulate(predictor, truth, mine, options.seed, options.sessions)
     for row in rows:
         row["clock"] = options.clock
         if row["model"] in fits:

@@ -21,6 +21,7 @@ from .. import so3
 from ..firmware.kalman import defaults
 from ..flight import Flight
 from ..methods import Estimate
+from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
 from .aided import Aiding, given_to
 from .tables import summaries
@@ -132,9 +133,14 @@ def _apart(case: Case, a: Estimate, b: Estimate) -> float:
 
 
 def tabulate(logged_by_clock: Mapping[str, Sequence[Mapping[str, float]]],
-             replayed: Sequence[Mapping[str, Mapping[str, float]]], seed: int = 0) -> dict[str, Any]:
-    """{n, logged: [{what: clock, metrics: summaries over flights}], n_replayed, replayed: [{what, metrics}]}."""
-    what = list(replayed[0]) if replayed else []
+             replayed: Sequence[Mapping[str, Mapping[str, float]]], seed: int = 0,
+             sessions: Mapping[str, Labels] | None = None) -> dict[str, Any]:
+    """{n, logged: [{what: clock, metrics: summaries over flights}], n_replayed, replayed: [{what, metrics}]}.
+
+    sessions: those of the flights, by clock, and of the ``replayed`` ones."""
+    what, of = list(replayed[0]) if replayed else [], sessions or {}
     return {"n": min(map(len, logged_by_clock.values())), "n_replayed": len(replayed),
-            "logged": [{"what": clock, "metrics": summaries(found, seed)} for clock, found in logged_by_clock.items()],
-            "replayed": [{"what": name, "metrics": summaries([one[name] for one in replayed], seed)} for name in what]}
+            "logged": [{"what": clock, "metrics": summaries(found, seed, of.get(clock))}
+                       for clock, found in logged_by_clock.items()],
+            "replayed": [{"what": name, "metrics": summaries([one[name] for one in replayed], seed, of.get("replayed"))}
+                         for name in what]}

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
+from .sessions import Sessions, row_keys
 from .tables import group_order, summaries
 from .task3 import Case, checked, given_and_trained
 from .usable import POSE
@@ -126,17 +127,20 @@ def over_windows(scored: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, flo
 
 
 def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
-             seed: int = 0) -> list[dict[str, Any]]:
+             seed: int = 0, sessions: Sessions | None = None) -> list[dict[str, Any]]:
     """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows); beside it
-    ``over_windows``."""
+    ``over_windows``. sessions: of all recordings of the run; None: of the scored ones alone."""
     scored = [(case, value) for case, value in scored if value["windows"]]
+    sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     rows = []
     for group in group_order([g for case, _ in scored for g in case.groups]):
         members = [(case, value) for case, value in scored if group in case.groups]
+        labels = sessions.labels(case.flight for case, _ in members)
+        metrics = summaries([value["metrics"] for _, value in members], seed, labels)
         counts = {f"{h:.0f}": sum(w["h_s"] == h for _, value in members for w in value["windows"]) for h in HORIZONS_S}
         rows.append({"protocol": "blackout", "method": method.name, "causal": getattr(method, "causal", None),
                      "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
                      "n_windows": counts, "given": given_and_trained(method, GIVEN),
                      "over_windows": over_windows([v for _, v in members]),
-                     "metrics": summaries([value["metrics"] for _, value in members], seed)})
+                     **row_keys(labels, metrics), "metrics": metrics})
     return rows

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..metrics.statistics import summary
+import numpy as np
+
+from ..metrics.statistics import Labels, summary_table
 
 
 def groups_of(family: str, speed: str | None) -> list[str]:
@@ -13,11 +15,15 @@ def groups_of(family: str, speed: str | None) -> list[str]:
     return ["all", *([speed] if speed else []), family, *([f"{speed}/{family}"] if speed else [])]
 
 
-def summaries(scores: Iterable[Mapping[str, float | None]], seed: int = 0) -> dict[str, dict[str, Any]]:
-    """{metric: summary over flights}; ``scores`` one {metric: value} per flight. None and nan count as undefined."""
+def summaries(scores: Iterable[Mapping[str, float | None]], seed: int = 0,
+              sessions: Labels = None) -> dict[str, dict[str, Any]]:
+    """{metric: summary over flights}; ``scores`` one {metric: value} per flight, ``sessions`` the session of each. None
+    and nan count as undefined."""
     scores = list(scores)
-    names = dict.fromkeys(name for score in scores for name in score)
-    return {name: summary([_number(score.get(name)) for score in scores], seed) for name in names}
+    names = list(dict.fromkeys(name for score in scores for name in score))
+    values = np.array([[_number(score.get(name)) for name in names] for score in scores], float)
+    found = summary_table(values.reshape(len(scores), len(names)), seed, sessions)
+    return dict(zip(names, found, strict=True))
 
 
 def group_order(groups: Sequence[str]) -> list[str]:

@@ -17,11 +17,12 @@ from ..errors import InputError
 from ..flight import Flight, Span, intersect_spans
 from ..methods import Prediction, Predictor
 from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
-from ..metrics.statistics import bootstrap_ratio
+from ..metrics.statistics import design_effect, pooled_interval
 from .labels import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import beside
 from .selection import apart, distinct
+from .sessions import Sessions
 from .usable import MOCAP, MOTORS, usable
 from .windows import HORIZON, TRUTHS, cut_windows
 
@@ -182,32 +183,39 @@ def battery_group(level: int) -> str:
 
 
 def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapping[str, Any]]],
-             seed: int = 0) -> list[dict[str, Any]]:
-    """Rows {model, information, truth, group, n_windows, n_flights, metrics, ci95}; ``metrics`` {name: {"1", "10",
-    "50", "sum"}}, ``ci95`` the same with [lo, hi] over flights (None for one flight). Groups are ``all``, seen and
-    unseen families, each family, each speed, and battery voltages at the start of the windows; the row of ``all`` has
-    ``curve`` {name: [h = 1..50]} too."""
+             seed: int = 0, sessions: Sessions | None = None) -> list[dict[str, Any]]:
+    """Rows {model, information, truth, group, n_windows, n_flights, sessions, metrics, ci95, design_effect, ci_why}.
+
+    ``metrics`` {name: {"1", "10", "50", "sum"}}; ``ci95`` the same with [lo, hi] over sessions and flights, None where
+    ``ci_why`` says why; ``design_effect`` the same of the flights' means. Groups are ``all``, seen and unseen families,
+    each family, each speed, and battery voltages at the start of the windows; the row of ``all`` has ``curve`` {name:
+    [h = 1..50]} too. sessions: of all recordings of the run; None: of the scored ones alone."""
     rows = []
     scored = [(case, value) for case, value in scored if value["windows"]]
+    sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     ranks = max((len(case.groups) for case, _ in scored), default=0)
     groups = [g for rank in range(ranks) for case, _ in scored for g in case.groups[rank:rank + 1]]
     levels = sorted({g for _, value in scored for g in value["battery"]}, key=_battery_rank)
     for group in dict.fromkeys([*groups, *levels]):
-        members = [value for case, value in scored if group in case.groups] or [
-            value["battery"][group] for _, value in scored if group in value["battery"]]
+        found = [(case, value) for case, value in scored if group in case.groups] or [
+            (case, value["battery"][group]) for case, value in scored if group in value["battery"]]
+        members, labels = [value for _, value in found], sessions.labels(case.flight for case, _ in found)
         counts = np.array([value["windows"] for value in members])
-        metrics, intervals = {}, {}
+        metrics, intervals, effects = {}, {}, {}
         for name in QUANTITIES:
             sums = np.array([value["sums"][name] for value in members])
             with_total = np.concatenate([sums, sums.sum(axis=1, keepdims=True)], axis=1)
             metrics[name] = multi_horizon(sums.sum(axis=0) / counts.sum())
-            ends = bootstrap_ratio(with_total, counts, seed)
             keys = {**{str(h): h - 1 for h in HORIZONS}, "sum": HORIZON}
-            intervals[name] = {key: None if ends is None else [float(ends[0][i]), float(ends[1][i])]
-                               for key, i in keys.items()}
+            shown = with_total[:, list(keys.values())]
+            interval = pooled_interval(shown, counts, labels, seed)
+            effect = design_effect(shown / counts[:, None], labels)
+            intervals[name] = {key: interval.ends(i) for i, key in enumerate(keys)}
+            effects[name] = {key: None if effect is None else float(effect[i]) for i, key in enumerate(keys)}
         row = {"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
-               "n_windows": int(counts.sum()), "n_flights": len(members), "metrics": metrics,
-               "ci95": intervals}
+               "n_windows": int(counts.sum()), "n_flights": len(members), "sessions": interval.sessions,
+               "metrics": metrics, "ci95": intervals, "design_effect": effects,
+               **({"ci_why": interval.why} if interval.why else {})}
         if group == "all":
             row["curve"] = {name: (np.sum([value["sums"][name] for value in members], axis=0) / counts.sum()).tolist()
                             for name in QUANTITIES}

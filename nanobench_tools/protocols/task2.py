@@ -24,6 +24,7 @@ from .labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
 from .published import beside
 from .selection import distinct
+from .sessions import Sessions, row_keys
 from .tables import summaries
 from .task3 import LOG_KINDS
 from .usable import MOCAP, MOTORS, usable
@@ -152,12 +153,15 @@ def score_tracking(case: Case) -> dict[str, Any]:
         "saturated_percent": tracking.saturated_percent(motor)}}
 
 
-def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0) -> list[dict[str, Any]]:
+def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
+             sessions: Sessions | None = None) -> list[dict[str, Any]]:
     """Rows {plant, controller, reference, speed, speed_m_s, information, n, flights, dropped, metrics, statistics}.
 
     ``metrics`` are means over flights, ``statistics`` their summaries. The published rows drop a flight with an RMSE
-    above DROPPED_ABOVE_M, as was published; ``dropped`` names it.
+    above DROPPED_ABOVE_M, as was published; ``dropped`` names it. sessions: of all recordings of the run; None: of the
+    scored ones alone.
     """
+    sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     groups: dict[tuple, list[tuple[Case, Mapping[str, Any]]]] = {}
     for case, value in scored:
         groups.setdefault((case.protocol, case.reference, case.speed, case.controller), []).append((case, value))
@@ -168,10 +172,11 @@ def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0) ->
         kept = [(case, value) for case, value in members if case.flight.name not in dropped]
         if not kept:
             continue
-        found = summaries([value["metrics"] for _, value in kept], seed)
+        labels = sessions.labels(case.flight for case, _ in kept)
+        found = summaries([value["metrics"] for _, value in kept], seed, labels)
         row = {"plant": "real", "protocol": protocol, "controller": controller, "reference": reference,
                "speed": speed, "speed_m_s": _speed(kept), "information": "as flown", "n": len(kept),
-               "flights": [case.flight.name for case, _ in kept], "dropped": dropped,
+               "flights": [case.flight.name for case, _ in kept], "dropped": dropped, **row_keys(labels, found),
                "metrics": {name: value["mean"] for name, value in found.items()}, "statistics": found}
         rows.append(beside(row, "task2", "controllers", controller) if protocol == "as-published" else row)
     return rows

@@ -30,6 +30,7 @@ from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
+from .sessions import Sessions, row_keys
 from .tables import group_order, groups_of, summaries
 from .usable import MOCAP, POSE, cut_by, usable
 
@@ -281,18 +282,23 @@ def given_and_trained(method: Estimator, given: str) -> str:
 
 
 def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
-             given: str = GIVEN) -> list[dict[str, Any]]:
-    """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric."""
+             given: str = GIVEN, sessions: Sessions | None = None) -> list[dict[str, Any]]:
+    """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric.
+
+    sessions: of all recordings of the run; None: of the scored ones alone."""
     rows = []
     known = is_logged(method)
+    sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     for group in group_order([g for case, _ in scored for g in case.groups]):
         members = [(case, value) for case, value in scored if group in case.groups]
         notes = dict.fromkeys(case.note for case, _ in members if case.note)
+        labels = sessions.labels(case.flight for case, _ in members)
+        metrics = summaries([value["metrics"] for _, value in members], seed, labels)
         row = {"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
                "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
                "given": "; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
                "dropped_stamps": sum(value["dropped"] for _, value in members),
-               "metrics": summaries([value["metrics"] for _, value in members], seed)}
+               **row_keys(labels, metrics), "metrics": metrics}
         as_was = protocol == "as-published" and known and not notes
         rows.append(beside(row, "task3", "groups", group) if as_was else row)
     return rows

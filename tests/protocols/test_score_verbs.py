@@ -43,7 +43,11 @@ def test_estimate(call, folder, tmp_path):
     rows = {(row["method"], row["group"]): row for row in result["rows"]}
     row = rows["onboard_ekf", "all"]
     assert (row["protocol"], row["causal"], row["n"], len(row["flights"])) == ("clean", True, 3, 3)
-    assert set(row["metrics"]["ate_rmse_m"]) == {"mean", "std", "median", "p90", "ci95", "n"}
+    found = row["metrics"]["ate_rmse_m"]
+    assert set(found) == {"mean", "std", "median", "p90", "ci95", "n", "sessions", "design_effect", "ci_why"}
+    assert (found["ci95"], found["sessions"], row["sessions"]) == (None, 1, 1)  # one vehicle's flights of one day
+    assert found["ci_why"] == row["ci_why"]
+    assert row["ci_why"].startswith("one session")
     assert row["metrics"]["ate_rmse_m"]["mean"] < 0.1 < rows["hold_position", "all"]["metrics"]["ate_rmse_m"]["mean"]
     assert rows["onboard_ekf", "circle"]["metrics"]["ate_rmse_m"]["ci95"] is None
     assert {"slow/circle", "trefoil", "helix"} <= {group for _, group in rows}

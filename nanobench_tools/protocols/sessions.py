@@ -1,0 +1,76 @@
+"""Sessions: recordings of one day's work, with one set of propellers, one calibration and one air.
+
+They are found from the recordings' own stamps. A session begins where a recording begins long after the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..metrics.statistics import session_count, why_not
+
+SESSION_GAP_S = 3.0 * 3600.0
+"""Recordings that begin further apart than this are of two sessions [s]. Set on the 102 NanoBench recordings, the only
+ones at hand that hold dates: within their four sessions they begin up to 1.2 h apart, between them 4.9 h and more, so
+that any limit between these finds the same four. No other recordings (CrazyPAD, USD logs, stands) could check it: their
+clocks start with the vehicle. A natural break was tried: the widest in the sorted gaps splits them in two (at 64 h)."""
+
+DATED_S = 946_684_800.0
+"""Unix time of the year 2000: a smaller stamp is of a clock that started with the vehicle, and no date."""
+
+
+@dataclass(frozen=True)
+class Sessions:
+    """begins_s: Unix times at which sessions begin, rising; empty where no recording holds a date."""
+
+    begins_s: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, recordings: Iterable[Any]) -> Sessions:
+        """Of all recordings of a run, each with ``epoch_s``. A recording keeps its session when groups are formed."""
+        return cls.at([stamp_of(recording) for recording in recordings])
+
+    @classmethod
+    def at(cls, stamps_s: Sequence[float]) -> Sessions:
+        """Of recordings that began at these stamps."""
+        known = np.unique([s for s in stamps_s if dated(s)])
+        begins = [b for a, b in pairwise(known) if b - a > SESSION_GAP_S]
+        return cls((float(known[0]), *map(float, begins)) if len(known) else ())
+
+    def labels(self, recordings: Iterable[Any]) -> np.ndarray:
+        """(n,) number of each one's session, -1 (UNKNOWN) for one without a date (or from before all sessions)."""
+        return self.labels_at([stamp_of(recording) for recording in recordings])
+
+    def labels_at(self, stamps_s: Sequence[float]) -> np.ndarray:
+        """``labels`` of recordings that began at these stamps."""
+        stamps = np.array([s if dated(s) else -np.inf for s in stamps_s])
+        return np.searchsorted(np.array(self.begins_s), stamps, side="right") - 1
+
+
+def stamp_of(recording: Any) -> float:
+    """Unix time [s] at which it began; 0 where it holds none, as a thrust stand's."""
+    return float(getattr(recording, "epoch_s", 0.0))
+
+
+def dated(stamp_s: float) -> bool:
+    """Whether a stamp is a date rather than the time since a vehicle started."""
+    return bool(np.isfinite(stamp_s)) and stamp_s >= DATED_S
+
+
+def labels_of(recordings: Sequence[Any], sessions: Sessions | None = None) -> np.ndarray:
+    """(n,) sessions of ``recordings`` among those of the run; of themselves alone where none are given."""
+    return (sessions or Sessions.of(recordings)).labels(recordings)
+
+
+def row_keys(labels: np.ndarray, metrics: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """{sessions, design_effect: {metric: ...}} of a row over flights of these sessions, from its summaries, and
+    ``ci_why`` where no interval of it is there or to be trusted."""
+    why = why_not(len(labels), labels)
+    return {"sessions": session_count(labels),
+            "design_effect": {name: found["design_effect"] for name, found in metrics.items()},
+            **({"ci_why": why} if why else {})}
