@@ -93,9 +93,10 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
     again = [item(protocol.replays, "replay", name, recorded=on[AS_RECORDED][name], retimed=on["retimed"][name])
              for name in names]
     values = options.run([*(one for items in single.values() for one in items), *again], "attribution").values
-    sessions = {clock: options.sessions.labels(on[AS_RECORDED][name].flight for name, one in zip(names, items, strict=True)
-                                               if one.key in values)
-                for clock, items in {**single, "replayed": again}.items()}
+    flown = [on[AS_RECORDED][name].flight for name in names]
+    sessions = {what: options.sessions.labels(flight for flight, one in zip(flown, items, strict=True)
+                                              if one.key in values)
+                for what, items in {**single, "replayed": again}.items()}
     body = protocol.tabulate({clock: [values[one.key] for one in items if one.key in values]
                               for clock, items in single.items()},
                              [values[one.key] for one in again if one.key in values], options.seed, sessions)

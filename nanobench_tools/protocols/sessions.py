@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..metrics.statistics import session_count, why_not
+from ..settings import number
 
-SESSION_GAP_S = 3.0 * 3600.0
-"""Recordings that begin further apart than this are of two sessions [s]. Set on the 102 NanoBench recordings, the only
-ones at hand that hold dates: within their four sessions they begin up to 1.2 h apart, between them 4.9 h and more, so
-that any limit between these finds the same four. No other recordings (CrazyPAD, USD logs, stands) could check it: their
-clocks start with the vehicle. A natural break was tried: the widest in the sorted gaps splits them in two (at 64 h)."""
+SESSION_GAP_S = number("protocols.sessions.session_gap_s")
+"""Recordings that begin further apart than this are of two sessions. The only recordings at hand that hold dates begin
+up to 1.2 h apart within their four sessions, and 4.9 h and more between them: any limit between these finds the same
+four. No others (CrazyPAD, USD logs, stands) could check it: their clocks start with the vehicle. A natural break was
+tried: the widest in the sorted logarithms of the gaps splits them in two, at 64 h, since one night is no break."""
 
 DATED_S = 946_684_800.0
 """Unix time of the year 2000: a smaller stamp is of a clock that started with the vehicle, and no date."""
