@@ -10,7 +10,7 @@ import click
 
 from ..errors import InputError, UsageError
 from .options import PATH, FiniteRange, Options, one_line, shared_options
-from .show import ALL_FAILED, data_word, score_table, show_left_out
+from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 
 MODERATE = ("figure_eight", "star", "linear_ramp")
 
@@ -183,15 +183,19 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+    from ..protocols.sessions import interval_note
+
     lines = []
     for row in rows:
-        head = [row["reference"], row["speed"] or "-", row["controller"], str(row["n"])]
+        head = [row["reference"], row["speed"] or "-", row["controller"], str(row["n"]), sessions_text(row)]
         lines.append((head, row["statistics"]))
         if published := row.get("published"):
-            lines.append((["(published)", row["speed"] or "-", row["controller"], str(row["published_n"])], published))
+            head = ["(published)", row["speed"] or "-", row["controller"], str(row["published_n"]), ""]
+            lines.append((head, published))
     title = (f"Task 2, onboard controllers as flown: {data_word(options)} data, clock {options.clock}, mean ± SD over "
              "n flights and 95 % interval of the mean RMSE")
-    options.show(score_table(title, ("reference", "speed", "controller", "n"), COLUMNS, lines))
+    options.show(score_table(title, ("reference", "speed", "controller", "n", "sessions"), COLUMNS, lines))
+    options.show(interval_note(rows, [name for name, *_ in COLUMNS]))
     dropped = dict.fromkeys(name for row in rows for name in row["dropped"])
     if dropped:
         options.show(one_line("Left out of the published rows because RMSE > 1 m, as was published: "

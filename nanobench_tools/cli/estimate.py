@@ -12,7 +12,7 @@ from ..errors import InputError, UsageError
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .methods import load_methods
 from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
-from .show import ALL_FAILED, data_word, score_table, show_left_out
+from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -284,16 +284,18 @@ def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
           columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
     """The groups of the published table, or all and the speeds; families are in the files."""
+    from ..protocols.sessions import interval_note
+
     lines = []
     for row in rows:
         if row["group"] not in ("all", "slow", "medium", "fast", "Slow", "Medium", "Fast"):
             continue
-        head = [row["group"], row["method"], str(row["n"])]
-        lines.append((head, row["metrics"]))
+        lines.append(([row["group"], row["method"], str(row["n"]), sessions_text(row)], row["metrics"]))
         if published := row.get("published"):
-            lines.append(([row["group"], "(published)", str(row["published_n"])], published))
+            lines.append(([row["group"], "(published)", str(row["published_n"]), ""], published))
     title = (f"Task 3, {protocol}: {data_word(options)} data, clock {options.clock}, mean ± SD over n flights, "
              f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
-    options.show(score_table(title, ("group", "method", "n"), columns, lines))
+    options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
+    options.show(interval_note(rows, [name for name, *_ in columns]))
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
         options.show(one_line(given))

@@ -20,18 +20,30 @@ def data_word(options: Options) -> str:
 
 
 def score_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
-    """``mean ± std`` of a summary, in units of 1/factor; ``-`` where the metric is not defined."""
+    """``mean ± std`` of a summary, in units of 1/factor; ``-`` where the metric is not defined. Flights that do not
+    differ, or one alone, have no deviation; one too small for the digits gets one that shows it."""
     if not found or found.get("mean") is None:
         return "-"
     text = f"{factor * found['mean']:.{digits}f}"
-    return text if found.get("std") is None else f"{text} ± {factor * found['std']:.{digits}f}"
+    if not found.get("std") or found.get("n") == 1:
+        return text
+    spread = f"{factor * found['std']:.{digits}f}"
+    if not float(spread):
+        spread = f"{factor * found['std']:.1g}"
+    return f"{text} ± {spread}"
 
 
 def interval_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
-    """``lo .. hi`` of a summary; ``-`` for one flight."""
+    """``lo .. hi`` of a summary; ``-`` where it has none (one flight, one session)."""
     if not found or not found.get("ci95"):
         return "-"
     return " .. ".join(f"{factor * edge:.{digits}f}" for edge in found["ci95"])
+
+
+def sessions_text(row: Mapping[str, Any]) -> str:
+    """How many sessions the flights of a row are of; ``?`` where that is unknown."""
+    found = row.get("sessions")
+    return "?" if found is None else str(found)
 
 
 def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, str, float, int]],

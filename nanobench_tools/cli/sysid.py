@@ -12,7 +12,7 @@ from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from .methods import load_methods
 from .options import PATH, Options, shared_options
-from .show import data_word, show_left_out
+from .show import data_word, sessions_text, show_left_out
 from .sysid_models import SIMULATOR, Choice, choose, exported, fitted
 
 if TYPE_CHECKING:
@@ -164,10 +164,12 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     from rich.markup import escape
     from rich.table import Table
 
+    from ..protocols.sessions import interval_note
+
     title = (f"Task 1: {data_word(options)} data, clock {options.clock}, mean error after 1, 10, 50 steps of 10 ms "
              "and sum over 1..50 \\[95 % interval of the sum]")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("model", "information", "truth", "group", "windows", "flights"):
+    for head in ("model", "information", "truth", "group", "windows", "flights", "sessions"):
         table.add_column(head, no_wrap=head != "model")
     for _, heading in SHOWN:
         table.add_column(heading, justify="right")
@@ -176,12 +178,13 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
             continue
         name = row["model"] + (" (no result)" if row.get("trouble") else "")
         labels = [name, row["information"], row["truth"], row["group"]]
-        counts = (str(row["n_windows"]), str(row["n_flights"]))
+        counts = (str(row["n_windows"]), str(row["n_flights"]), sessions_text(row))
         table.add_row(*map(escape, labels), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
         if published := row.get("published"):
-            table.add_row(escape(row["model"]), "", "", "(published)", "", "",
+            table.add_row(escape(row["model"]), "", "", "(published)", "", "", "",
                           *(_cell(published[m], {}) for m, _ in SHOWN))
     options.show(table)
+    options.show(interval_note(rows))
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..metrics.statistics import session_count, why_not
+from ..metrics.statistics import FEW_SESSIONS, session_count, why_not
 from ..settings import number
 
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")
@@ -75,3 +75,38 @@ def row_keys(labels: np.ndarray, metrics: Mapping[str, Mapping[str, Any]]) -> di
     return {"sessions": session_count(labels),
             "design_effect": {name: found["design_effect"] for name, found in metrics.items()},
             **({"ci_why": why} if why else {})}
+
+
+def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()) -> str:
+    """What the intervals of a table are and how far to trust them, in sentences: of its ``rows`` with most flights,
+    over ``metrics`` (empty: all). Empty for rows that hold no sessions (results of before)."""
+    rows = [row for row in rows if "sessions" in row]
+    most = max((_flights(row) for row in rows), default=0)
+    widest = [row for row in rows if _flights(row) == most]
+    if not widest:
+        return ""
+    found, why = widest[0]["sessions"], str(widest[0].get("ci_why") or "")
+    if most < 2 or found == 1:
+        return f"No 95 % interval: {why}."
+    if found is None:
+        return f"95 % intervals: {why}." if why else "95 % intervals over independent draws."
+    text = f"95 % intervals: {found} sessions are drawn, then flights within them"
+    text += f"; {why.partition(': ')[2]} (fewer than {FEW_SESSIONS})." if why else "."
+    effects = [e for row in widest for e in _effects(row.get("design_effect") or {}, metrics)]
+    if effects and max(effects) > 1.0:
+        low, high = (f"{np.sqrt(e):.1f}" for e in (min(effects), max(effects)))
+        factor = low if low == high else f"{low} to {high}"
+        text += (f" Over flights alone they would have to be {factor} times as wide, since flights of a session are "
+                 "alike (square root of the design effect).")
+    return text
+
+
+def _flights(row: Mapping[str, Any]) -> int:
+    return int(row.get("n_flights", row.get("n")) or 0)
+
+
+def _effects(found: Mapping[str, Any], metrics: Sequence[str]) -> list[float]:
+    """The design effects of ``metrics``, those at several horizons too."""
+    parts = [value for name, value in found.items() if not metrics or name in metrics]
+    flat = [v for part in parts for v in (part.values() if isinstance(part, Mapping) else [part])]
+    return [float(v) for v in flat if v is not None]

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..protocols.sessions import interval_note
 from .audits import CLOCK_STREAMS, fault_counts, share_clean, total
 from .quantities import shown
 from .tables import Cell, Column, Score, Table
@@ -31,6 +32,8 @@ SYSID_METRICS = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate
 DATA = Column("data", "Data")
 AS_RECORDED = "as-recorded"
 CLOCK = Column("clock", "Clock")
+SESSIONS = Column("sessions", "Sessions", "count")
+WHY = Column("ci_why", "Interval missing or not to be trusted", aside=True)
 CLOCK_METRICS = ("ate_rmse_m", "along_track_rmse_m", "along_track_delay_removed_rmse_m", "across_track_rmse_m",
                  "delay_s")
 STEPS = (("clean", AS_RECORDED, "cleaned"), ("clean", "offset", "constant offset removed"),
@@ -84,7 +87,7 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
             title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
             scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
     columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"), CLOCK, *scores,
-               Column("n_windows", "Windows", "count"), Column("n_flights", "Flights", "count"),
+               Column("n_windows", "Windows", "count"), Column("n_flights", "Flights", "count"), SESSIONS, WHY,
                Column("information", "Given"), DATA)
     groups = [_text(row.get("group")) for row in rows]
     rank = {group: (_rank(group, TASK1_GROUPS), groups.index(group)) for group in groups}
@@ -98,11 +101,13 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         information = _text(row.get("information"))
         if (published := row.get("published")) and clock_of(row) == first:
             lines.append((f"{model} (published)", "published table", truth, "",
-                          *_horizon_scores(published, {}, horizons, exact=True), None, None, information, "published"))
+                          *_horizon_scores(published, {}, horizons, exact=True), None, None, None, "", information,
+                          "published"))
         lines.append((model, group, truth, _text(row.get("clock")), *_horizon_scores(row.get("metrics"), row, horizons),
-                      _count(row.get("n_windows")), _count(row.get("n_flights")), information, data_label(synthetic)))
+                      _count(row.get("n_windows")), _count(row.get("n_flights")), *_sessions(row), information,
+                      data_label(synthetic)))
         main = len(lines) if group in ("", *TASK1_GROUPS) and clock_of(row) == first else main
-    note = "Mean over windows with its 95 % interval; Σ is the sum over all steps."
+    note = _noted("Mean over windows with its 95 % interval; Σ is the sum over all steps.", rows)
     if main < len(lines):
         further = "groups and clocks" if any(clock_of(row) != first for row in rows) else "groups"
         note += f" Further {further} are in the CSV file."
@@ -197,7 +202,7 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
     scores = tuple(_score_column(name) for name in _metrics(rows, CONTROL_METRICS))
     columns = (Column("protocol", "Protocol"), CLOCK, Column("controller", "Controller"),
                Column("reference", "Reference"), Column("speed", "Speed"),
-               Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("n", "n", "count"),
+               Column("speed_m_s", "Speed", "score", "m/s", 1.0, 2), Column("n", "n", "count"), SESSIONS, WHY,
                *scores, Column("information", "Given"), DATA)
     titles = {"real": ("table_task2", "Task 2: tracking on logged flights"),
               "simulated": ("table_task2_simulated", "Task 2: tracking on the simulated plants")}
@@ -210,12 +215,13 @@ def task2(control: Mapping[str, Any], synthetic: bool) -> list[Table]:
                     Score.of(row.get("speed_m_s"), reason="no single reference speed"))
             information = _text(row.get("information"))
             if published := row.get("published"):
-                lines.append(("published table", "", *head, _count(row.get("published_n")),
+                lines.append(("published table", "", *head, _count(row.get("published_n")), None, "",
                               *_scores(published, {}, scores, exact=True), information, "published"))
             lines.append((_text(row.get("protocol")), _text(row.get("clock")), *head, _count(row.get("n")),
+                          *_sessions(row),
                           *_scores(row.get("metrics"), row, scores), information, data_label(synthetic)))
         dropped = dict.fromkeys(name for row in mine for name in row.get("dropped") or [])
-        note = "Mean ± SD over flights and 95 % interval of the mean."
+        note = _noted("Mean ± SD over flights and 95 % interval of the mean.", mine)
         if plant == "simulated":
             note = _simulated_note(mine)
         if dropped:
@@ -275,7 +281,8 @@ def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
     mine = [row for row in rows if str(row.get("method")) == method]
     found = {(row.get("protocol"), clock_of(row), _place(row)): row for row in mine}
     scores = tuple(_score_column(metric) for metric in CLOCK_METRICS)
-    columns = (Column("group", "Flights"), Column("step", "Position estimate"), Column("n", "n", "count"), *scores,
+    columns = (Column("group", "Flights"), Column("step", "Position estimate"), Column("n", "n", "count"), SESSIONS,
+               WHY, *scores,
                Column("n_moving", "Moving error", "count"), CLOCK, DATA)
     steps = ((PUBLISHED, AS_RECORDED, "by the published protocol" if synthetic else "as published"), *STEPS)
     lines: list[tuple[Cell, ...]] = []
@@ -287,14 +294,15 @@ def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
         for step, clock, row in here:
             why = {**row, "reason": NO_SUCH} if row.get("protocol") == PUBLISHED else row
             moving = _count(row.get("n_moving")) if clock == "retimed" else None
-            lines.append((name, step, _count(row.get("n")), *_scores(row.get("metrics"), why, scores), moving, clock,
-                          data_label(synthetic)))
+            lines.append((name, step, _count(row.get("n")), *_sessions(row), *_scores(row.get("metrics"), why, scores),
+                          moving, clock, data_label(synthetic)))
     who = "the onboard EKF" if method == "onboard_ekf" else method
     first = "by the published protocol" if synthetic else "as published"
     note = ("Mean ± SD over flights and 95 % interval of the mean. Moving error: flights in which one was confirmed; "
             "of the others the constant was removed, or nothing where not even that shows. Delay: the one that fits "
             "the estimated positions best; with it removed, along track holds what moves. Offset and re-timed use the "
             "motion capture of the whole flight.")
+    note = _noted(note, mine)
     return Table("table_task3_clocks", f"Task 3, {who}: {first}, cleaned, constant offset removed, re-timed", columns,
                  tuple(lines), note).without_empty_columns()
 
@@ -310,7 +318,8 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
     scores = tuple(replace(_score_column(metric), aside=metric not in known) for metric in _metrics(rows, known))
     one = len({row.get("protocol") for row in rows}) == 1
     columns = (Column("group", "Group"), Column("protocol", "Protocol", aside=one), CLOCK, Column("method", "Method"),
-               Column("n", "n", "count"), *scores, Column("causal", "Causal"), Column("given", "Given", noted=True),
+               Column("n", "n", "count"), SESSIONS, WHY, *scores, Column("causal", "Causal"),
+               Column("given", "Given", noted=True),
                DATA)
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
@@ -326,14 +335,14 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
     for row in sorted(rows, key=place):
         causal, method = row.get("causal"), _text(row.get("method"))
         if published := row.get("published"):
-            lines.append((_group(row), "published table", "", method, _count(row.get("published_n")),
+            lines.append((_group(row), "published table", "", method, _count(row.get("published_n")), None, "",
                           *_scores(published, {}, scores, exact=True), "", "", "published"))
         lines.append((_group(row), _text(row.get("protocol")), clock_of(row) if said else "", method,
-                      _count(row.get("n")), *_scores(row.get("metrics"), row, scores),
+                      _count(row.get("n")), *_sessions(row), *_scores(row.get("metrics"), row, scores),
                       "" if causal is None else "yes" if causal else "no",
                       _text(row.get("given")), data_label(synthetic)))
         main = len(lines) if "/" not in _group(row) and (together or clock_of(row) == first) else main
-    note = "Mean ± SD over flights and 95 % interval of the mean."
+    note = _noted("Mean ± SD over flights and 95 % interval of the mean.", rows, known)
     if any(c.aside for c in scores) or main < len(lines):
         further = "metrics, groups and clocks" if len({clock_of(r) for r in rows}) > 1 else "metrics and groups"
         note += f" Further {further} are in the CSV file."
@@ -423,6 +432,16 @@ def _clock_in_place(table: Table) -> Table:
     order = [*range(i), *range(i + 1, end), i, *range(end, len(table.columns))]
     return replace(table, columns=tuple(table.columns[k] for k in order),
                    rows=tuple(tuple(row[k] for k in order) for row in table.rows))
+
+
+def _sessions(row: Mapping[str, Any]) -> tuple[Cell, Cell]:
+    """Number of sessions, and why the row's intervals are missing or not to be trusted."""
+    return _count(row.get("sessions")), _text(row.get("ci_why"))
+
+
+def _noted(note: str, rows: Sequence[Mapping[str, Any]], metrics: Sequence[str] = ()) -> str:
+    """``note`` with what the intervals of the table are."""
+    return f"{note} {interval_note(rows, metrics)}".strip()
 
 
 def _text(value: Any) -> str:

@@ -117,7 +117,10 @@ def score_text(cell: Score, column: Column) -> tuple[str, str]:
     def text(value: float) -> str:
         return format_number(value * column.factor, column.decimals, cell.exact, like=mean)
 
-    middle = text(cell.mean) + ("" if cell.std is None else f" ± {text(cell.std)}")
+    spread = text(cell.std) if cell.std else ""  # flights that do not differ have no deviation
+    if cell.std and not cell.exact and not spread.strip("0."):
+        spread = f"{cell.std * column.factor:.1g}"
+    middle = text(cell.mean) + (f" ± {spread}" if spread else "")
     return middle, "" if cell.low is None or cell.high is None else f"[{text(cell.low)}, {text(cell.high)}]"
 
 

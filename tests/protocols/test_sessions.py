@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools.metrics.statistics import UNKNOWN
-from nanobench_tools.protocols.sessions import SESSION_GAP_S, Sessions, labels_of
+from nanobench_tools.protocols.sessions import SESSION_GAP_S, Sessions, interval_note, labels_of, row_keys
+from nanobench_tools.protocols.tables import summaries
 
 HOUR, DAY, DATE = 3600.0, 86400.0, 1.7e9
 
@@ -46,3 +47,34 @@ def test_what_has_no_stamp_has_no_session():
     assert labels_of([SimpleNamespace(name="stand")]).tolist() == [UNKNOWN]
     assert Sessions().labels(began(DATE)).tolist() == [UNKNOWN]
     assert labels_of([]).tolist() == []
+
+
+def row_of(values, labels):
+    found = summaries([{"ate_rmse_m": v} for v in values], 0, labels)
+    return {"n": len(values), "metrics": found, **row_keys(np.asarray(labels), found)}
+
+
+def test_a_table_says_how_far_to_trust_its_intervals():
+    """1, 3 and 5, 7 in two sessions: intra-class correlation 14 / 18, design effect 1.78, 1.3 times as wide."""
+    two = row_of([1.0, 3.0, 5.0, 7.0], [0, 0, 1, 1])
+    assert interval_note([two, row_of([1.0, 2.0], [0, 1])]) == (
+        "95 % intervals: 2 sessions are drawn, then flights within them; too narrow to trust (fewer than 5). Over "
+        "flights alone they would have to be 1.3 times as wide, since flights of a session are alike (square root of "
+        "the design effect).")
+    assert "times as wide" not in interval_note([two], ["other_m"])
+    many = interval_note([row_of(np.arange(20.0) % 3, np.arange(20) // 2)])
+    assert many.startswith("95 % intervals: 10 sessions are drawn, then flights within them.")
+    assert interval_note([row_of([1.0, 2.0], [3, 3])]).startswith("No 95 % interval: one session")
+    assert interval_note([row_of([1.0], [3])]) == "No 95 % interval: one flight."
+    assert interval_note([row_of([1.0, 2.0], [-1, -1])]).startswith("95 % intervals: sessions unknown")
+    assert interval_note([{"n": 3}]) == ""
+
+
+def test_the_sessions_of_the_real_recordings(real):
+    """Four by their dates; what a vehicle's own clock stamps has none."""
+    flights, _ = real
+    labels = labels_of(flights)
+    assert np.bincount(labels).tolist() == [18, 4, 39, 41]
+    stamps = np.sort([f.epoch_s for f in flights])
+    gaps = np.sort(np.diff(stamps))
+    assert gaps[-4] < SESSION_GAP_S / 2.4 < gaps[-3] > 1.6 * SESSION_GAP_S  # any limit between finds the same

@@ -33,12 +33,13 @@ def test_durations_read_as_a_person_says_them():
 
 
 def test_a_published_row_shows_only_the_digits_that_were_printed():
-    assert score_text(Score(0.00034, 0.000021, exact=True), METRES) == ("0.3 ± 0.0", "")
+    assert score_text(Score(0.00034, 0.000021, exact=True), METRES) == ("0.3 ± 0.0", "")  # as it was printed
     assert score_text(Score(0.0211046, 0.0033372, low=0.0190, high=0.0232), METRES) == ("21.1 ± 3.3", "[19.0, 23.2]")
 
 
 def test_deviation_and_interval_have_the_digits_of_the_mean_and_one_flight_has_no_deviation():
-    assert score_text(Score.of({"mean": 0.0000212, "std": 0.0000001, "n": 4}), METRES) == ("0.021 ± 0.000", "")
+    assert score_text(Score.of({"mean": 0.0000212, "std": 0.0000001, "n": 4}), METRES) == ("0.021 ± 0.0001", "")
+    assert score_text(Score.of({"mean": 0.02, "std": 0.0, "n": 4}), METRES) == ("20.0", "")
     assert score_text(Score.of({"mean": 0.02, "std": 0.0, "n": 1}), METRES) == ("20.0", "")
 
 
