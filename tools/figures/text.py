@@ -4,7 +4,7 @@
     <!-- code: MODULE:NAME FORMAT -->0.3<!-- /code -->  a constant, read from the code itself
     <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py); `sources`: what the page quotes,
                                                        `settings`: the numbers set by looking at data
-    <!-- holds: KEY < KEY -->                          what a sentence claims; < or >, a key or a number
+    <!-- holds: KEY < KEY -->                          what a sentence claims: < > or =, a key, number or word
 
 FORMAT is a scale and the number of decimals: `mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need
 none. Two numbers are an interval, `lo .. hi`; a `,` behind the format makes them a list. A mark must not begin a line:
@@ -16,7 +16,6 @@ from __future__ import annotations
 import importlib
 import math
 import re
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -26,7 +25,7 @@ from tools.figures.store import FigureError, Store
 SCALES = {"": 1.0, "mm": 1e3, "cm": 1e2, "ms": 1e3, "%": 1e2, "deg": 180.0 / math.pi, "mN": 1e3, "e-5": 1e5, "e-8": 1e8}
 INLINE = re.compile(r"<!-- (fig|code): (\S+)(?: (\S+))? -->(.*?)<!-- /\1 -->", re.DOTALL)
 BLOCK = re.compile(r"<!-- table: (\S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
-HOLDS = re.compile(r"<!-- holds: (\S+) ([<>]) (\S+) -->")
+HOLDS = re.compile(r"<!-- holds: (\S+) ([<>=]) (\S+) -->")
 FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 KEYS = re.compile(r"<!-- (?:fig|table|holds): (\S+)")
 FORMAT = re.compile(r"(\+?)([^.+]*)\.(\d)(,?)")
@@ -133,10 +132,13 @@ def used(text: str) -> list[str]:
 
 def broken_claims(text: str, store: Store) -> list[str]:
     """Claims of a page (`holds`) that the stored figures contradict."""
-    compare: dict[str, Callable[[float, float], bool]] = {"<": lambda a, b: a < b, ">": lambda a, b: a > b}
     broken = []
     for left, sign, right in HOLDS.findall(FENCE.sub("", text)):
-        values = [float(store.value(k) if "/" in k else k) for k in (left, right)]
-        if not compare[sign](*values):
-            broken.append(f"{left} {sign} {right}: {values[0]:g} and {values[1]:g}")
+        a, b = (store.value(k) if "/" in k else k for k in (left, right))
+        if sign == "=":
+            right_so = str(a) == str(b)
+        else:
+            right_so = float(a) < float(b) if sign == "<" else float(a) > float(b)
+        if not right_so:
+            broken.append(f"{left} {sign} {right}: {a} and {b}")
     return broken
