@@ -9,6 +9,7 @@ import numpy as np
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.settings import number, setting
 
 from .fitting import Slopes, fit, slopes
 from .levels import with_levels
@@ -19,10 +20,7 @@ from .size import heavier, wider
 from .space import reduced, space_around
 from .wrench import Wrench
 
-START: dict[str, dict[str, Any]] = {
-    "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "motor_lag": {"tau_up_s": 0.04, "tau_down_s": 0.04},
-    "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.01, 0.01, 0.005)}, "drag_torque": {"c": -5e-5},
-    "motor_imbalance": {"g": (1.0, 1.0, 1.0, 1.0)}, "com_offset": {"r_m": (0.0, 0.0, 0.0)}}
+START: dict[str, dict[str, Any]] = setting("mismatch.believe.start")
 """Where the search begins, of a quadrotor of 40 g; every term here is fitted, whatever it turns out to be."""
 START_ROTORS = 4
 LAG = "motor_lag"
@@ -30,7 +28,7 @@ LAG = "motor_lag"
 stays."""
 HEIGHT = "com_offset.r_m[2]"
 """Not fitted beside drag_torque: under linear drag the two are the same moment, and a valley without an end."""
-LEAST_S = 15.0
+LEAST_S = number("mismatch.believe.least_s")
 
 
 def start_of(vehicle: Vehicle) -> dict[str, dict[str, Any]]:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from nanobench_tools.settings import count
+
 BLOCK_S = 2.0
 """Samples within a stretch of this length count as one where the width of a bar is asked for."""
-LEAST_BLOCKS = 4
+LEAST_BLOCKS = count("mismatch.binned.least_blocks")
 """A bin with fewer stretches has no bar, and is not shown."""
 
 

@@ -17,6 +17,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import number
 
 from .space import MAPS
 
@@ -26,7 +27,7 @@ UNASKED = ("motor_imbalance", "com_offset", "inertia", "yaw_torque", "rotor_gyro
 WHY = "cannot be asked: no motor commands"
 NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "command": ("thrust",), "battery": ("vbat",)}
 QUATERNION = ("qx", "qy", "qz", "qw")
-TURNING_S = 0.02
+TURNING_S = number("mismatch.commanded.turning_s")
 """Smoothing of the rate that an attitude says, where no gyro does."""
 
 

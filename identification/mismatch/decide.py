@@ -9,6 +9,7 @@ import numpy as np
 
 from nanobench_tools.flight import Fault
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import number
 
 from .fitting import Fit, Slopes, bootstrap, fit, force_left
 from .leftover import Structure, gusts, structures
@@ -30,26 +31,34 @@ from .standing import (
 from .tolerance import feigned, impossible
 from .wrench import CHANNELS
 
-LEAST_ALONE = 450.0
+LEAST_ALONE = number("mismatch.decide.least_alone")
 """Squared standard deviations that are left and nothing names."""
-LEAST_TURNING = 0.3
+LEAST_TURNING = number("mismatch.decide.least_turning")
 """Structure that is left is a finding from this share of the turning, or from LEAST_FORCE_M_S2, on."""
 WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
 """Faults that are in every row: what looks like physics beside them is them."""
-WIDER, SYSTEMATIC = 1.6, 0.015
+WIDER = number("mismatch.decide.wider")
+SYSTEMATIC = number("mismatch.decide.systematic")
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
-HEIGHT, HEIGHT_SD_M = "com_offset.r_m[2]", 2.5e-4
+HEIGHT = 'com_offset.r_m[2]'
+HEIGHT_SD_M = number("mismatch.decide.height_sd_m")
 """How high the centre of mass lies is told by what air pushes sideways, which other things turn by as well."""
-INERTIA, INERTIA_SD = "inertia.inertia_kg_m2", 0.04
+INERTIA = 'inertia.inertia_kg_m2'
+INERTIA_SD = number("mismatch.decide.inertia_sd")
 """Of the value: rows of commands miss what was sent between them."""
 TOGETHER = (*MAPS, "ground_effect")
 NORMAL95 = 1.96
-MOST_SURE, UNSURE = 0.86, 0.5
+MOST_SURE = number("mismatch.decide.most_sure")
+UNSURE = number("mismatch.decide.unsure")
 """Stated confidence: of names with much to show 18 in 21 were right in blind cases; where others had to be withdrawn,
 or flights differ from each other, real flights have shown that a name may be a stand-in."""
 UNPROVED = "it does not predict flights better that were left out of the fit"
-BESIDE = 0.1
+BESIDE = number("mismatch.decide.beside")
 """Share of all structure from which something left beside a name is worth saying."""
+ACTS_SHARE = number("mismatch.decide.acts_share")
+"""A name acts in a channel from this share of what it explains on."""
+DOUBT = number("mismatch.decide.doubt")
+"""Confidence that a full doubt takes from the most."""
 
 
 @dataclass(frozen=True)
@@ -295,7 +304,7 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
     owner = moments.owner
     taken = np.array([max(float(without[owner == c] @ without[owner == c])
                           - float(final.left[owner == c] @ final.left[owner == c]), 0.0) for c in range(6)])
-    axes = tuple(CHANNELS[c] for c in range(6) if taken[c] > 0.2 * taken.sum())
+    axes = tuple(CHANNELS[c] for c in range(6) if taken[c] > ACTS_SHARE * taken.sum())
     gone = without - final.left
     slow = [(abs(g), name) for g, name, group in zip(gone, _names(moments), _groups(moments), strict=True)
             if group not in ("hypothesis", "turning", "flight")]
@@ -307,7 +316,7 @@ def _finding(moments: Moments, known: Slopes, named: Named, h: Hypothesis, alike
           for k, i in enumerate(final.free) if model.names[i].startswith(f"{h.term}.")}
     doubt = 12.0 / (12.0 + max(h.gain - LEAST_GAIN, 0.0))
     return Finding(h, alike, sd, float(taken.sum() / max(before - final.loss, taken.sum(), 1e-9)), axes,
-                   max(slow)[1] if slow else "", float(np.clip(MOST_SURE - 0.35 * doubt, UNSURE, MOST_SURE)))
+                   max(slow)[1] if slow else "", float(np.clip(MOST_SURE - DOUBT * doubt, UNSURE, MOST_SURE)))
 
 
 def _systematic(name: str, value: float, believed: Mapping[str, float]) -> float:

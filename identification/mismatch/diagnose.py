@@ -16,6 +16,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
+from nanobench_tools.settings import setting
 
 from .believe import start_of
 from .commanded import believed
@@ -32,15 +33,18 @@ from .space import Space, space_around, space_of_other_map
 from .verdict import Verdict, data_faults
 from .wrench import CHANNELS, Wrench
 
-LEAST_S = 8.0
+LEAST_S = setting("mismatch.diagnose.least_s")
 """Seconds of clean flight below which nothing is said about physics."""
-ANOTHER = 2.5
+ANOTHER = setting("mismatch.diagnose.another")
 """A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
-GAINS, MUCH = ("inertia", "yaw_torque"), 600.0
+GAINS = ('inertia', 'yaw_torque')
+MUCH = setting("mismatch.diagnose.much")
 """Terms that may only be right within a factor, and the squared length, above what is plain, from which turning that
 asks for more is worth saying."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
+AXIS_SHARE = setting("mismatch.diagnose.axis_share")
+"""An axis is said to differ from this share of all turning on."""
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
@@ -129,7 +133,7 @@ def _no_vehicle(decision: Decision) -> Structure | None:
     there = decision.before[3:]
     if why is None or float(there.sum()) < MUCH:
         return None
-    axes = tuple(name for name, size in zip(CHANNELS[3:], there, strict=True) if size > 0.2 * there.sum())
+    axes = tuple(name for name, size in zip(CHANNELS[3:], there, strict=True) if size > AXIS_SHARE * there.sum())
     return Structure("motion", 0.0, float(there.sum()), axes,
                      f"its turning does not fit: {why}; look at inertia_kg_m2, motor_positions_m and their units, and "
                      "whether recordings and simulator are of one vehicle")

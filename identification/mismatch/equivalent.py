@@ -19,6 +19,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import UP, Along, Simulator, run
+from nanobench_tools.settings import count, number, setting
 
 from .believe import start_of
 from .naming import free_of
@@ -31,21 +32,24 @@ NEVER = ("mass", "thrust_scale", "saturation", "thrust_rpm")
 """Terms that are not fitted: only seen in products with the thrust map, or without a slope where they rest."""
 FIXED = ("inertia.inertia_kg_m2[2]", "com_offset.r_m[2]")
 """Only seen in products with k_m, and in sums with the torque of drag."""
-TOLERANCE = 0.01, 0.3
+TOLERANCE = setting("mismatch.equivalent.tolerance")
 """m/s^2 and rad/s^2 RMS below which more terms are not looked for; a fifth of the air's and a tenth of the gyro's."""
-LEAST_GAIN = 0.1
+LEAST_GAIN = number("mismatch.equivalent.least_gain")
 """A term has to take away this share of what is left."""
-IDLE = 0.1
+IDLE = number("mismatch.equivalent.idle")
 """Squared tolerances: a term that takes away less goes out again."""
-MOST = 8
-BLOCK_S, MOST_S = 4.0, 100.0
+MOST = count("mismatch.equivalent.most")
+BLOCK_S = number("mismatch.equivalent.block_s")
+MOST_S = number("mismatch.equivalent.most_s")
 """Of long recordings blocks of this length are fitted, evenly taken, so many seconds in all."""
-LAG_S = 2e-3
+LAG_S = number("mismatch.equivalent.lag_s")
 """Rotors that lag by less do not lag."""
-RIDGE = 1e-2
-ALIKE = 0.1, 0.25
+RIDGE = number("mismatch.equivalent.ridge")
+ALIKE = setting("mismatch.equivalent.alike")
 """RMS of what is not reproduced, as a share of how force and torque move: above it nothing is named."""
-LIFTS, TURNS, AGAINST = 2.5, (0.15, 40.0), -0.3
+LIFTS = number("mismatch.equivalent.lifts")
+TURNS = setting("mismatch.equivalent.turns")
+AGAINST = number("mismatch.equivalent.against")
 """A simulator whose lift is off by this factor, that turns so many times as much as what flew, or against it, is not
 judged. On real flights commands shake ten times as much as the vehicle turns."""
 PROBED_V = 0.4

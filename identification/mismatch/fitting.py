@@ -9,13 +9,14 @@ import numpy as np
 from scipy.linalg import null_space
 
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import count, number
 
 from .moments import Moments
 from .space import scales
 from .wrench import Wrench
 
 TIMING = "command_delay.delay_s"
-TIMING_SD_S = 0.003
+TIMING_SD_S = number("mismatch.fitting.timing_sd_s")
 """A logged command stands for some moment of its row: half a row either way is no physics."""
 SPEED_LAG = 1.0
 """Whether thrust or speed of a rotor lags is no physics that a simulator's time constant tells: of the difference, as
@@ -25,18 +26,23 @@ AT_ROTORS = 1.0
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 STEPS = 4
-SETTLED = 0.02
+SETTLED = number("mismatch.fitting.settled")
 """A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
-MISSED = 5.0
+MISSED = number("mismatch.fitting.missed")
 """Squared standard deviations: what it may miss by at most, lest hypotheses that explain much are ranked by chance."""
-PRIOR_SD = 30.0
+PRIOR_SD = number("mismatch.fitting.prior_sd")
 """Scales: keeps directions the flights do not tell where they are."""
 OWN_SD = 1.0
 """Scales: how far flights may differ."""
 FIXED_SUM = ("motor_imbalance.g",)
 """Lists whose mean is given by definition."""
-DRAWS, LEAST_FLIGHTS = 200, 3
+DRAWS = 200
+LEAST_FLIGHTS = count("mismatch.fitting.least_flights")
 """Of flights, for the intervals; fewer flights say nothing about how flights scatter."""
+SHORTER = number("mismatch.fitting.shorter")
+"""A step that lowers nothing is made shorter by this."""
+LITTLE = number("mismatch.fitting.little")
+"""Squared standard deviations: a step that gains less ends the fit."""
 
 
 @dataclass(frozen=True)
@@ -228,11 +234,11 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
             if new_cost < cost - 1e-9:
                 better = True
                 break
-            share *= 0.4
+            share *= SHORTER
         if not better:
             break
         gain, (values, left, cost) = cost - new_cost, (trial, new_left, new_cost)
-        if gain < 0.05 or (share == 1.0 and abs(gain - promised) < min(SETTLED * promised, MISSED)):
+        if gain < LITTLE or (share == 1.0 and abs(gain - promised) < min(SETTLED * promised, MISSED)):
             break
     clean = np.stack([without_nuisances(c) for c in matrix.T], axis=1) if len(free) else matrix
     normal = ways.T @ (matrix.T @ clean + np.diag(weight**2)) @ ways

@@ -12,31 +12,44 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.stats import gamma
 
 from nanobench_tools import so3
+from nanobench_tools.settings import count, number, setting
 
 from .moments import Moments
 from .wrench import FORCE_ROWS, ROW_S, Wrench
 
-PLACES = 16
+PLACES = count("mismatch.leftover.places")
 """Blobs that cover where the flights went."""
-LEAST_FORCE_M_S2 = 0.035
+LEAST_FORCE_M_S2 = number("mismatch.leftover.least_force_m_s2")
 """Structure below this RMS is no finding: rows of a filtered path differ by as much from what acted."""
-LEAST_GAIN = 60.0
-ONE_PATH = 0.5
+LEAST_GAIN = number("mismatch.leftover.least_gain")
+ONE_PATH = number("mismatch.leftover.one_path")
 """Share of the squared velocity that the place does not tell, below which flights take the same way through it."""
-PERIODS_HZ = (0.25, 6.0)
-FAST_HZ, STRONG_M_S2 = (0.8, 6.0), 0.07
-PEAK_P = 1e-8
+PERIODS_HZ = setting("mismatch.leftover.periods_hz")
+FAST_HZ = setting("mismatch.leftover.fast_hz")
+STRONG_M_S2 = number("mismatch.leftover.strong_m_s2")
+PEAK_P = number("mismatch.leftover.peak_p")
 LATE_S = ROW_S
 """Re-timed stamps are off by less; a path flown in circles then leaves a force that goes round as often."""
-BURST_SD = 6.0
-BURSTS = 6
-BURST_ROWS = 12
+BURST_SD = number("mismatch.leftover.burst_sd")
+BURSTS = count("mismatch.leftover.bursts")
+BURST_ROWS = count("mismatch.leftover.burst_rows")
 """What a short event turns, and the controller turns back, lies within so many rows of it."""
 
 
-RESTLESS_M_S2, SLOW_S = 0.2, 0.25
+RESTLESS_M_S2 = number("mismatch.leftover.restless_m_s2")
+SLOW_S = number("mismatch.leftover.slow_s")
 """RMS over all axes of a force slower than this, from which on air is more restless than indoors: 0.14 to 0.16 on quiet
 real flights."""
+MOST_FLIGHTS = number("mismatch.leftover.most_flights")
+"""Share of the flights in which a structure has to show."""
+AT_PLACE = number("mismatch.leftover.at_place")
+"""Weight of a blob from which on a row is at its place."""
+PERIOD_STEP_HZ = number("mismatch.leftover.period_step_hz")
+"""Step of the frequencies that are tried."""
+BURST_SHARE = number("mismatch.leftover.burst_share")
+"""Share of what is left that bursts have to hold."""
+GUST_AXIS = number("mismatch.leftover.gust_axis")
+"""An axis is said to be restless from this share of the whole on."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +108,7 @@ def _held_out(moments: Moments, target: np.ndarray, features: np.ndarray, flight
 
 
 def _accepted(gain: float, size: float, each: np.ndarray) -> bool:
-    return bool(gain > LEAST_GAIN and size > LEAST_FORCE_M_S2 and np.mean(each > 0.0) >= 0.6)
+    return bool(gain > LEAST_GAIN and size > LEAST_FORCE_M_S2 and np.mean(each > 0.0) >= MOST_FLIGHTS)
 
 
 def _place(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
@@ -113,7 +126,8 @@ def _place(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure
     gain, size, each = _held_out(moments, world, features, flight, (0, 1, 2))
     if not _accepted(gain, size, each):
         return None
-    strength = np.linalg.norm([world[b > 0.6].mean(0) if (b > 0.6).any() else np.zeros(3) for b in blobs.T], axis=1)
+    strength = np.linalg.norm([world[there].mean(0) if there.any() else np.zeros(3) for there in blobs.T > AT_PLACE],
+                              axis=1)
     x, y, z = centres[int(np.argmax(strength))]
     also = ", or of how it flies there: all flights pass there alike" if _one_path(wrench, features) else ""
     return Structure("place", size, gain, ("x", "y", "z"),
@@ -178,7 +192,7 @@ def _peak(moments: Moments, force: np.ndarray, whites: Sequence[np.ndarray], fli
           range_hz: tuple[float, float], least_m_s2: float) -> Structure | None:
     best: tuple[float, float, int] | None = None
     dt = FORCE_ROWS * ROW_S
-    grid = np.arange(*range_hz, 0.02)
+    grid = np.arange(*range_hz, PERIOD_STEP_HZ)
     for c, white in enumerate(whites):
         power, many = np.zeros(len(grid)), 0
         for f in np.unique(flight):
@@ -222,7 +236,7 @@ def _bursts(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
     far = np.abs(white) > BURST_SD * sd
     events = int(np.sum(far & ~np.concatenate([[False] * 3, far[:-3]])))
     share = float(np.sum(white[far] ** 2) / np.sum(white**2))
-    if events < BURSTS or share < 0.15:
+    if events < BURSTS or share < BURST_SHARE:
         return None
     size = float(np.sqrt(np.mean(force[far, 2] ** 2)))
     named = tuple(np.unique(flight[far]).tolist())
@@ -248,7 +262,7 @@ def gusts(moments: Moments, force: np.ndarray) -> Structure | None:
     size = float(np.linalg.norm(rms))
     if size < RESTLESS_M_S2:
         return None
-    axes = tuple("xyz"[i] for i in range(3) if rms[i] > 0.4 * size)
+    axes = tuple("xyz"[i] for i in range(3) if rms[i] > GUST_AXIS * size)
     return Structure("gusts", size, 0.0, axes, f"a force that comes and goes without a pattern, {size:.2f} m/s^2 RMS, "
                      f"and lasts some {_lasting(slow, step):.1f} s, as gusts do")
 

@@ -14,6 +14,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from nanobench_tools.settings import number
+
 from .fitting import Slopes
 from .moments import Levels, Moments
 from .space import MAPS, Space, scales
@@ -25,15 +27,15 @@ GROUPS = {"frame_tilt": ("frame_tilt.roll_rad", "frame_tilt.pitch_rad"),
 another in every flight is made up for by commands that seem not to turn the vehicle."""
 TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
 """Standard deviations that are tried, per scale, and how often."""
-SIGNIFICANT = 8.0
+SIGNIFICANT = number("mismatch.levels.significant")
 """Twice the logarithm of the likelihood ratio, from which on flights are said to scatter."""
-LOWER = 0.2
+LOWER = number("mismatch.levels.lower")
 """Few flights may lie close by chance: the standard deviation is that of this quantile."""
-A_FEW = 0.25
+A_FEW = number("mismatch.levels.a_few")
 """Flights that scatter by less than this share of the whole without the odd ones were changed, not scattered."""
-PLAIN = 1.6
+PLAIN = number("mismatch.levels.plain")
 """Squared length of a moment where nothing is wrong, see ``decide``."""
-LEAST_FREE = 5.0
+LEAST_FREE = number("mismatch.levels.least_free")
 """Moments of a channel that are left to judge a spread by."""
 
 

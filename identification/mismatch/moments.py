@@ -19,21 +19,26 @@ import numpy as np
 
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import count, number, setting
 
 from .memory import Memory, fit_memory, runs_of
 from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
 
-ASKED_LAGS = range(0, 48, 4)
+LAST_ASKED = count("mismatch.moments.last_asked")
+"""Rows before the one judged up to which set-points are instruments: 0.44 s."""
+ASKED_LAGS = range(0, LAST_ASKED, 4)
 """Rows before the one judged at which what set-points asked for is an instrument: to 0.44 s, as late as vehicles
 follow."""
 RATE_LAGS = range(3, 10)
 """Stretches before the one judged whose changes of rate are instruments: 20 to 160 ms."""
 MEMORY = ("rate", "turning")
 """Groups of covariates that carry the disturbances of the past themselves."""
-ORDERS = 3, 8
+ORDERS = setting("mismatch.moments.orders")
 """Samples of force and of torque before that a disturbance is remembered by: 120 and 160 ms."""
 RANK = 1e-6
 """Covariates that others explain to this share are left out."""
+LOWEST_M = number("mismatch.moments.lowest_m")
+"""Lower heights count as this in 1 / height^2."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ def _slopes(wrench: Wrench, at: np.ndarray) -> list[Covariate]:
                   Covariate(f"world {axis} seen by body y", "attitude", turn[:, i, 1]),
                   Covariate(f"world {axis} seen by body z", "attitude", turn[:, i, 2])]
     found += [Covariate("lateral speed^2", "air speed", v[:, 0] ** 2 + v[:, 1] ** 2),
-              Covariate("1 / height^2", "height", 1.0 / np.maximum(p[:, 2], 0.03) ** 2),
+              Covariate("1 / height^2", "height", 1.0 / np.maximum(p[:, 2], LOWEST_M) ** 2),
               Covariate("height", "height", p[:, 2]),
               Covariate("position x", "position", p[:, 0]), Covariate("position y", "position", p[:, 1]),
               Covariate("battery", "battery", volt),

@@ -9,6 +9,7 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.numeric import equations
+from nanobench_tools.settings import count, number, setting
 
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
@@ -16,36 +17,39 @@ from .space import LEVEL, MAPS, Space, space_of_other_map
 from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
-LEAST_GAIN = 45.0
+LEAST_GAIN = number("mismatch.naming.least_gain")
 """Squared standard deviations a hypothesis has to take away: 23 terms of up to 4 parameters are tried a few times, and
 the moments are known to some tens of per cent only."""
-PER_PARAMETER = 8.0
+PER_PARAMETER = number("mismatch.naming.per_parameter")
 """More parameters have to take away so much more each (log N of the Bayesian information criterion)."""
-ALIKE_SD2 = 25.0
-ALIKE_LEFT = 0.5
+ALIKE_SD2 = number("mismatch.naming.alike_sd2")
+ALIKE_LEFT = number("mismatch.naming.alike_left")
 """Hypotheses that take away as much as the best, but for ALIKE_SD2 or this share of what the best leaves unexplained,
 are not told apart."""
-REDUNDANT = 0.4
+REDUNDANT = number("mismatch.naming.redundant")
 """Beside the best, another explanation of the same thing has less than this share of its own left."""
-MOST = 5
-SLOPPY = 0.005
+MOST = count("mismatch.naming.most")
+SLOPPY = number("mismatch.naming.sloppy")
 """Of what is explained already, in the channels where a further name acts: gains are known to a few per cent, and a
 name for their errors is none."""
-ELSEWHERE, AT_MOST = 0.0005, 60.0
+ELSEWHERE = number("mismatch.naming.elsewhere")
+AT_MOST = number("mismatch.naming.at_most")
 """Of what is explained already, wherever: a vehicle whose mass is wrong by a tenth has rotors that turn, drag and flap
 otherwise by a few per cent."""
-REST = 0.02
+REST = number("mismatch.naming.rest")
 """What is left of a name is not named after another that can hardly be told from it, up to this share."""
 CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
 """What may have been changed between two flights."""
-CHANGED = 0.3
+CHANGED = number("mismatch.naming.changed")
 """That flights differ has to explain more than one value for all by this share."""
 PUSHES = ("wind", "force_world")
 ALONE = 2.0
 """Forces of the air: a steady moment alone is a trim, and indoors no wind. Where most of what one takes away turns the
 vehicle, what it takes of the force has to be so many times enough by itself."""
-TRIED = 6
+TRIED = count("mismatch.naming.tried")
 """Hypotheses that are fitted to the end; the others are far behind already when linear."""
+MOSTLY = number("mismatch.naming.mostly")
+"""Share of what a force of the air takes away that turns, beyond which it has to lift as well."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,9 @@ class Named:
         return free_of(self.space, [h.term for h in self.accepted if h.own and h.term not in without])
 
 
-HIGH = 0.93
+HIGH = number("mismatch.naming.high")
 """Quantile of what is commanded where the fit of a saturation begins."""
-STARTS: dict[str, dict[str, float]] = {"command_delay": {"command_delay.delay_s": 0.008},
-                                      "motor_lag": {"motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03},
-                                      "ground_effect": {"ground_effect.rho": 1.0}}
+STARTS: dict[str, dict[str, float]] = setting("mismatch.naming.starts")
 """Where the fit of a term begins that acts far from linearly where it rests."""
 FAR = ("command_delay",)
 """What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
@@ -206,7 +208,7 @@ class _Search:
         for h in tried:
             if h.gain < LEAST_GAIN + self._errors_of_others(h) or self._rest_of_another(h):
                 continue
-            if h.term in PUSHES and self._turning(h) > 0.5 and self._lifting(h) < ALONE * self._least(h):
+            if h.term in PUSHES and self._turning(h) > MOSTLY and self._lifting(h) < ALONE * self._least(h):
                 continue
             if h.term in ANSWERED and self._lifting(h) < self._least(h):
                 continue

@@ -18,26 +18,30 @@ from scipy.signal import savgol_filter
 from scipy.stats import f as fisher
 
 from nanobench_tools.flight import Span
+from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .reconstruct import ORDER, SMOOTH_ROWS, States
 
-LOWEST_HZ, HIGHEST_HZ = 0.3, 1.6
-BROAD_HZ = 4.0
+LOWEST_HZ = number("mismatch.periodic.lowest_hz")
+HIGHEST_HZ = number("mismatch.periodic.highest_hz")
+BROAD_HZ = number("mismatch.periodic.broad_hz")
 """Up to here the level of the residual beside the mode is taken."""
-DRAG_1_S = 0.35
+DRAG_1_S = number("mismatch.periodic.drag_1_s")
 """Drag over mass of a vehicle of this size: 0.3 to 0.45 on four of them."""
-FREQUENCIES = 27
-NEIGHBOURS, BINS = 11, 4
+FREQUENCIES = count("mismatch.periodic.frequencies")
+NEIGHBOURS = count("mismatch.periodic.neighbours")
+BINS = count("mismatch.periodic.bins")
 """The level of the normal flights at a frequency is a mean over so many beside it, 0.5 Hz wide: so many independent
 bins of a run of eight seconds."""
-RESOLUTION_HZ = 0.06
+RESOLUTION_HZ = number("mismatch.periodic.resolution_hz")
 """Half a bin of a run of eight seconds: how well a frequency is known."""
-BESIDE, HALF = 4, 0.5
+BESIDE = count("mismatch.periodic.beside")
+HALF = number("mismatch.periodic.half")
 """Frequencies beside a mode, 0.2 Hz or two bins of a run of eight seconds away, where it has lost half of its power."""
-RISK = 0.001
+RISK = number("mismatch.periodic.risk")
 """Of a swing in flights without one, over all frequencies and both axes."""
-LEAST_S = 4.0
+LEAST_S = number("mismatch.periodic.least_s")
 
 
 @dataclass(frozen=True)

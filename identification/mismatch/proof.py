@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import rollout
+from nanobench_tools.settings import count, setting
 
 from .along import paths
 from .decide import Decision
@@ -20,12 +21,12 @@ from .naming import free_of
 from .space import LEVEL, MAPS, Space, reduced, space_around
 from .track import ROW_S, Track
 
-HORIZONS = (1, 10, 50)
-EVERY = 25
+HORIZONS = setting("mismatch.proof.horizons")
+EVERY = count("mismatch.proof.every")
 """Rows between the starts of windows."""
-WARM = 50
-FOLDS = 5
-CLIP = 10.0
+WARM = count("mismatch.proof.warm")
+FOLDS = count("mismatch.proof.folds")
+CLIP = setting("mismatch.proof.clip")
 """Errors count up to here, in their unit: a prediction that left the room says no more than that."""
 THIRD, MEDIAN_OF_CHI2 = 20.0, 0.455
 """Variance of a third difference of unit white noise; median of the square of a unit normal."""

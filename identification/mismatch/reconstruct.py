@@ -14,11 +14,13 @@ from scipy.signal import savgol_filter
 
 from nanobench_tools import so3
 from nanobench_tools.flight import Flight
+from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
-SMOOTH_ROWS, ORDER = 21, 2
+SMOOTH_ROWS = count("mismatch.reconstruct.smooth_rows")
+ORDER = 2
 """Savitzky-Golay filter of derivatives of velocity and attitude: 0.2 s of a 100 Hz log."""
-PITCH_SD_RAD = 0.03
+PITCH_SD_RAD = number("mismatch.reconstruct.pitch_sd_rad")
 """Of a pitch from accelerations: drag of 0.3 m/s^2, as at 0.7 m/s, would tilt a vehicle by that much."""
 
 

@@ -12,19 +12,23 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
+from nanobench_tools.settings import setting
 
 from . import commanded
 from .measured_speed import SPEED, seen_by
 from .size import wider
-from .track import NEEDED, Track, check_motors, missing, tracks_of
+from .track import NEEDED, ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
 INFORMATION = ("interpolated", "clock_wander", "extra_column", "missing_column", "copy")
 """Kinds that are said but are no reason to call the data faulty: a clock that wanders is re-timed."""
-GAP_S = 0.5
+GAP_S = setting("mismatch.recordings.gap_s")
 """Radio packets lost for less than this are usual; three times as long in a stream that is not judged."""
-LATE_S, WANDERS_S = 0.03, 0.1
+LATE_S = setting("mismatch.recordings.late_s")
+WANDERS_S = setting("mismatch.recordings.wanders_s")
 """A clock off by a constant below this is re-timed like one that wanders; so is the mean of one that wanders."""
+GAP_UNJUDGED = setting("mismatch.recordings.gap_unjudged")
+"""Gaps may be so many times as long in a stream that is not judged."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class Recordings:
         if fault.kind == "clock_offset":
             wanders = any(f.kind == "clock_wander" for a in self.audits.values() for f in a.faults)
             return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
-        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in (*NEEDED, "command") else 3.0):
+        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in (*NEEDED, "command") else GAP_UNJUDGED):
             return False
         audit = self.audits.get(name)
         if audit is None or not audit.airborne:
@@ -63,7 +67,7 @@ class Recordings:
     @property
     def judged_s(self) -> float:
         """Seconds of flight that are judged."""
-        return 0.01 * sum(int(t.counts.sum()) for t in self.tracks)
+        return ROW_S * sum(int(t.counts.sum()) for t in self.tracks)
 
 
 def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],

@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import setting
 
 from .decide import Decision
 from .fitting import Slopes, fit
@@ -40,14 +41,14 @@ from .proof import (
 from .space import LEVEL, MAPS, reduced, scales
 from .track import ROW_S, Track
 
-REFIT_HORIZONS = (10, 50)
+REFIT_HORIZONS = setting("mismatch.refit.refit_horizons")
 WORDS = ("position", "velocity", "attitude", "rate")
 """QUANTITIES, in a sentence."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 GROUPS = 4 * len(REFIT_HORIZONS)
 EVALUATIONS = 12
-LEAST = 0.01
+LEAST = setting("mismatch.refit.least")
 """Of the error: for less no other value is worth having."""
 
 

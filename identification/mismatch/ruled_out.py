@@ -7,14 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .causes import CAUSES, Body
 from .weigh import NONE, Normal, Weighed
 
 BALANCES = (("lift", (1, 1, 1, 1)), ("the balance left to right", (-1, -1, 1, 1)),
             ("the balance front to back", (-1, 1, 1, -1)), ("the yaw balance", (-1, 1, -1, 1)))
 """What the commands of motors 1..4 add up to, and their signs."""
-LEFT = 1.5
+LEFT = number("mismatch.ruled_out.left")
 """Standard deviations that a cause has to leave unexplained to be ruled out by a balance alone."""
+UNLIKELY = number("mismatch.ruled_out.unlikely")
+"""Odds below which the chance is said."""
 
 
 def against(found: Weighed, best: str, named: Collection[str], normal: Normal, body: Body) -> list[dict[str, Any]]:
@@ -49,5 +53,5 @@ def _why(found: Weighed, cause: str, odds: float) -> str:
     worst = max(sums, key=lambda name: abs(sums[name]))
     if abs(sums[worst]) * 2.0 > LEFT * found.sd["gains"]:
         return f"{words}{would} ({chance}: leaves {100 * sums[worst]:+.1f} % in {worst})"
-    return f"{words}{would} ({chance}: it has more freedom than the flights ask for)" if odds < 0.1 else \
+    return f"{words}{would} ({chance}: it has more freedom than the flights ask for)" if odds < UNLIKELY else \
         f"{words}{would} ({chance})"

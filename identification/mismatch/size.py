@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.settings import number
 
 SET_ON = Vehicle()
-ALIKE = 2.0
-K_F = 2.3e-8
+ALIKE = number("mismatch.size.alike")
+K_F = number("mismatch.size.k_f")
 """N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
 which the drag of turning rotors is measured."""
 GROWS = {"force_world.f_N": "m", "drag_linear.d": "m", "drag_quadratic.q": "m", "drag_rotor.d": "m/w",

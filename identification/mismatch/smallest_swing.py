@@ -15,14 +15,15 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from nanobench_tools.physics.pendulum import lengths_m
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .periodic import BESIDE, HALF, RISK, Swing, freedom_of, frequencies, tries, usual_level
 
-FOUND = 0.9
+FOUND = number("mismatch.smallest_swing.found")
 SIZES_M_S2 = np.geomspace(0.005, 5.0, 70)
 PHASES = 64
-LEAN_DEG = 10.0
+LEAN_DEG = number("mismatch.smallest_swing.lean_deg")
 """At which a load's mass is said that pulls as much."""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from nanobench_tools import registry
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term, neutral
+from nanobench_tools.settings import number
 
 from .size import K_F, growth
 
@@ -19,11 +20,13 @@ MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
 LEVEL = ("mass", "thrust_scale")
 """What a thrust curve contains. Only their ratio pushes; both at once are a gain from command to torque, which has
 other names."""
-LEAST_SAG_V = 0.05
+LEAST_SAG_V = number("mismatch.space.least_sag_v")
 """A voltage that changes by less tells nothing about its influence."""
 HELD = ("ground_effect.rho", "thrust_rpm.k_f")
 """Parameters that are not asked for: they are only seen in products, rho R^2 and d / sqrt(k_f)."""
 AT_REST = {"saturation": {"u_max": 1.0, "T_max_N": 50.0}}
+SCALE_SHARE = number("mismatch.space.scale_share")
+"""Scale of a parameter that rests at 0 and says none: this share of its range."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ def scales(model: Model) -> np.ndarray:
     for slot, value in zip(model.slots, model.values, strict=True):
         typical = slot.parameter.typical
         size = abs(typical[min(slot.element, len(typical) - 1)] if isinstance(typical, tuple) else typical)
-        size = size or min(1.0, 0.05 * (slot.parameter.upper - slot.parameter.lower)) * (value == 0.0)
+        size = size or min(1.0, SCALE_SHARE * (slot.parameter.upper - slot.parameter.lower)) * (value == 0.0)
         found.append(max(abs(value), size * growth(model, slot.name.partition("[")[0])))
     return np.array(found)
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import number
 
 from .fitting import Fit, Slopes, fit, force_left
 from .leftover import Structure, structures
@@ -15,32 +16,38 @@ from .naming import Hypothesis, Named, free_of, rested
 from .space import LEVEL, MAPS, Space
 from .wrench import CHANNELS
 
-PLAIN = 1.6
+PLAIN = number("mismatch.standing.plain")
 """Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
 unit variance, since no autoregression describes every disturbance."""
-UNEXPLAINED = 0.35
+UNEXPLAINED = number("mismatch.standing.unexplained")
 """A name stands only where what is left is smaller than what it explains, in this proportion: real flights have shown
 wind that is none at 0.6."""
 PREVAILS = 1.0
 """The same of forces, when other names were withdrawn."""
-FOREIGN = 0.25
+FOREIGN = number("mismatch.standing.foreign")
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
-IN_BURSTS = 0.5
+IN_BURSTS = number("mismatch.standing.in_bursts")
 """Of the turning that a name explains, above what any rows as many have: a stand-in for short losses."""
-AGAINST = 0.2
+AGAINST = number("mismatch.standing.against")
 """Two names whose sum turns the vehicle by this share of either are made for each other."""
-ACTS = 0.05
+ACTS = number("mismatch.standing.acts")
 """A name that turns the vehicle by this share of what is left turns it at all."""
-OVERSHADOWED = 0.5
+OVERSHADOWED = number("mismatch.standing.overshadowed")
 """The same, of what stays when other names were withdrawn."""
-LEAST_LEFT = 150.0
+LEAST_LEFT = number("mismatch.standing.least_left")
 """Squared standard deviations: what is left beside a name."""
-LEAST_FORCE_M_S2 = 0.045
+LEAST_FORCE_M_S2 = number("mismatch.standing.least_force_m_s2")
 """Smaller forces are no finding."""
-UPRIGHT = 3.0
+UPRIGHT = number("mismatch.standing.upright")
 """A force in the world that is so many times larger along z than across."""
-ABOUT_Z = 0.8
+ABOUT_Z = number("mismatch.standing.about_z")
 """Share of what an inertia explains, about z, from which it is that of z."""
+ACTS_SHARE = number("mismatch.standing.acts_share")
+"""A name acts in a channel from this share of what it explains on."""
+MOSTLY = number("mismatch.standing.mostly")
+"""A name mostly pushes, or turns, from this share of what it explains on."""
+ALONG = number("mismatch.standing.along")
+"""A force lies along an axis from this share of its size on."""
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
@@ -55,8 +62,8 @@ def hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: 
     """Why a hypothesis is no name for what is there; empty when it is."""
     without = _level_only(known, named, h, home) if h.term in MAPS else left_without(known, named, h, named.fit, home)
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
-    here = taken > 0.2 * taken.sum()
-    pushes = taken[:3].sum() > 0.5 * taken.sum()  # a force that no term has says nothing against a name that turns
+    here = taken > ACTS_SHARE * taken.sum()
+    pushes = taken[:3].sum() > MOSTLY * taken.sum()  # a force that no term has says nothing against a name that turns
     acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])} if pushes else set()
     left = float(after[here].sum())
     if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
@@ -90,8 +97,8 @@ def _vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Sp
     """Why a name no longer stands, with those gone that explained something beside it."""
     after = excess(moments, named.fit.left)
     taken = np.maximum(excess(moments, left_without(known, named, h, named.fit, home)) - after, 0.0)
-    turns = taken[3:].sum() > 0.5 * taken.sum()
-    here = taken > 0.2 * taken.sum()
+    turns = taken[3:].sum() > MOSTLY * taken.sum()
+    here = taken > ACTS_SHARE * taken.sum()
     left, mine = float(after[here].sum()), float(taken[here].sum())
     if left <= max(LEAST_LEFT, (UNEXPLAINED if turns else PREVAILS) * mine):
         return ""
@@ -136,7 +143,7 @@ def overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> 
         moved = moments.wrench.model(named.fit.model)[0] - moments.wrench.model(rested_in(named, [h.term], home))[0]
         along = dict(zip("xyz", np.sqrt(np.mean(moved**2, axis=0)), strict=True))
         size = float(np.sqrt(sum(v**2 for v in along.values())))
-        mine = {axis for axis, v in along.items() if v > 0.45 * size} if size > LEAST_FORCE_M_S2 else set()
+        mine = {axis for axis, v in along.items() if v > ALONG * size} if size > LEAST_FORCE_M_S2 else set()
         beside = [s for s in found if mine & set(s.axes) and s.rms_m_s2 > OVERSHADOWED * size]
         if beside:
             gone.append((h.term, f"{h.term} is there beside {beside[0].hint}, which is as large"))

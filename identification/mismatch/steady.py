@@ -18,6 +18,7 @@ from scipy.stats import f as fisher
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics.pendulum import lengths_m
+from nanobench_tools.settings import number
 
 from .causes import CAUSES, Body, Hypothesis
 from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
@@ -28,15 +29,15 @@ from .steady_words import paragraph, unknown_of
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed, normal_of, quantiles, weigh
 
-SUREST = 0.99
+SUREST = number("mismatch.steady.surest")
 """No statement of a few flights is surer."""
-ODD = 0.5
+ODD = number("mismatch.steady.odd")
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
-ASKEW = 0.01
+ASKEW = number("mismatch.steady.askew")
 """Chance below which the angle between thrust and sensors is another one."""
-STRANGE = 0.001
+STRANGE = number("mismatch.steady.strange")
 """Chance below which a flight does not belong to the others of its folder."""
 
 

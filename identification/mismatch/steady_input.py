@@ -11,6 +11,7 @@ from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
@@ -18,7 +19,7 @@ from .periodic import Swing, swing_in
 from .reconstruct import states_of
 from .trim import Trim, runs_of, trim_of
 
-LIFT_SD = 0.1
+LIFT_SD = number("mismatch.steady_input.lift_sd")
 """Of a mass read from the firmware's thrust curve: propellers differ."""
 
 

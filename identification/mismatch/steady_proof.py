@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .causes import Body
 from .trim import Trim
 from .weigh import GROUPS, Normal, hypotheses_of, weigh, weigh_change
 
-SURE = 0.9
+SURE = number("mismatch.steady_proof.sure")
 """Probability from which a cause, or a motor, is named."""
 TWINS = ({"weight", "slung"}, {"mass", "battery", "weight"})
 """Causes that a trim cannot tell from each other: a load that does not swing, and a weight that sits in the middle."""
-POSSIBLE = 0.003
+POSSIBLE = number("mismatch.steady_proof.possible")
 """Probability below which a twin is not worth its mention."""
 
 

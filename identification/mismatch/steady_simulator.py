@@ -10,11 +10,15 @@ import numpy as np
 
 from identification.thrust.firmware import PLUS
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
 from .causes.vehicle import GAINS
 from .weigh import PRIOR, Normal
+
+K_M_M = number("mismatch.steady_simulator.k_m_m")
+"""Yaw torque over thrust of a Crazyflie, where a log says nothing of it."""
 
 
 def simulator_of(normal: Normal, body: Body) -> Model | None:
@@ -28,7 +32,7 @@ def simulator_of(normal: Normal, body: Body) -> Model | None:
         "pitch_rad": float(normal.mean["level"][0] / GRAVITY_M_S2)}}
     each = body.mass_kg * GRAVITY_M_S2 / 4.0 / np.exp(normal.mean["gains"])
     vehicle = Vehicle(mass_kg=body.mass_kg, motor_positions_m=tuple((float(x), float(y)) for x, y in body.motors))
-    return _with_gains(Model(vehicle, {"thrust_voltage": {"c": PLUS.c}, "yaw_torque": {"k_m": 0.006}, **tilt}), each)
+    return _with_gains(Model(vehicle, {"thrust_voltage": {"c": PLUS.c}, "yaw_torque": {"k_m": K_M_M}, **tilt}), each)
 
 
 def believed_by(simulator: Model) -> Normal | None:

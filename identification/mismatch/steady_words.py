@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.physics.pendulum import lengths_m
+from nanobench_tools.settings import number
 
 from .causes import CAUSES
 from .periodic import where_to
@@ -15,17 +16,19 @@ from .smallest_swing import say as say_swing
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
-MOST = 0.99
+MOST = number("mismatch.steady_words.most")
 """No chance is said to be higher."""
 ALL = "several motors that changed each by itself, as on another vehicle"
-RATHER = 0.5
+RATHER = number("mismatch.steady_words.rather")
 """Probability of no change below which it is said what it may be."""
+WORTH = number("mismatch.steady_words.worth")
+"""Probability from which on a cause is worth a word."""
 
 
 def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any]:
     chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)
     hint = " or ".join(f"{ALL if name == 'vehicle' else CAUSES[name].short} ({min(p, MOST):.0%})"
-                       for p, name in chances[:3] if p >= 0.02)
+                       for p, name in chances[:3] if p >= WORTH)
     if swing is not None:
         hint = (f"periodic, at {swing['frequency_hz']:.2f} Hz, horizontal, {where_to(swing)}, as a load on a string of "
                 f"{lengths_m(swing['frequency_hz'], 0.0)[0]:.2f} m would; " + hint)

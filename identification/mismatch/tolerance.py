@@ -10,45 +10,53 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import number, setting
 
 from .fitting import Fit
 from .moments import Moments
 from .size import growth
 
-ABSOLUTE = {"command_delay.delay_s": 0.006, "motor_lag.tau_up_s": 0.012, "motor_lag.tau_down_s": 0.012,
-            "motor_imbalance.g": 0.01, "com_offset.r_m": 1e-4, "frame_tilt.roll_rad": 0.006,
-            "frame_tilt.pitch_rad": 0.006}
+ABSOLUTE = setting("mismatch.tolerance.absolute")
 """In the unit of the parameter."""
-AIR = 0.15
+AIR = number("mismatch.tolerance.air")
 """Of what is believed of drag and flapping: their laws are simple, and rotor speed and thrust change what is true by a
 tenth."""
-RELATIVE = {"thrust_scale.s": 0.012, "mass.m": 0.012, "drag_linear.d": AIR, "drag_quadratic.q": AIR,
+LEVEL = number("mismatch.tolerance.level")
+"""Of thrust as a whole, and of mass."""
+RELATIVE = {"thrust_scale.s": LEVEL, "mass.m": LEVEL, "drag_linear.d": AIR, "drag_quadratic.q": AIR,
             "drag_rotor.d": AIR, "drag_torque.c": AIR, "inflow.k_z": AIR, "inflow.k_h": AIR}
 """Of the value before."""
-GAIN = {"inertia.inertia_kg_m2": 0.3, "yaw_torque.k_m": 0.3}
+GAIN = setting("mismatch.tolerance.gain")
 """Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
 the vehicle turns, the gain from command to torque is hardly known."""
-MOST_GAIN, MOST_DAMPING_1_S = 0.35, 8.0
+MOST_GAIN = number("mismatch.tolerance.most_gain")
+MOST_DAMPING_1_S = number("mismatch.tolerance.most_damping_1_s")
 """However much the gyro shakes, more is not feigned."""
-ASKED = 0.6
+ASKED = number("mismatch.tolerance.asked")
 """Of this where set-points were logged, which no shaking reaches, and the vehicle leans after them (about x and y); and
 where the commands explain some of the turning, as they do not on a vehicle whose lag is not known."""
-ASKED_DAMPING = 0.4
+ASKED_DAMPING = number("mismatch.tolerance.asked_damping")
 """The same of damping, which slow turning tells and shaking does not: nulls ask for up to 0.7 1/s, 3.7 are told."""
-IMPLAUSIBLE = {"inertia.inertia_kg_m2": 3.0, "yaw_torque.k_m": 5.0}
+IMPLAUSIBLE = setting("mismatch.tolerance.implausible")
 """A gain that is off by this factor is no vehicle, but a residual that something else made."""
-DIFFERENT = {"thrust_scale.s": 0.03, "mass.m": 0.03, "motor_imbalance.g": 0.02, "com_offset.r_m": 3e-4,
-             "frame_tilt.roll_rad": 0.012, "frame_tilt.pitch_rad": 0.012, "wind.w_m_s": 0.25, "force_world.f_N": 0.004}
+DIFFERENT = setting("mismatch.tolerance.different")
 """Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
 scale as a share; forces and lengths of a vehicle of 40 g, see ``size``."""
-DAMPING_1_S = 6.0
+DAMPING_1_S = number("mismatch.tolerance.damping_1_s")
 """Of angular damping over inertia, times the same share."""
-ANSWERED, ANSWER = ("thrust_voltage", "thrust_pwm", "inflow", "saturation"), 0.12
+ANSWERED = ('thrust_voltage', 'thrust_pwm', 'inflow', 'saturation')
+ANSWER = number("mismatch.tolerance.answer")
 """Slopes of thrust: a gust up is answered with less thrust, so that thrust seems to lift the less, by some 5 % at
 0.1 m/s^2 of gusts. Such terms have to change the force by this share of how the vertical force moves."""
-LEAST_FORCE_M_S2 = 0.03
-LEAST_TURNING_SHARE = 0.12
+LEAST_FORCE_M_S2 = number("mismatch.tolerance.least_force_m_s2")
+LEAST_TURNING_SHARE = number("mismatch.tolerance.least_turning_share")
 """An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
+APART_SD = number("mismatch.tolerance.apart_sd")
+"""Two groups of flights differ from so many standard deviations on."""
+APART_FEW_SD = number("mismatch.tolerance.apart_few_sd")
+"""More, over the flights less two, where they are few."""
+LEAST_SHAKING = number("mismatch.tolerance.least_shaking")
+"""Share of the turning that commands do not explain, at least."""
 
 
 def impossible(term: str, fit: Fit, before: Model) -> str:
@@ -109,7 +117,7 @@ def two_groups(values: np.ndarray) -> bool:
     apart = max((high.mean() - low.mean()) ** 2 / max((np.sum((low - low.mean()) ** 2) +
                                                        np.sum((high - high.mean()) ** 2)) / (many - 2), 1e-30)
                 for low, high in parts)
-    return bool(apart > (4.0 + 10.0 / (many - 2)) ** 2)
+    return bool(apart > (APART_SD + APART_FEW_SD / (many - 2)) ** 2)
 
 
 def _neutral(model: Model, name: str) -> float | str | None:
@@ -132,12 +140,12 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
     if base in GAIN:
         share = _shake(best or before, moments, name)
         known = ASKED if _told(moments, share, name) else 1.0
-        return known * min(GAIN[base] * max(share, 0.1), MOST_GAIN) * abs(values[name])
+        return known * min(GAIN[base] * max(share, LEAST_SHAKING), MOST_GAIN) * abs(values[name])
     if base == "angular_damping.d_r":
         inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
         share = _shake(best or before, moments, name)
         known = ASKED_DAMPING if _told(moments, share, name) else 1.0
-        return known * min(DAMPING_1_S * max(share, 0.1), MOST_DAMPING_1_S) * inertia[_axis(name)]
+        return known * min(DAMPING_1_S * max(share, LEAST_SHAKING), MOST_DAMPING_1_S) * inertia[_axis(name)]
     return 0.0
 
 

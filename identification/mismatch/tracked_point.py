@@ -14,20 +14,23 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from nanobench_tools import so3
+from nanobench_tools.settings import count, setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .track import ROW_S, Track
 from .wrench import SMOOTH_S, Wrench, kernel
 
-USUAL_M = 0.01
+USUAL_M = setting("mismatch.tracked_point.usual_m")
 """Standard deviation of an arm before anything is seen: keeps what slow turning does not show where it is."""
-MOST_M = 0.06
+MOST_M = setting("mismatch.tracked_point.most_m")
 """Longer is no marker on a vehicle of the size these terms are for."""
-LEAST_M_S2 = 0.1
+LEAST_M_S2 = setting("mismatch.tracked_point.least_m_s2")
 """RMS of the horizontal force that an arm has to explain, on flights it was not read from. Below, the tolerances of
 names hold with it: they were set on flights of a vehicle whose markers sit 15 mm above its middle."""
-FEWEST = 3
+FEWEST = count("mismatch.tracked_point.fewest")
 """Flights without which nothing is held out of enough."""
+HUBER_SD = setting("mismatch.tracked_point.huber_sd")
+"""Residuals beyond so many standard deviations count less (Huber)."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def _read(left: np.ndarray, columns: np.ndarray, wider: float) -> np.ndarray:
     for _ in range(5):
         away = y - x @ r
         sd = max(1.4826 * float(np.median(np.abs(away))), 1e-9)
-        weight = np.minimum(1.0, 1.5 / np.maximum(np.abs(away) / sd, 1e-9))  # Huber
+        weight = np.minimum(1.0, HUBER_SD / np.maximum(np.abs(away) / sd, 1e-9))  # Huber
         memory = 3.0 * SMOOTH_S / ROW_S  # rows that the smoothing makes alike
         normal = (x * weight[:, None]).T @ x + np.eye(3) * (sd / (USUAL_M * wider)) ** 2 * memory
         r = np.linalg.solve(normal, (x * weight[:, None]).T @ y)

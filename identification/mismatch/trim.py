@@ -17,30 +17,40 @@ from identification.thrust.firmware import PLUS
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans, mask_of
+from nanobench_tools.settings import number, setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .reconstruct import States, states_of
 
-IDLE = 0.1
+IDLE = number("mismatch.trim.idle")
 """A motor below this share of full command does not carry."""
-AFTER_START_S, BEFORE_STOP_S = 1.2, 1.3
+AFTER_START_S = number("mismatch.trim.after_start_s")
+BEFORE_STOP_S = number("mismatch.trim.before_stop_s")
 """Take-off and landing are left out."""
-LEAST_S = 3.0
+LEAST_S = number("mismatch.trim.least_s")
 """Seconds of flight without which there is no trim."""
 SHORTEST_S = 2.0
 """Of one run of the motors that counts."""
-BLOCK_S = 0.25
+BLOCK_S = number("mismatch.trim.block_s")
 """Rows are averaged over this long, longer than the motors' lag and shorter than the manoeuvres."""
-STUCK_V = 0.006
+STUCK_V = number("mismatch.trim.stuck_v")
 """A battery that moves by less than a step of its converter while the motors run was not measured."""
-SLOPES = {"gains": 0.1, "level": 0.6, "push": 0.6}
+SLOPES = setting("mismatch.trim.slopes")
 """Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
 HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
 PLACES = (("estimator", "x", "y"), ("mocap", "px", "py"))
 COURSE_S = 1.0
-FULL = 0.998
-MOST_SATURATED = 0.1
+FULL = number("mismatch.trim.full")
+MOST_SATURATED = number("mismatch.trim.most_saturated")
 """Share of rows at full command beyond which the command no longer says what was needed."""
+TYPICAL_V = number("mismatch.trim.typical_v")
+"""Stands for a battery that nobody logged."""
+WHOLE = number("mismatch.trim.whole")
+"""Blocks with fewer rows than this share of the usual are no whole ones."""
+LEAST_LIFT = number("mismatch.trim.least_lift")
+"""Lift over weight, at least: keeps logarithms finite."""
+MOST_ALIKE = number("mismatch.trim.most_alike")
+"""Correlation of neighbouring blocks, at most."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +120,7 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
     voltage, why_not = _voltage(flight, states.time_s, rows)
     if voltage is None:
         notes.append(f"{why_not}: only shares among the motors count")
-    thrust = _thrust(command * (3.7 if voltage is None else voltage[:, None]))
+    thrust = _thrust(command * (TYPICAL_V if voltage is None else voltage[:, None]))
     values, sd = _at_rest(states, thrust, runs)
     return Trim(flight.name, values["gains"], values["level"], values["push"], sd, voltage is not None,
                 float("nan") if voltage is None else float(voltage[rows].mean()), seconds,
@@ -172,10 +182,10 @@ def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]
     def means(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(index, column) / size for column in values[rows].T], axis=1)
 
-    whole = size >= 0.5 * np.median(size)
+    whole = size >= WHOLE * np.median(size)
     lift = 1.0 if states.acceleration_m_s2 is None else \
         1.0 + means(states.acceleration_m_s2)[whole][:, 2:3] / GRAVITY_M_S2
-    signals = {"gains": np.log(means(thrust)[whole] / np.maximum(lift, 0.3))}
+    signals = {"gains": np.log(means(thrust)[whole] / np.maximum(lift, LEAST_LIFT))}
     horizontal = None if states.acceleration_m_s2 is None else means(states.heading(states.acceleration_m_s2))[whole]
     if states.felt_m_s2 is not None and horizontal is not None:
         signals["level"] = means(states.felt_m_s2)[whole][:, :2] - horizontal
@@ -208,7 +218,7 @@ def _course(flight: Flight, states: States, thrust: np.ndarray, runs: list[Span]
         for start in np.arange(run.start_s, run.end_s - 0.5 * COURSE_S, COURSE_S):
             rows = (t >= start) & (t < start + COURSE_S)
             if rows.any():
-                gains = np.log(thrust[rows].mean(axis=0) / max(float(lift[rows].mean()), 0.3))
+                gains = np.log(thrust[rows].mean(axis=0) / max(float(lift[rows].mean()), LEAST_LIFT))
                 course.append((start + 0.5 * COURSE_S - runs[0].start_s, *place[rows].mean(axis=0).tolist(),
                                *gains.tolist()))
     return tuple(course)
@@ -228,7 +238,7 @@ def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[
         inverse = np.linalg.pinv(design.T @ design + prior)
         beta = inverse @ design.T @ y
         left = y - design @ beta
-        alike = float(np.clip(left[1:] @ left[:-1] / max(left @ left, 1e-30), 0.0, 0.9))
+        alike = float(np.clip(left[1:] @ left[:-1] / max(left @ left, 1e-30), 0.0, MOST_ALIKE))
         variance = left @ left / max(len(y) - design.shape[1], 1) * (1.0 + alike) / (1.0 - alike)
         values[j], sd[j] = beta[0], np.sqrt(variance * inverse[0, 0])
     return values, sd

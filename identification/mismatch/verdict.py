@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.settings import number
 
 from .commanded import WHY
 from .decide import Decision, Finding
@@ -42,6 +43,8 @@ UNASKED = {
     "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
                "thrust follows the voltage could not be asked"}
 """What a missing stream keeps from being asked."""
+ODD_SHARE = number("mismatch.verdict.odd_share")
+"""Flights that lie this share of the farthest one away are said to differ."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,7 @@ def _changed(f: Finding, decision: Decision, recordings: Recordings) -> list[str
     if not len(rows):
         return []
     away = np.linalg.norm(rows - np.median(rows, axis=1, keepdims=True), axis=0)
-    odd = away > 0.4 * away.max()
+    odd = away > ODD_SHARE * away.max()
     numbers = _numbers(recordings)
     return [recordings.names[numbers[i]] for i in np.flatnonzero(odd)] if odd.sum() <= len(odd) / 2 else []
 

@@ -23,15 +23,16 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import rows
 from nanobench_tools.physics.numeric import equations
 from nanobench_tools.physics.rollout import compiled_lagged
+from nanobench_tools.settings import count, number
 
 from .commanded import UNASKED
 from .track import ROW_S, Track, joined
 
-SMOOTH_S = 0.03
+SMOOTH_S = number("mismatch.wrench.smooth_s")
 """Standard deviation of the smoothing of accelerations."""
-FORCE_ROWS = 4
+FORCE_ROWS = count("mismatch.wrench.force_rows")
 """Rows between samples of the force: 40 ms, beyond which the smoothed noise is nearly independent."""
-TORQUE_ROWS = 2
+TORQUE_ROWS = count("mismatch.wrench.torque_rows")
 """Rows of a stretch whose mean angular acceleration is compared. No smoothing: it would let the controller's answer to
 a disturbance look like its cause."""
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")

@@ -36,6 +36,8 @@ KINDS = {
 }
 LIMITS = frozenset({"min", "max", "clip", "minimum", "maximum"})
 """Functions whose arguments bound a value."""
+KNOWN = frozenset({9.81, 0.025, 0.975, 1.4826, 1.96})
+"""Gravity, and of the normal distribution: ends of 95 %, standard deviations to them and over median deviations."""
 SHAPES = frozenset({"range", "zeros", "ones", "empty", "eye", "slice"})
 """Functions whose arguments are places or lengths."""
 
@@ -174,6 +176,6 @@ def plain(value: float, limit: bool) -> bool:
     exponent = round(math.log10(size))
     power = math.isclose(size, 10.0**exponent, rel_tol=1e-12)
     if limit:
-        return power and exponent <= -9  # keeps a divisor from zero
+        return size in KNOWN or (power and exponent <= -6)  # keeps a divisor from zero
     return (size <= 12 and size == int(size)) or size == 0.5 or (power and (exponent <= -6 or exponent % 3 == 0)) \
-        or size in (60, 90, 100, 180, 270, 360, 3600)
+        or size in (60, 90, 100, 180, 270, 360, 3600) or size in KNOWN

@@ -19,4 +19,6 @@ def say(sizes, motors) -> str:
            "is not what it was"
 
 
-CAUSE = Cause("battery", "thrust_voltage", 0.025, make, say, "thrust that follows the battery otherwise")
+PRIOR = 0.025
+"""Probability before anything is seen."""
+CAUSE = Cause("battery", "thrust_voltage", PRIOR, make, say, "thrust that follows the battery otherwise")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, Size, draws, interval
 
-MOST = 0.3
+MOST = number("mismatch.mass.most")
 
 
 def alike(body: Body) -> tuple[tuple[Size, ...], np.ndarray]:
@@ -24,4 +26,6 @@ def say(sizes, motors) -> str:
     return f"The vehicle weighs more, in its middle, by {interval(sizes['change'], 1, '%')}"
 
 
-CAUSE = Cause("mass", "mass", 0.025, make, say, "another mass")
+PRIOR = 0.025
+"""Probability before anything is seen."""
+CAUSE = Cause("mass", "mass", PRIOR, make, say, "another mass")

@@ -10,11 +10,13 @@ from itertools import combinations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
 
-MOST_LOSS = 0.5
+MOST_LOSS = number("mismatch.propeller.most_loss")
 """Share of its thrust beyond which one motor cannot be made up for."""
-ONE = 0.5
+ONE = number("mismatch.propeller.one")
 """Share of cases in which a single one is damaged: a crash often takes two."""
 
 
@@ -36,4 +38,6 @@ def say(sizes, motors) -> str:
     return f"The {word} of {motor_words(motors)} lost thrust: at the same motor voltage it gives less by {losses}"
 
 
-CAUSE = Cause("propeller", "motor_imbalance", 0.20, make, say, "a damaged propeller")
+PRIOR = number("mismatch.propeller.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("propeller", "motor_imbalance", PRIOR, make, say, "a damaged propeller")

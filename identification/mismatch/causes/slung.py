@@ -7,10 +7,12 @@ neither swings nor weighs in full.
 
 from __future__ import annotations
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, interval
 from .weight import loads, where
 
-UNSEEN = 0.2
+UNSEEN = number("mismatch.slung.unseen")
 """Share of slung loads whose swing a flight of half a minute would not show: damped, or touching the ground."""
 
 
@@ -26,4 +28,6 @@ def say(sizes, motors) -> str:
     return f"A load hangs on a string: {interval(sizes['mass'], 1, 'g')}, its knot {where(sizes)}{near}{swings}"
 
 
-CAUSE = Cause("slung", "slung_load", 0.05, make, say, "a load on a string")
+PRIOR = number("mismatch.slung.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("slung", "slung_load", PRIOR, make, say, "a load on a string")

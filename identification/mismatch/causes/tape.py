@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
 
-LOSS = 0.05
+LOSS = number("mismatch.tape.loss")
 """Most that a strip of a tenth of a millimetre does to the lift of a blade; more is damage, whatever did it."""
 
 
@@ -28,4 +30,6 @@ def say(sizes, motors) -> str:
     return f"The propeller of {motor_words(motors)} is unclean or taped: it gives less by {interval(size, 1, '%')}"
 
 
-CAUSE = Cause("tape", "motor_imbalance", 0.05, make, say, "tape on a propeller")
+PRIOR = number("mismatch.tape.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("tape", "motor_imbalance", PRIOR, make, say, "tape on a propeller")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis
 
-GAINS, LEVEL_M_S2 = 0.10, 0.20
+GAINS = number("mismatch.vehicle.gains")
+LEVEL_M_S2 = number("mismatch.vehicle.level_m_s2")
 """Standard deviation between vehicles of one type: thrust of a motor and propeller, and the mounting of the sensors
 (1.2 degrees)."""
 
@@ -17,4 +20,6 @@ def say(sizes, motors) -> str:
     return "This is another vehicle: gains of the motors and the angle between thrust and sensors differ at once"
 
 
-CAUSE = Cause("vehicle", None, 0.05, make, say, "another vehicle")
+PRIOR = number("mismatch.vehicle.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("vehicle", None, PRIOR, make, say, "another vehicle")

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, Size, draws, interval
 
-MOST = 0.3
+MOST = number("mismatch.weight.most")
 """Of the vehicle's mass: more it does not lift."""
-REACH = 1.6
+REACH = number("mismatch.weight.reach")
 """Times the distance of the motors from the middle, per axis: the tips of the propellers."""
 
 
@@ -45,4 +47,6 @@ def say(sizes, motors) -> str:
     return f"A weight was added: {interval(sizes['mass'], 1, 'g')}, {where(sizes)}{near}"
 
 
-CAUSE = Cause("weight", "mass", 0.10, make, say, "an added weight")
+PRIOR = number("mismatch.weight.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("weight", "mass", PRIOR, make, say, "an added weight")

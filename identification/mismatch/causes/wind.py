@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .base import Body, Cause, Hypothesis, Size, draws, interval
 
-MOST_M_S2 = 3.0
+MOST_M_S2 = number("mismatch.wind.most_m_s2")
 """Horizontal force over mass: 17 degrees of tilt."""
 
 
@@ -21,4 +23,6 @@ def say(sizes, motors) -> str:
     return f"Wind pushes the vehicle: force over mass of {text}"
 
 
-CAUSE = Cause("wind", "wind", 0.025, make, say, "wind")
+PRIOR = 0.025
+"""Probability before anything is seen."""
+CAUSE = Cause("wind", "wind", PRIOR, make, say, "wind")
