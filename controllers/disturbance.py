@@ -15,6 +15,7 @@ import numba as nb
 import numpy as np
 
 from nanobench_tools.physics.model import Model
+from nanobench_tools.settings import number, setting
 
 from .mpc_code import Call
 from .mpc_model import DISTURBANCES, STATES, rollout_function
@@ -31,12 +32,12 @@ class Tuning:
     too little over a radio with gaps (docs/control.md).
     """
 
-    ages_s: tuple[float, float, float, float] = (0.030, 0.006, 0.005, 0.0)
-    share: tuple[float, float, float, float] = (0.3, 0.0, 0.15, 0.3)
-    place_1_s: float = 10.0
-    force_1_s: float = 5.0
-    moment_1_s: float = 2.0
-    most: tuple[float, float] = (4.0, 80.0)
+    ages_s: tuple[float, float, float, float] = setting("control.disturbance.tuning_ages_s")
+    share: tuple[float, float, float, float] = setting("control.disturbance.tuning_share")
+    place_1_s: float = number("control.disturbance.tuning_place_1_s")
+    force_1_s: float = number("control.disturbance.tuning_force_1_s")
+    moment_1_s: float = number("control.disturbance.tuning_moment_1_s")
+    most: tuple[float, float] = setting("control.disturbance.tuning_most")
 
 
 @nb.njit(cache=True)

@@ -13,20 +13,22 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.estimator import correlated_noise
 from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.settings import number, setting
 
 from .plant import Cell, Plant, closed_loop_model, hover_ratio
 from .plant_senses import Sensing
 
 DELAY_S = (0.010, 0.040)
-HOVER_V = (3.2, 3.9)
+HOVER_V = setting("control.ensemble.hover_v")
 """Voltage of the cell while it carries the hovering vehicle; the recordings saw 2.94 to 3.8 V in the air."""
 PAYLOAD = 0.10
 DRAG = 0.20
 """Drag and its moment are between 1 - DRAG and 1 + DRAG of the identified, beside what the draws say."""
 NOISE = (0.5, 2.0)
 """Sensor noise and estimator errors over those of the recordings."""
-MEDIAN_DELAY_S, MEDIAN_HOVER_V = 0.030, 3.5
-GUST_S = 0.5
+MEDIAN_DELAY_S = 0.03
+MEDIAN_HOVER_V = number("control.ensemble.median_hover_v")
+GUST_S = number("control.ensemble.gust_s")
 SHIPPED = "recorded_vehicle.toml"
 DRAWS = "recorded_vehicle_draws.csv"
 

@@ -10,6 +10,7 @@ import numpy as np
 from nanobench_tools.firmware.motors import MotorOutput
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number
 
 from .geometric import Geometric
 
@@ -18,7 +19,8 @@ PLAN_S = 0.2
 GEOMETRIC_S = 2.0
 """Then the geometric controller for so long, then the vehicle lands."""
 SINK_M_S, LANDED_M = 0.4, 0.05
-LEAST_V, EMPTY_S = 2.9, 0.5
+LEAST_V = number("control.fallback.least_v")
+EMPTY_S = number("control.fallback.empty_s")
 """A battery below this voltage for so long, the motors loading it, is a reason to land: hover takes 2.84 to 2.90 V at
 the motors of the recorded vehicle."""
 

@@ -15,17 +15,22 @@ from nanobench_tools.firmware import lee
 from nanobench_tools.firmware.onboard import Lee
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number, setting
 
 from .gains import Gain, around, whole
 
-THRUST_SCALE = 0.943
+THRUST_SCALE = number("control.geometric.thrust_scale")
 """What the recorded vehicle's motors give of what the firmware's curve promises: recordings, 0.943 +- 0.033."""
-POSITION_1_S2, VELOCITY_1_S, INTEGRAL_1_S3 = (9.0, 9.0, 12.0), (5.0, 5.0, 6.0), (3.0, 3.0, 6.0)
-DRAG_1_S = (0.40, 0.40, 0.14)
+POSITION_1_S2 = setting("control.geometric.position_1_s2")
+VELOCITY_1_S = setting("control.geometric.velocity_1_s")
+INTEGRAL_1_S3 = setting("control.geometric.integral_1_s3")
+DRAG_1_S = setting("control.geometric.drag_1_s")
 """Drag per mass (recordings: k/m of lateral and vertical velocity)."""
-ROTATION_1_S2, RATE_1_S, TURN_INTEGRAL_1_S3 = (170.0, 170.0, 60.0), (22.0, 22.0, 14.0), (200.0, 200.0, 40.0)
+ROTATION_1_S2 = setting("control.geometric.rotation_1_s2")
+RATE_1_S = setting("control.geometric.rate_1_s")
+TURN_INTEGRAL_1_S3 = setting("control.geometric.turn_integral_1_s3")
 """Per unit of inertia. Motors of 45 ms leave a rate loop about 20 rad/s."""
-ERROR_LIMITS = (0.6, 2.0)
+ERROR_LIMITS = setting("control.geometric.error_limits")
 """m and m/s: an error beyond is answered as if it were this, so that a jump of the reference tilts and does not tip."""
 
 

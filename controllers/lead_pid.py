@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 from nanobench_tools.firmware import pid
 from nanobench_tools.firmware.onboard import PidCascade
+from nanobench_tools.settings import number
 
 from .gains import Gain, around, whole
 
-LEAD_S = 0.53
+LEAD_S = number("control.lead_pid.lead_s")
 """Median lag of PID behind its setpoints over the 14 training flights it flew (recordings, Task 2)."""
 
 

@@ -19,23 +19,25 @@ from nanobench_tools.firmware.records import WRENCH
 from nanobench_tools.guard import Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number, setting
 
 from .gains import Gain, around, whole
 from .geometric import DRAG_1_S, THRUST_SCALE
 
 PERIOD_S = 0.002
-MOTOR_TAU_S = 0.045
+MOTOR_TAU_S = number("control.lqr.motor_tau_s")
 """Lag of thrust behind the command (recordings: PWM differences to angular acceleration)."""
 INTEGRAL, POSITION, VELOCITY, TURN, RATE, WRENCH_LEFT = (slice(3 * k, 3 * k + 3) for k in range(6))
 STATES, INPUTS = 19, 4
 
-TOLERATED = (*(0.15,) * 2, 0.08, *(0.10,) * 2, 0.08, *(0.6,) * 3, *(0.35,) * 2, 0.4, *(4.0,) * 2, 2.0,
-             *(1.0,) * 4)
+TOLERATED = setting("control.lqr.tolerated")
 """Errors that cost as much as each other (Bryson): m s, m, m/s, rad, rad/s; the last four are not judged."""
-EFFORT = (0.08, 1.2e-3, 1.2e-3, 6e-4)
+EFFORT = setting("control.lqr.effort")
 """Thrust [N] and moments [N m] that cost as much as those."""
-LIMITS = (0.4, 0.8, 0.3)
+LIMITS = setting("control.lqr.limits")
 """m, m/s, m s: larger errors are answered as these."""
+LEAST_LIFT = 0.1
+"""Of g: no less thrust is asked along the vertical, so that none is upside down."""
 
 
 def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
@@ -54,8 +56,9 @@ def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
 
 
 TUNABLE = {
-    "integral_m_s": around(0.15, "m s"), "position_level_m": around(0.10, "m"), "position_up_m": around(0.08, "m"),
-    "velocity_m_s": around(0.6, "m/s"), "turn_rad": around(0.35, "rad"), "rate_rad_s": around(4.0, "rad/s"),
+    "integral_m_s": around(TOLERATED[0], "m s"), "position_level_m": around(TOLERATED[3], "m"),
+    "position_up_m": around(TOLERATED[5], "m"), "velocity_m_s": around(TOLERATED[6], "m/s"),
+    "turn_rad": around(TOLERATED[9], "rad"), "rate_rad_s": around(TOLERATED[12], "rad/s"),
     "thrust_N": around(EFFORT[0], "N"), "moment_N_m": around(EFFORT[1], "N m")}
 
 
@@ -126,7 +129,7 @@ class Lqr:
         c, s = np.cos(reference.yaw_rad), np.sin(reference.yaw_rad)
         push = reference.acceleration_m_s2 + reference.velocity_m_s * DRAG_1_S
         thrust = push + np.array([0.0, 0.0, self.vehicle.gravity_m_s2])
-        thrust[:, 2] = np.maximum(thrust[:, 2], 0.1 * self.vehicle.gravity_m_s2)  # never upside down
+        thrust[:, 2] = np.maximum(thrust[:, 2], LEAST_LIFT * self.vehicle.gravity_m_s2)  # never upside down
         length = np.linalg.norm(thrust, axis=1)
         z = thrust / length[:, None]
         # roll and pitch that turn z along the thrust, yaw given

@@ -17,6 +17,7 @@ from scipy.linalg import solve_discrete_are
 from nanobench_tools.guard import REST_BATTERY_V, Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.model import Model
+from nanobench_tools.settings import number, setting
 
 from .delay import UnderWay
 from .disturbance import Observer, Tuning
@@ -45,12 +46,12 @@ class Weights:
     """Errors that cost as much as each other (Bryson): position m and velocity m/s level and vertical, turn rad and
     rate rad/s about body x, y and about z; thrust N and moments N m (x and y, z) that cost as much as those."""
 
-    position_m: tuple[float, float] = (0.10, 0.06)
-    velocity_m_s: tuple[float, float] = (0.5, 0.5)
-    turn_rad: tuple[float, float] = (0.4, 0.4)
-    rate_rad_s: tuple[float, float] = (5.0, 2.5)
-    thrust_N: float = 0.64
-    moment_N_m: tuple[float, float] = (2.4e-3, 1.2e-3)
+    position_m: tuple[float, float] = setting("control.mpc_base.weights_position_m")
+    velocity_m_s: tuple[float, float] = setting("control.mpc_base.weights_velocity_m_s")
+    turn_rad: tuple[float, float] = setting("control.mpc_base.weights_turn_rad")
+    rate_rad_s: tuple[float, float] = setting("control.mpc_base.weights_rate_rad_s")
+    thrust_N: float = number("control.mpc_base.weights_thrust_n")
+    moment_N_m: tuple[float, float] = setting("control.mpc_base.weights_moment_n_m")
 
     def of_errors(self, states: int) -> np.ndarray:
         """Diagonal of Q (S,); rotor states cost nothing."""

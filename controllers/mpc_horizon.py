@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools.guard import LARGEST
 from nanobench_tools.methods import Reference
+from nanobench_tools.settings import number
 
 Future = Callable[[np.ndarray], Reference]
 """As ``Reference.ahead``."""
@@ -19,7 +20,7 @@ LEAP_M = 0.15
 """Between two points of a horizon, beside what its velocity explains: a leap that no vehicle flies, and is answered
 when it has come."""
 LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
-NEAR_M = 0.25
+NEAR_M = number("control.mpc_horizon.near_m")
 MOST_SINK_M_S2 = 4.0
 """A reference that asks to fall faster is answered by this."""
 

@@ -22,6 +22,7 @@ from nanobench_tools.physics.ops import casadi_ops
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.physics.vector import total
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number
 
 from .geometric import DRAG_1_S, THRUST_SCALE
 from .mpc_code import import_casadi
@@ -31,6 +32,10 @@ RIGID, ERRORS = 12, 16
 YAW_ARM_M = 0.006993
 LEAST_LIFT = 0.2
 """Of g: no target asks for less thrust along the vertical, so that none is upside down."""
+LAG_S = number("control.mpc_model.lag_s")
+"""Lag of the thrust of practice flights' vehicle."""
+AIR_MOMENT_N_S = number("control.mpc_model.air_moment_n_s")
+"""Moment of lateral air velocity on that vehicle."""
 
 
 def default_model() -> Model:
@@ -43,8 +48,9 @@ def practice_model() -> Model:
     vehicle = Vehicle()
     drag = tuple(vehicle.mass_kg * d for d in DRAG_1_S)
     return Model(vehicle, {"thrust_voltage": default_model().values_of("thrust_voltage"),
-                           "thrust_scale": {"s": THRUST_SCALE}, "motor_lag": {"tau_up_s": 0.045, "tau_down_s": 0.045},
-                           "yaw_torque": {"k_m": YAW_ARM_M}, "drag_linear": {"d": drag}, "drag_torque": {"c": -1.5e-4}})
+                           "thrust_scale": {"s": THRUST_SCALE}, "motor_lag": {"tau_up_s": LAG_S, "tau_down_s": LAG_S},
+                           "yaw_torque": {"k_m": YAW_ARM_M}, "drag_linear": {"d": drag},
+                           "drag_torque": {"c": AIR_MOMENT_N_S}})
 
 
 @dataclass

@@ -19,17 +19,23 @@ from nanobench_tools.firmware.onboard import STEPS, PidCascade, estimates
 from nanobench_tools.firmware.records import ABSOLUTE, DISABLED, SETPOINT, VELOCITY
 from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
 from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.settings import number, setting
 from nanobench_tools.units import PWM_FULL_SCALE
 
 from .disturbance import Tuning
 from .mpc_base import Mpc, Weights
 from .mpc_linear import MpcDaqp
 
-LEAD_S = {"rates": 0.08, "velocity": 0.15}
+LEAD_S = setting("control.mpc_setpoints.lead_s")
 """How far ahead of the time at which it acts a set-point is taken from the plan: what the loop behind it is late by."""
-SOFT = Weights(position_m=(0.15, 0.06), thrust_N=0.16, moment_N_m=(1e-4, 1e-4))
+SOFT_WEIGHTS: dict[str, Any] = setting("control.mpc_setpoints.soft_weights")
+SOFT = Weights(**SOFT_WEIGHTS)
 """For loops that are slower than the motors which the plan thinks it has."""
-SLOPE_S = 0.02
+SHARE = setting("control.mpc_setpoints.share")
+"""As of ``Tuning``, for a vehicle that flies itself."""
+DELAY_S = number("control.mpc_setpoints.delay_s")
+"""Of the radio, where nothing else is told."""
+SLOPE_S = number("control.mpc_setpoints.slope_s")
 """Acceleration is the difference of planned velocities over so long."""
 
 
@@ -105,13 +111,13 @@ class OverRadio:
     on_board = True
     period_s = 0.002
 
-    def __init__(self, output: str = "rates", delay_s: float = 0.03, kind: type[Mpc] = MpcDaqp,
+    def __init__(self, output: str = "rates", delay_s: float = DELAY_S, kind: type[Mpc] = MpcDaqp,
                  **keywords: Any) -> None:
         if output not in LEAD_S:
             raise UsageError(f"unknown output {output!r}; known: {', '.join(LEAD_S)}")
         self.output, self.delay_s = output, delay_s
         # what the plan asks of single motors does not happen: the loops decide, and learn moments themselves
-        keywords.setdefault("tuning", Tuning(share=(0.33, 0.0, 0.2, 0.9), moment_1_s=0.0))
+        keywords.setdefault("tuning", Tuning(share=SHARE, moment_1_s=0.0))
         if output == "rates":
             keywords.setdefault("weights", SOFT)
         keywords.setdefault("near_m", 0.0)  # the mixer takes thrust from all motors for a plan that needs them whole

@@ -17,6 +17,7 @@ from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, task_st
 from nanobench_tools.firmware.kept import kept
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.settings import number, setting
 
 from .plant import Plant
 from .plant_senses import TICK_S, Noise, Sensing
@@ -25,12 +26,12 @@ POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
 """What the filter is told of a pose: as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run
 again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
 (``benchmarks/onboard_velocity.py``)."""
-LEAD_S = 0.011
+LEAD_S = number("control.plant_filter.lead_s")
 """The estimated position is so much less late than the poses: a pose corrects the last prediction, the
 next carries it on."""
 QUEUE = 64
 """Poses that can wait for the radio; later ones are lost."""
-START_SD = {"sd_xy_m": 0.01, "sd_z_m": 0.01, "sd_velocity_m_s": 0.02, "sd_tilt_rad": 0.01, "sd_yaw_rad": 0.01}
+START_SD = setting("control.plant_filter.start_sd")
 """A filter that has run for a while."""
 FIRST_MS = 1000
 IMU_SIGMA = np.array([VEHICLE[name].value for name in ("acc_noise_m_s2", "acc_vibration_m_s2", "gyro_noise_rad_s",

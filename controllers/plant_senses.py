@@ -23,6 +23,7 @@ from nanobench_tools.practice.estimator import (
     correlated_noise,
 )
 from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.settings import number
 
 from .plant import STEP_S, Plant
 
@@ -43,14 +44,15 @@ class Sensing:
     noise: np.ndarray | float = 1.0
     outages: tuple[tuple[float, float], ...] = ()
     pose_hz: float = 100.0
-    pose_noise_m: float = 1e-4
+    pose_noise_m: float = number("control.plant_senses.sensing_pose_noise_m")
     shut: np.ndarray | None = None
 
 
-DRIFT_M_S2, DRIFT_M_S = 0.07, 0.02
+DRIFT_M_S2 = number("control.plant_senses.drift_m_s2")
+DRIFT_M_S = number("control.plant_senses.drift_m_s")
 """Spread of the acceleration error and of the velocity error with which an estimate goes on without poses. With these
 0.05 m are lost in a second (recordings, dead reckoning over 1 s: median 0.04-0.05 m)."""
-BACK_S = 0.05
+BACK_S = number("control.plant_senses.back_s")
 """Time constant with which poses pull it back."""
 
 

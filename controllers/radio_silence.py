@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.methods import Controller, Reference, VehicleState
+from nanobench_tools.settings import number
 
 from .plant_senses import TICK_S
 
-SHORTEST_S, LONGER_S = 0.02, 0.03
+SHORTEST_S = number("control.radio_silence.shortest_s")
+LONGER_S = number("control.radio_silence.longer_s")
 """A gap lasts so long at least and so much longer on average: 50 ms, as recorded."""
 
 

@@ -18,6 +18,7 @@ from nanobench_tools.errors import MissingExtraError
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.protocols.simulated import Paths, score
+from nanobench_tools.settings import count, number
 
 from .ensemble import Ensemble, draw
 from .gains import Gain
@@ -25,11 +26,11 @@ from .mismatch import LATE_S
 from .simulated import flown, made
 
 LOST_M = 4.0
-STEP = 0.15
+STEP = number("control.tuning.step")
 """First spread of the search, of the range of a gain."""
-WORST = 0.25
+WORST = number("control.tuning.worst")
 """Share of the flights that count twice: gains that win a bit everywhere and lose a vehicle in a corner are worse."""
-SHORT = 4
+SHORT = count("control.tuning.short")
 """Found gains that fly on other plants."""
 DRAWN = 4000
 SHARE = 0.95

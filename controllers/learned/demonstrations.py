@@ -25,15 +25,16 @@ from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.task2 import PUBLISHED
 from nanobench_tools.protocols.usable import MOCAP, MOTORS, usable
 from nanobench_tools.protocols.windows import rows_at_100_hz
+from nanobench_tools.settings import count, number
 
 OBSERVED, STATE = 14, 10
 """Of an observation the first ten are the vehicle's, setpoint and battery come from outside."""
 NEEDED = {"mocap": MOCAP, "estimator": ("vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw"),
           "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery": ("vbat",)}
-SHORTEST = 500
+SHORTEST = count("control.demonstrations.shortest")
 """Rows: 5 s."""
 TEACHER = "pid"
-HELD_OUT = 0.15
+HELD_OUT = number("control.demonstrations.held_out")
 """Of the flights for validation, and as many for test, beside those of the published reference."""
 
 

@@ -18,6 +18,7 @@ from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.protocols.simulated import LOST_M, TICK_S, Paths, score
+from nanobench_tools.settings import number
 
 from .demonstrations import Demonstration, Shown
 from .pilots import PERIOD_S, ClonedPolicy, Mppi, MppiFar, MppiLearned, observation
@@ -95,7 +96,7 @@ class Corrected:
         return np.where(self.taught[:, None], said, self._own)
 
 
-NEAR_M = 1.5
+NEAR_M = number("control.fly.near_m")
 """Further from the setpoint nobody can teach: the vehicle is lost."""
 
 

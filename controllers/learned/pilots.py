@@ -17,6 +17,7 @@ from identification.learned.libraries import libraries
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import compiled_lagged
+from nanobench_tools.settings import number, setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .costs import Costs, inputs_of
@@ -25,7 +26,9 @@ from .mppi import MppiSettings, improved, shifted
 from .policies import SEEN, Network, restored
 
 PERIOD_S = 0.01
-HELD_V = 3.5
+HELD_V = number("control.pilots.held_v")
+FAR: dict[str, Any] = setting("control.pilots.far")
+"""Settings of MPPI half a second ahead."""
 
 
 class ClonedPolicy:
@@ -116,11 +119,11 @@ class MppiFar(Mppi):
 
     name = "mppi_far"
     period_s = 0.02
-    start = MppiSettings(horizon=25, samples=512, temperature=0.02, noise=0.1, velocity=0.3, effort=0.0, price=0.0,
-                         first=0.82, step_s=0.02, upright=2.0, turning=0.01)
-    tunable: Mapping[str, Gain] = {"temperature": around(0.02, "1"), "noise": around(0.1, "1"),
-                                   "position": around(1.0, "1/m^2"), "velocity": around(0.3, "s^2/m^2"),
-                                   "upright": around(2.0, "1"), "turning": around(0.01, "s^2/rad^2")}
+    start = MppiSettings(**FAR)
+    tunable: Mapping[str, Gain] = {"temperature": around(FAR["temperature"], "1"), "noise": around(FAR["noise"], "1"),
+                                   "position": around(1.0, "1/m^2"), "velocity": around(FAR["velocity"], "s^2/m^2"),
+                                   "upright": around(FAR["upright"], "1"),
+                                   "turning": around(FAR["turning"], "s^2/rad^2")}
 
 
 class MppiLearned:

@@ -20,15 +20,17 @@ import numpy as np
 from identification.learned.libraries import libraries
 from identification.learned.training import Settings, Task, filled, train
 from nanobench_tools.errors import UsageError
+from nanobench_tools.settings import setting
 
 from .demonstrations import OBSERVED, STATE, Demonstration, Shown
 
 KINDS = ("bc_mlp", "bc_lstm", "dynamics")
 SEEN = 20
 """Observations that the recurrent policy looks at."""
-COMMAND_NOISE = 0.02
-SETTINGS = {"bc_mlp": Settings(epochs=300, batch=256, share=0.5), "bc_lstm": Settings(epochs=120, batch=256, share=0.1),
-            "dynamics": Settings(epochs=120, batch=1024, share=0.3)}
+COMMAND_NOISE = setting("control.policies.command_noise")
+TRAINING: dict[str, Any] = setting("control.policies.training")
+"""Epochs, batch and share of the rows of an epoch, by network."""
+SETTINGS = {kind: Settings(**entry) for kind, entry in TRAINING.items()}
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from .wrench import Wrench
 TIMING = "command_delay.delay_s"
 TIMING_SD_S = number("mismatch.fitting.timing_sd_s")
 """A logged command stands for some moment of its row: half a row either way is no physics."""
-SPEED_LAG = 1.0
+SPEED_LAG = number("mismatch.fitting.speed_lag")
 """Whether thrust or speed of a rotor lags is no physics that a simulator's time constant tells: of the difference, as
 much is a nuisance."""
-AT_ROTORS = 1.0
+AT_ROTORS = number("mismatch.fitting.at_rotors")
 """Nor is it where drag acts, at the centre of the rotors or more at those that turn faster."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
@@ -32,7 +32,7 @@ MISSED = number("mismatch.fitting.missed")
 """Squared standard deviations: what it may miss by at most, lest hypotheses that explain much are ranked by chance."""
 PRIOR_SD = number("mismatch.fitting.prior_sd")
 """Scales: keeps directions the flights do not tell where they are."""
-OWN_SD = 1.0
+OWN_SD = number("mismatch.fitting.own_sd")
 """Scales: how far flights may differ."""
 FIXED_SUM = ("motor_imbalance.g",)
 """Lists whose mean is given by definition."""

@@ -43,7 +43,7 @@ CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt
 CHANGED = number("mismatch.naming.changed")
 """That flights differ has to explain more than one value for all by this share."""
 PUSHES = ("wind", "force_world")
-ALONE = 2.0
+ALONE = number("mismatch.naming.alone")
 """Forces of the air: a steady moment alone is a trim, and indoors no wind. Where most of what one takes away turns the
 vehicle, what it takes of the force has to be so many times enough by itself."""
 TRIED = count("mismatch.naming.tried")

@@ -22,7 +22,7 @@ unit variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = number("mismatch.standing.unexplained")
 """A name stands only where what is left is smaller than what it explains, in this proportion: real flights have shown
 wind that is none at 0.6."""
-PREVAILS = 1.0
+PREVAILS = number("mismatch.standing.prevails")
 """The same of forces, when other names were withdrawn."""
 FOREIGN = number("mismatch.standing.foreign")
 """A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""

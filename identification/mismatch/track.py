@@ -32,7 +32,7 @@ BEFORE_S = number("mismatch.track.before_s")
 EDGE_S = number("mismatch.track.edge_s")
 """Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
 PACKET_S = number("mismatch.track.packet_s")
-STEADY_S = 1.0
+STEADY_S = number("mismatch.track.steady_s")
 """How far apart packets of the battery come, and how slowly it moves under a steady load."""
 MOST_SAG_V = number("mismatch.track.most_sag_v")
 """Volts per unit of load and cell: 0.12 ohm and 1.7 A/V give 0.2."""
@@ -50,7 +50,7 @@ LONGEST_GAP_S = number("mismatch.track.longest_gap_s")
 """A hole in the motion capture up to this long is bridged by a cubic."""
 MOST_FRAMES = number("mismatch.track.most_frames")
 """Share of the frames around a row that has to be there: between many short holes a cubic follows the noise."""
-SHORTEST_S = 1.0
+SHORTEST_S = number("mismatch.track.shortest_s")
 ASKED_S = number("mismatch.track.asked_s")
 MOST_ASKED_RAD_S2 = number("mismatch.track.most_asked_rad_s2")
 """Set-points are smoothed over so long; where they jump, no vehicle follows."""

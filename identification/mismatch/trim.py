@@ -29,7 +29,7 @@ BEFORE_STOP_S = number("mismatch.trim.before_stop_s")
 """Take-off and landing are left out."""
 LEAST_S = number("mismatch.trim.least_s")
 """Seconds of flight without which there is no trim."""
-SHORTEST_S = 2.0
+SHORTEST_S = number("mismatch.trim.shortest_s")
 """Of one run of the motors that counts."""
 BLOCK_S = number("mismatch.trim.block_s")
 """Rows are averaged over this long, longer than the motors' lag and shorter than the manoeuvres."""
@@ -39,7 +39,7 @@ SLOPES = setting("mismatch.trim.slopes")
 """Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
 HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
 PLACES = (("estimator", "x", "y"), ("mocap", "px", "py"))
-COURSE_S = 1.0
+COURSE_S = number("mismatch.trim.course_s")
 FULL = number("mismatch.trim.full")
 MOST_SATURATED = number("mismatch.trim.most_saturated")
 """Share of rows at full command beyond which the command no longer says what was needed."""

@@ -18,7 +18,7 @@ SLOWEST_M_S = number("audit.track.slowest_m_s")
 """Below this speed a millimetre is more than 5 ms."""
 OFF_TRACK = number("audit.track.off_track")
 """Rows that err across by more than this many medians (and 5 mm) are leaps of the estimate and say nothing of time."""
-BLOCK_S = 1.0
+BLOCK_S = number("audit.track.block_s")
 """Errors of an estimator keep for half a second; blocks of one are nearly independent."""
 
 

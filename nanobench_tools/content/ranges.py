@@ -20,7 +20,7 @@ from .tails import alive_until
 ROOM_M = number("audit.ranges.room_m")
 """Wider than any room with a motion capture system; a metre read as millimetre is 1000."""
 FACTOR = number("audit.ranges.factor")
-SLOWEST_STEP_S = 2.0
+SLOWEST_STEP_S = number("audit.ranges.slowest_step_s")
 """Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
 BATTERY_V = setting("audit.ranges.battery_v")
 """One cell under load to fourteen cells."""

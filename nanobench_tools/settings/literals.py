@@ -32,6 +32,7 @@ KINDS = {
     "shown": "layout and choice of what a page or table shows",
     "task": "what a protocol gives and scores (DESIGN, section 8)",
     "safety": "limit for the safety of a flight",
+    "search": "start and range of a search; data decide what it finds",
     "made": "what made-up flights and cases are made of",
 }
 LIMITS = frozenset({"min", "max", "clip", "minimum", "maximum"})
@@ -159,6 +160,8 @@ class _Finder(ast.NodeVisitor):
 
     def _bound(self, name: str, value: ast.expr) -> None:
         constant = not self.inside or name.isupper()
+        if name.isupper() and isinstance(value, ast.Constant) and type(value.value) is float and value.value in (1, 2):
+            self.found.append(Literal(self.module, ".".join((*self.scope, name)), value.lineno, value.value))
         self._under((name,) if constant else (), self.inside, constant or self.limit, value, children=False)
 
     def _under(self, scope: tuple[str, ...], inside: bool, limit: bool, node: ast.AST, children: bool = True) -> None:
@@ -177,5 +180,6 @@ def plain(value: float, limit: bool) -> bool:
     power = math.isclose(size, 10.0**exponent, rel_tol=1e-12)
     if limit:
         return size in KNOWN or (power and exponent <= -6)  # keeps a divisor from zero
-    return (size <= 12 and size == int(size)) or size == 0.5 or (power and (exponent <= -6 or exponent % 3 == 0)) \
-        or size in (60, 90, 100, 180, 270, 360, 3600) or size in KNOWN
+    small = (size <= 12 and size == int(size)) or size in (0.25, 0.5)
+    unit = power and (exponent <= -6 or exponent % 3 == 0)
+    return small or unit or size in (60, 90, 100, 180, 270, 360, 3600) or size in KNOWN

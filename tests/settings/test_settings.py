@@ -108,7 +108,8 @@ def test_compiled_functions_take_settings_as_arguments(texts):
 @pytest.mark.parametrize(("text", "expected"), [
     ("LIMIT = 0.3", [("LIMIT", 0.3)]),
     ("LIMIT_S, REACH_M = 0.3, 4", [("LIMIT_S", 0.3), ("REACH_M", 4)]),
-    ("ONE, TWO, HALVED = 1, 2.0, 1 / 2", []),
+    ("ONE, TWO, HALVED = 1, 2, 1 / 2", []),
+    ("HOLD_S = 1.0", [("HOLD_S", 1.0)]),
     ("SMALL = 1e-12", []),
     ("def f(x): return max(x, 1e-6) + 9.81", []),
     ("class A:\n    share: float = 0.7\n    n: int = 1", [("A.share", 0.7)]),
