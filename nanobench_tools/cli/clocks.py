@@ -63,6 +63,7 @@ def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
 def estimate_on(given: Recordings) -> dict[str, Any]:
     """estimate.json. The clock that judges the estimator is read from gyro and accelerometer; on further clocks only
     what was logged in flight is scored, each distinct recording once."""
+    from ..protocols import compare
     from ..protocols.selection import distinct
     from ..protocols.task3 import BLACKOUT, PROTOCOLS
     from .estimate import LOGGED, RECKONING, estimate_body
@@ -86,7 +87,9 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
 
     clocks = (AS_RECORDED, "retimed") if given.clock is None else (given.clock,)
     further: list[Part] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
-    return _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
+    body = _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
+    compare.clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
+    return body
 
 
 def control_on(given: Recordings) -> dict[str, Any]:

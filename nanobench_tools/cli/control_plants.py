@@ -156,7 +156,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     rows.sort(key=lambda row: row["flight"])
     flown = {name: path for item in items for name, path in values.get(item.key, {}).get("paths", {}).items()}
     shown = gate.pictured(rows, cases, flown)
-    found = gate.summary(rows)
+    found = gate.summary(rows, options.sessions.by_name(by_name.values()), options.seed)
     _show_gate(options, rows, found)
     return {"gate": rows, "gate_flights": shown, "gate_summary": found, "gate_plant": chosen.origin,
             "gate_left_out": [{"flight": name, "reason": why} for name, why in sorted(reasons.items())],
@@ -182,6 +182,8 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
     from rich import box
     from rich.table import Table
 
+    from ..protocols.sessions import interval_note
+
     title = (f"Gate: {data_word(options)} held-out flights flown again on the plant, clock {options.clock}; given: "
              "setpoints, battery, gaps of the radio, state at the start")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -198,10 +200,14 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
         if row["reason"]:
             options.show(one_line(f"{row['flight']}: {row['reason']}"))
     for name, s in found.items():
-        options.show(f"{name}: {s['n']} flights, {100.0 * s['pass_share']:.0f} % pass in everything; ratio "
+        ends = s["statistics"]["pass_share"]["ci95"]
+        interval = f" (95 % {100.0 * ends[0]:.0f} to {100.0 * ends[1]:.0f})" if ends else ""
+        options.show(f"{name}: {s['n']} flights, {100.0 * s['pass_share']:.0f} % pass in everything{interval}; ratio "
                      f"{100.0 * s['ratio_share']:.0f} %, lag {100.0 * s['lag_share']:.0f} %, gap "
                      f"{100.0 * s['gap_share']:.0f} %; medians: ratio {s['ratio_median']:.3f}, lag "
                      f"{1e3 * s['lag_diff_median_s']:+.0f} ms, gap {100.0 * s['path_gap_median_m']:.1f} cm")
+    if "all" in found:
+        options.show(interval_note([found["all"]], ["pass_share", "lag_real_s"]))
 
 
 def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,

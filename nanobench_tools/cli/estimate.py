@@ -12,7 +12,7 @@ from ..errors import InputError, UsageError
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .methods import load_methods
 from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
-from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
+from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -231,10 +231,22 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     for row in rows:
         row |= {"clock": options.clock, **said}
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
+    _compare(options, rows, done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
                    "speed": speed_of(case.flight), "clock": options.clock, **said, "metrics": value["metrics"]}
                   for method, case, value in done], [] if aiding is None else aided_bands(options, done, aiding)
+
+
+def _compare(options: Options, rows: Sequence[dict[str, Any]],
+             done: Sequence[tuple[Any, Case, Mapping[str, Any]]]) -> None:
+    """Ratios of the rows of one table; the windows of a flight are the same for every method."""
+    from ..protocols import compare
+
+    scores: dict[str, dict[str, Any]] = {}
+    for method, case, value in done:
+        scores.setdefault(method.name, {})[case.flight.name] = value["metrics"]
+    compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)
 
 
 def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
@@ -257,6 +269,7 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
     for row in rows:
         row["clock"] = options.clock
         row["given"] += GIVEN_CLOCK.get(options.clock, "")
+    _compare(options, rows, done)
     _show(options, "blackout", rows, ENDS)
     _show_windows(options, rows)
     return rows, [{"flight": case.flight.name, "method": method.name, "clock": options.clock, **window}
@@ -297,5 +310,6 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
              f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
     options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
     options.show(interval_note(rows, [name for name, *_ in columns]))
+    show_ratios(options, [(row["method"], row) for row in rows if row["group"] == "all"], columns)
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
         options.show(one_line(given))

@@ -72,6 +72,42 @@ def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, s
     return table
 
 
+def show_ratios(options: Options, rows: Sequence[tuple[str, Mapping[str, Any]]],
+                columns: Sequence[tuple[str, str, float, int]], key: str = "") -> None:
+    """A table of the ratios of (name, row) to the row they are compared with, by (metric, heading, ...); key: which of
+    several horizons. Nothing where no row has one."""
+    from rich import box
+    from rich.table import Table
+
+    from .options import one_line
+
+    def cell(row: Mapping[str, Any], metric: str) -> str:
+        ratio, ends = (row[name].get(metric) for name in ("ratio", "ratio_ci95"))
+        return ratio_text(ratio.get(key), ends.get(key)) if ratio and key else ratio_text(ratio, ends)
+
+    compared = [(name, row) for name, row in rows if row.get("ratio_to")]
+    shown = [column for column in columns if any(cell(row, column[0]) != "-" for _, row in compared)]
+    if not shown:
+        return
+    title = ("Error over that of another row, the same flights and windows drawn for both: ratio (95 %). An interval "
+             "that holds 1 shows no difference.")
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("row", "over"):
+        table.add_column(head, no_wrap=True)
+    for _, heading, _, _ in shown:
+        table.add_column(heading.removesuffix(" mm").removesuffix(" m"), justify="right")
+    for name, row in compared:
+        table.add_row(one_line(name), one_line(row["ratio_to"]), *(cell(row, metric) for metric, *_ in shown))
+    options.show(table)
+
+
+def ratio_text(ratio: float | None, ci95: Sequence[float] | None) -> str:
+    """``0.93 (0.88 .. 0.99)``; without interval the ratio alone."""
+    if ratio is None:
+        return "-"
+    return f"{ratio:.2f}" + (f" ({ci95[0]:.2f} .. {ci95[1]:.2f})" if ci95 else "")
+
+
 ALL_FAILED = "every method failed on it"
 """Reason for a recording that was tried but that no row counts."""
 

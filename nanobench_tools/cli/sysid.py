@@ -12,13 +12,13 @@ from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from .methods import load_methods
 from .options import PATH, Options, shared_options
-from .show import data_word, sessions_text, show_left_out
+from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, choose, exported, fitted
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
-    from ..protocols.task1 import Split
+    from ..protocols.task1 import Case, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
@@ -86,7 +86,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
     learned rows, None for no such rows; ``published``: the published ones too."""
     from ..harness import make_item
-    from ..protocols import task1
+    from ..protocols import compare, task1
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
@@ -107,11 +107,14 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
              for predictor, truth, case in work]
     values = options.run(items, "sysid").values
     rows: list[dict[str, Any]] = []
+    scored: dict[tuple[str, str], list[tuple[Case, Any]]] = {}
     for predictor in predictors:
         for truth in task1.TRUTHS:
             mine = [(case, values[item.key]) for (p, t, case), item in zip(work, items, strict=True)
                     if p is predictor and t == truth and item.key in values]
             rows += task1.tabulate(predictor, truth, mine, options.seed, options.sessions)
+            scored[predictor.name, truth] = mine
+    compare.predictions(rows, scored, choice.best, options.sessions, options.seed)
     for row in rows:
         row["clock"] = options.clock
         if row["model"] in fits:
@@ -185,6 +188,8 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
                           *(_cell(published[m], {}) for m, _ in SHOWN))
     options.show(table)
     options.show(interval_note(rows))
+    show_ratios(options, [(f"{row['model']}, {row['truth']}", row) for row in rows if row["group"] == "all"],
+                [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 

@@ -178,8 +178,8 @@ def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probabi
 
 
 def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> dict[str, Any]:
-    """{mean, std (ddof 0), median, p90, ci95: [lo, hi] | None, n, sessions, design_effect} over flights; unit of
-    ``values``; and ``ci_why`` where the interval is missing or not to be trusted.
+    """{mean, std (ddof 0), median, p90, ci95: [lo, hi] | None, n, sessions, design_effect, intra_class (correlation)}
+    over flights; unit of ``values``; and ``ci_why`` where the interval is missing or not to be trusted.
 
     A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out and n says so;
     with none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
@@ -214,10 +214,10 @@ def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[dict[str, Any
     """Of every column of x (n, k), all of it defined."""
     if not len(x):
         empty = dict.fromkeys(("mean", "std", "median", "p90", "ci95"))
-        return [{**empty, "n": 0, "sessions": None, "design_effect": None, "ci_why": why_not(0, None)}
-                for _ in range(x.shape[1])]
+        return [{**empty, "n": 0, "sessions": None, "design_effect": None, "intra_class": None,
+                 "ci_why": why_not(0, None)} for _ in range(x.shape[1])]
     interval = pooled_interval(x, np.ones(len(x)), sessions, seed)
-    effect = design_effect(x, sessions)
+    effect, alike = design_effect(x, sessions), intra_class(x, sessions)
     mean, std, median, p90 = x.mean(axis=0), x.std(axis=0), np.median(x, axis=0), np.percentile(x, 90.0, axis=0)
     equal = np.ptp(x, axis=0) == 0.0
     found = []
@@ -225,10 +225,15 @@ def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[dict[str, Any
         ends = None if equal[k] else interval.ends(k)
         one = {"mean": float(mean[k]), "std": 0.0 if equal[k] else float(std[k]), "median": float(median[k]),
                "p90": float(p90[k]), "ci95": ends, "n": len(x), "sessions": interval.sessions,
-               "design_effect": None if effect is None or equal[k] else float(effect[k])}
-        why = "all flights have the same value" if equal[k] and len(x) > 1 else interval.why
+               "design_effect": None if effect is None or equal[k] else float(effect[k]),
+               "intra_class": None if alike is None or equal[k] else float(alike[k])}
+        why = "all flights have the same value" if equal[k] and len(x) > 1 else _reason(ends, interval.why)
         found.append({**one, "ci_why": why} if why else one)
     return found
+
+
+def _reason(ends: list[float] | None, why: str) -> str:
+    return "the draws leave it undefined" if ends is None and (not why or "too narrow" in why) else why
 
 
 def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[dict[str, Any]]:
@@ -252,7 +257,8 @@ def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: 
             ratio = float(mine[:, j].sum() / sums[j]) if sums[j] > 0.0 else None
             one: dict[str, Any] = {"ratio": ratio, "ci95": None if ratio is None or all_equal[j] else interval.ends(j),
                                    "n": len(mine)}
-            why = "the same in every flight" if all_equal[j] and len(mine) > 1 else interval.why
+            why = ("the same in every flight" if all_equal[j] and len(mine) > 1 else
+                   _reason(one["ci95"], interval.why))
             found[k] = {**one, "ci_why": why} if why else one
     return found
 

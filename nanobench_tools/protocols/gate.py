@@ -23,6 +23,8 @@ from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
 from .phases import is_cut, streamed_phase
 from .selection import distinct
+from .sessions import row_keys
+from .tables import summaries
 from .task3 import LOG_KINDS
 from .usable import MOCAP, MOTORS, usable
 
@@ -39,6 +41,7 @@ SAID = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onboard_melling
 MINIMUM_S = 5.0
 ROSE_M = 0.3
 """A vehicle that never rose so far above where it began stayed in its own ground effect, which the plant has not."""
+AVERAGED = ("lag_diff_s", "lag_real_s", "lag_sim_s", "path_gap_m", "rmse_real_m", "rmse_sim_m")
 TICK_S = 0.01
 MOST_LAG_S = 1.0
 BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
@@ -221,18 +224,27 @@ def _band(motor: np.ndarray, low_hz: float, high_hz: float) -> float:
     return float(np.sqrt(np.mean(density[rows].sum(axis=0)) * (frequency[1] - frequency[0])))
 
 
-def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def summary(rows: Sequence[Mapping[str, Any]], sessions: Mapping[str, int] | None = None,
+            seed: int = 0) -> dict[str, dict[str, Any]]:
     """Of each controller, and of ``all``: n, shares of flights that pass as a whole and in each quantity, medians, and
-    whether the aim (RMSE ratio on SHARE of flights, median lag difference and median gap) is reached."""
-    found = {}
+    whether the aim (RMSE ratio on SHARE of flights, median lag difference and median gap) is reached; ``statistics``
+    has the shares' and means' intervals. sessions: label of every flight, by name."""
+    found: dict[str, dict[str, Any]] = {}
     for name in (*FLOWN, "all"):
         mine = [row for row in rows if name in ("all", row["controller"])]
         if not mine:
             continue
         ratio, lag, gap = (np.array([row[key] for row in mine]) for key in ("ratio", "lag_diff_s", "path_gap_m"))
         within = np.abs(ratio - 1.0) <= RATIO
+        labels = None if sessions is None else np.array([sessions[row["flight"]] for row in mine])
+        single = [{"pass_share": row["pass"], "ratio_share": w, "lag_share": abs(row["lag_diff_s"]) <= LAG_S,
+                   "gap_share": row["path_gap_m"] < GAP_M, **{key: row[key] for key in AVERAGED}}
+                  for row, w in zip(mine, within, strict=True)]
+        statistics = summaries(single, seed, labels)
+        keys = {} if labels is None else row_keys(labels, statistics)
         found[name] = {
-            "n": len(mine), "pass_share": float(np.mean([row["pass"] for row in mine])),
+            "n": len(mine), **keys, "statistics": statistics,
+            "pass_share": float(np.mean([row["pass"] for row in mine])),
             "ratio_share": float(within.mean()), "lag_share": float(np.mean(np.abs(lag) <= LAG_S)),
             "gap_share": float(np.mean(gap < GAP_M)), "ratio_median": float(np.median(ratio)),
             "ratio_off_median": float(np.median(np.abs(ratio - 1.0))),

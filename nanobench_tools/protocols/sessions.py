@@ -47,6 +47,11 @@ class Sessions:
         """(n,) number of each one's session, -1 (UNKNOWN) for one without a date (or from before all sessions)."""
         return self.labels_at([stamp_of(recording) for recording in recordings])
 
+    def by_name(self, flights: Iterable[Any]) -> dict[str, int]:
+        """{name: label} of flights."""
+        found = list(flights)
+        return dict(zip([flight.name for flight in found], self.labels(found).tolist(), strict=True))
+
     def labels_at(self, stamps_s: Sequence[float]) -> np.ndarray:
         """``labels`` of recordings that began at these stamps."""
         stamps = np.array([s if dated(s) else -np.inf for s in stamps_s])

@@ -44,7 +44,8 @@ def test_estimate(call, folder, tmp_path):
     row = rows["onboard_ekf", "all"]
     assert (row["protocol"], row["causal"], row["n"], len(row["flights"])) == ("clean", True, 3, 3)
     found = row["metrics"]["ate_rmse_m"]
-    assert set(found) == {"mean", "std", "median", "p90", "ci95", "n", "sessions", "design_effect", "ci_why"}
+    assert set(found) == {"mean", "std", "median", "p90", "ci95", "n", "sessions", "design_effect", "intra_class",
+                          "ci_why"}
     assert (found["ci95"], found["sessions"], row["sessions"]) == (None, 1, 1)  # one vehicle's flights of one day
     assert found["ci_why"] == row["ci_why"]
     assert row["ci_why"].startswith("one session")
