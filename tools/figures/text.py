@@ -136,9 +136,9 @@ def broken_claims(text: str, store: Store) -> list[str]:
     for left, sign, right in HOLDS.findall(FENCE.sub("", text)):
         a, b = (store.value(k) if "/" in k else k for k in (left, right))
         if sign == "=":
-            right_so = str(a) == str(b)
+            so = str(a) == str(b)
         else:
-            right_so = float(a) < float(b) if sign == "<" else float(a) > float(b)
-        if not right_so:
+            so = None not in (a, b) and (float(a) < float(b) if sign == "<" else float(a) > float(b))
+        if not so:
             broken.append(f"{left} {sign} {right}: {a} and {b}")
     return broken
