@@ -53,15 +53,19 @@ def run(names: list[str], specs: dict[str, dict[str, Any]], results: Path, speed
 
 
 def take_over(names: list[str], specs: dict[str, dict[str, Any]], results: Path) -> list[str]:
-    """Store the figures of every source whose result lies in the folder; returns those sources."""
-    taken = []
-    for name in names:
+    """Store the figures of every source whose result lies in the folder; what was wrong with the others."""
+    problems: list[str] = []
+    present = [n for n in names if (results / specs[n]["result"]).exists()]
+    for name in present:
         path = results / specs[name]["result"]
-        if path.exists():
+        try:
             new = collect.save(name, collect.collect(name, specs[name], json.loads(path.read_text())))
-            taken.append(name)
             print(f"{name}: {'new figures' if new else 'as before'} from {path}")
-    return taken
+        except (FigureError, ValueError) as error:
+            problems.append(f"{path.name}: {error}")
+    if not present:
+        problems.append(f"{results} holds none of {', '.join(dict.fromkeys(specs[n]['result'] for n in names))}")
+    return problems
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -82,8 +86,7 @@ def main(arguments: list[str] | None = None) -> int:
             results.mkdir(parents=True, exist_ok=True)
             if given.run:
                 run(names, specs, results, given.run)
-            if not take_over(names, specs, results):
-                raise FigureError(f"{results} holds none of {', '.join(s['result'] for s in specs.values())}")
+            problems += take_over(names, specs, results)
         store = Store.load()
         for page in pages():
             problems += check(page, store, given.check)
