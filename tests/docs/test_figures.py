@@ -176,7 +176,9 @@ def test_a_claim_that_holds(claim: str) -> None:
     assert text.broken_claims(f"<!-- holds: {claim} -->", STORE) == []
 
 
-@pytest.mark.parametrize("claim", ["old/share > estimate/clean.retimed.n", "old/share < 0.5", "old/word = none", "old/none < 1"])
+@pytest.mark.parametrize(
+    "claim", ["old/share > estimate/clean.retimed.n", "old/share < 0.5", "old/word = none", "old/none < 1"]
+)
 def test_a_claim_that_fails_is_found(claim: str) -> None:
     (said,) = text.broken_claims(f"<!-- holds: {claim} -->", STORE)
     assert said.startswith(claim)
