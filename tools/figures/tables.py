@@ -42,7 +42,7 @@ def table(key: str, store: Store, fill: Fill) -> str:
         *labels, place = entry
         base = place.rstrip("?")
         base = base if "/" in base else f"{source}/{base}"
-        if place.endswith("?") and not store.has(base):
+        if place.endswith("?") and not (store.has(base) and store.node(base) is not None):
             continue
         sources.append(base.partition("/")[0])
         rows.append([*labels, *(fill(cell, base=base) for cell in layout["cells"])])
