@@ -33,7 +33,8 @@ EDGE_S = 3.0
 """Left out at the ends of a flight: ground, take-off and landing."""
 SHORTEST_S = 5.0
 LAG_S = 0.045
-"""Of the motors: PWM differences to angular acceleration (NanoBench recordings, both on the vehicle's clock)."""
+"""Of the motors: PWM differences to angular acceleration (79 NanoBench flights, test flights among them; both on the
+vehicle's clock)."""
 YAW_INERTIA = 1.7
 """Inertia about z over that about x and y (firmware, Lee controller: 2.93e-5 over 1.66e-5 and 1.67e-5 kg m^2)."""
 DRAWS = 200

@@ -37,7 +37,8 @@ STARTS = (Nuisance("rate_roll", {"start.rate_x": 1.0}, 0.05, "rad/s", "rate at t
           Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), 0.01, "N", "rotors of one spin against the others, "
                    "at the start", "yaw"))
 """Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree,
-a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench recordings); rotors by a tenth of their thrust."""
+a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench flights, which ones is not recorded); rotors by a
+tenth of their thrust."""
 
 NEUTRAL: dict[str, dict[str, Any]] = {"thrust_scale": {"s": 1.0}, "motor_imbalance": {"g": [1.0] * 4},
            "frame_tilt": {"roll_rad": 0.0, "pitch_rad": 0.0}}

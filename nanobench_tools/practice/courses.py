@@ -11,11 +11,12 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
+from ..settings import number
 from .curves import PathPoint
 
 POINTS = 8000
 """Of a lap on which its speed is found."""
-RISE_S = 0.04
+RISE_S = number("practice.courses.rise_s")
 """Standard deviation of the time over which a change of the acceleration is drawn out, so that the jerk is finite."""
 
 

@@ -12,15 +12,26 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .. import so3
+from ..settings import number, setting
 from .plant import POSITION, QUATERNION, VELOCITY, Plant
 from .timeline import TICK_S
 
-POSITION_LAG_S, ATTITUDE_LAG_S, VELOCITY_LAG_S = 0.020, 0.014, 0.006
+POSITION_LAG_S = number("practice.estimator.position_lag_s")
+ATTITUDE_LAG_S = number("practice.estimator.attitude_lag_s")
+VELOCITY_LAG_S = number("practice.estimator.velocity_lag_s")
+POSITION_M_S = setting("practice.estimator.position_m_s")
+"""Standard deviation [m] and correlation time [s] of the position's error."""
+VELOCITY_M_S_S = setting("practice.estimator.velocity_m_s_s")
+"""The same of the velocity [m/s], [s]."""
+TILT_RAD_S = setting("practice.estimator.tilt_rad_s")
+"""The same of roll and pitch [rad], [s]."""
+YAW_RAD_S = setting("practice.estimator.yaw_rad_s")
+"""The same of yaw [rad], [s]."""
 ERRORS = (  # channels, standard deviation, correlation time
-    (slice(0, 3), 0.0005, 0.5),   # position, m
-    (slice(3, 6), 0.006, 0.3),    # velocity, m/s
-    (slice(6, 8), 0.003, 4.0),    # roll, pitch, rad
-    (slice(8, 9), 0.004, 8.0),    # yaw, rad
+    (slice(0, 3), *POSITION_M_S),
+    (slice(3, 6), *VELOCITY_M_S_S),
+    (slice(6, 8), *TILT_RAD_S),
+    (slice(8, 9), *YAW_RAD_S),
 )
 
 

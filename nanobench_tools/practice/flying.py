@@ -11,6 +11,7 @@ from .. import so3
 from ..errors import UsageError
 from ..guard import commanded
 from ..methods import Controller, VehicleState
+from ..settings import number, setting
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
 from .onboard import ControllerLog
@@ -34,10 +35,11 @@ TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "
 
 NOISE_TICKS = 50
 """Sensor noise is drawn for so many ticks at once."""
-BATTERY_NOISE_V = 0.004
-GUST_S, FLICKER_S = 0.5, 0.05
+BATTERY_NOISE_V = number("practice.flying.battery_noise_v")
+GUST_S = number("practice.flying.gust_s")
+FLICKER_S = number("practice.flying.flicker_s")
 """Correlation times of the air's force and of the flicker of each motor's thrust."""
-GROUND_HEIGHT_M = (0.055, 0.075)
+GROUND_HEIGHT_M = setting("practice.flying.ground_height_m")
 """Where the tracked point of the resting vehicle is, lowest and highest of the recordings."""
 
 

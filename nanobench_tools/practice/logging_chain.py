@@ -15,6 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 from .. import so3
 from ..errors import UsageError
 from ..flight import Stream
+from ..settings import number, setting
 from ..sources.nanobench_columns import STREAMS, units_of
 from .clock import ClockError, draw_clock
 from .flying import LOGGED, STEP_S, Flown
@@ -37,17 +38,17 @@ class LoggingChain:
     vector (x, y, z) from the IMU's body frame to the tracked one, the same in every flight.
     """
 
-    loss: tuple[float, float] = (0.05, 0.22)
-    burst: float = 0.45
-    longest_gap_s: float = 0.08
-    battery_period_s: float = 0.11
+    loss: tuple[float, float] = setting("practice.logging_chain.loggingchain_loss")
+    burst: float = number("practice.logging_chain.loggingchain_burst")
+    longest_gap_s: float = number("practice.logging_chain.loggingchain_longest_gap_s")
+    battery_period_s: float = number("practice.logging_chain.loggingchain_battery_period_s")
     offset_s: float = 0.0
     drift: float = 0.0
     wander_sd_s: float = 0.0
-    tail_s: tuple[float, float] = (0.20, 0.37)
-    lost_frames: float = 2.0
+    tail_s: tuple[float, float] = setting("practice.logging_chain.loggingchain_tail_s")
+    lost_frames: float = number("practice.logging_chain.loggingchain_lost_frames")
     mocap: MocapNoise = ROOM_NOISE
-    tilt_deg: tuple[float, float] = (1.0, 3.0)
+    tilt_deg: tuple[float, float] = setting("practice.logging_chain.loggingchain_tilt_deg")
     tilt_rad: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from .. import so3
+from ..settings import number, setting
 
 WINDOW, ORDER = 11, 3
 """Savitzky-Golay filter of the published velocity and rate columns; it counts rows, so lost frames distort it."""
@@ -20,8 +21,8 @@ class MocapNoise:
     The recordings show 0.012 mm and, at rest, 0.012, 0.055, 0.020 deg; roll is noisier in the air.
     """
 
-    position_m: float = 1.2e-5
-    attitude_rad: tuple[float, float, float] = (6.0e-4, 8.7e-4, 3.5e-4)
+    position_m: float = number("practice.mocap.mocapnoise_position_m")
+    attitude_rad: tuple[float, float, float] = setting("practice.mocap.mocapnoise_attitude_rad")
 
 
 def savgol_derivative(rows_s: np.ndarray, values: np.ndarray) -> np.ndarray:

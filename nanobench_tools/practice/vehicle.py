@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..settings import setting
+
 
 class Parameter(NamedTuple):
     """``spread`` is the standard deviation between flights; drawn values stay within two spreads."""
@@ -17,32 +19,9 @@ class Parameter(NamedTuple):
     source: str
 
 
-VEHICLE: dict[str, Parameter] = {
-    "mass_kg": Parameter(0.04085, 0.0, "kg", "NanoBench paper, weighed vehicle"),
-    "inertia_xx_kg_m2": Parameter(1.8e-5, 0.0, "kg m^2", "Lee controller of the firmware 1.66e-5, scaled for the load"),
-    "inertia_yy_kg_m2": Parameter(1.8e-5, 0.0, "kg m^2", "same"),
-    "inertia_zz_kg_m2": Parameter(3.1e-5, 0.0, "kg m^2", "same, 2.93e-5"),
-    "arm_m": Parameter(0.0325, 0.0, "m", "platform_defaults_cf2.h: 0.046 m / sqrt(2)"),
-    "thrust_scale": Parameter(0.95, 0.02, "1", "NanoBench recordings: real over firmware cubic 0.943 +- 0.033"),
-    "motor_imbalance": Parameter(0.0, 0.05, "1", "NanoBench recordings: PWM of the motors differs by 10 % in hover"),
-    "motor_tau_s": Parameter(0.045, 0.002, "s", "NanoBench recordings: PWM differences to angular acceleration, 45 ms"),
-    "yaw_arm_m": Parameter(0.006993, 0.0, "m", "platform_defaults_cf2.h THRUST2TORQUE"),
-    "drag_lateral_1_s": Parameter(0.40, 0.01, "1/s", "NanoBench recordings: k/m 0.391 (x), 0.404 (y)"),
-    "drag_vertical_1_s": Parameter(0.14, 0.0, "1/s", "NanoBench recordings: vertical damping"),
-    "drag_torque_N_s": Parameter(-1.5e-4, 0.0, "N s", "NanoBench recordings: 6-11 rad/s^2 per m/s of lateral velocity"),
-    "charge_at_start": Parameter(0.94, 0.04, "1", "NanoBench recordings: 4.0-4.23 V at rest"),
-    "capacity_A_s": Parameter(900.0, 0.0, "A s", "250 mAh cell"),
-    "resistance_ohm": Parameter(0.12, 0.015, "ohm", "NanoBench recordings: 0.53 V jump when the motors stop"),
-    "motor_conductance_A_V": Parameter(0.47, 0.0, "A/V", "4.5 A in hover: 17 % of the cell in 35 s"),
-    "disturbance_m_s2": Parameter(0.05, 0.0, "m/s^2", "chosen: air of a closed room, below the thrust residual of 0.1"),
-    "thrust_noise": Parameter(0.02, 0.0, "1", "chosen to match the gyro RMS in the air: thrust of each motor flickers"),
-    "gyro_noise_rad_s": Parameter(0.0025, 0.0, "rad/s", "NanoBench recordings at rest 0.002 after interpolation"),
-    "gyro_vibration_rad_s": Parameter(0.006, 0.0, "rad/s", "chosen to match the 30-50 Hz level in the air"),
-    "gyro_bias_rad_s": Parameter(0.0, 0.0004, "rad/s", "NanoBench recordings: flight SD 0.0003-0.0005"),
-    "acc_noise_m_s2": Parameter(0.013, 0.0, "m/s^2", "NanoBench recordings at rest 0.0011 g after interpolation"),
-    "acc_vibration_m_s2": Parameter(0.045, 0.0, "m/s^2", "chosen to match the 30-50 Hz level in the air"),
-    "acc_bias_m_s2": Parameter(0.0, 0.02, "m/s^2", "order of the BMI088 after calibration"),
-}
+NUMBERS: dict[str, tuple[float, float, str, str]] = setting("practice.vehicle.numbers")
+"""Value, spread, unit and source of every parameter; keys carry the unit."""
+VEHICLE: dict[str, Parameter] = {name: Parameter(*entry) for name, entry in NUMBERS.items()}
 """The only place with numbers of the vehicle. Keys carry the unit."""
 
 OPEN_CIRCUIT = np.array([[0.0, 3.30], [0.1, 3.60], [0.3, 3.72], [0.55, 3.82], [0.8, 3.98], [1.0, 4.23]])

@@ -1,6 +1,10 @@
 """Commands act later than their stamp."""
 
+from ...settings import number
 from ..term import Parameter, Stage, Term
+
+TYPICAL_S = number("physics.command_delay.typical_s")
+"""Typical of a 40 g quadrotor; where a fit begins."""
 
 
 def delayed(inputs, p, at, ops):
@@ -13,8 +17,9 @@ TERM = Term(
     name="command_delay",
     sentence="Every motor command acts a constant time after the stamp it is logged with.",
     equation="u_i <- u_i(t - d)",
-    parameters=(Parameter("delay_s", "s", 0.0, 0.2, 0.01, neutral=0.0,
-                          source="prototype on NanoBench recordings: 20 ms beside a first-order lag"),),
+    parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
+                          source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
+                                 "beside a first-order lag"),),
     acts={Stage.INPUT_DELAY: delayed},
     confused_with={"motor_lag": "steps of the command logged faster than 100 Hz: a delay does nothing at first",
                    "clock_offset": "the audit's clock of the motor stream against the others"},

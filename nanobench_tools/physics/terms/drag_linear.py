@@ -1,6 +1,10 @@
 """Drag in proportion to speed."""
 
+from ...settings import setting
 from ..term import Parameter, Stage, Term
+
+TYPICAL_N_S_M = setting("physics.drag_linear.typical_n_s_m")
+"""Typical of a 40 g quadrotor; where a fit begins."""
 
 
 def force(body_force, p, at, ops):
@@ -11,8 +15,9 @@ TERM = Term(
     name="drag_linear",
     sentence="A force against the air velocity along each body axis, in proportion to it.",
     equation="F_b <- F_b - diag(d) (v - wind)_b",
-    parameters=(Parameter("d", "N s/m", 0.0, 20.0, (0.016, 0.0165, 0.006), length=3,
-                          source="NanoBench recordings: k/m 0.391 (x), 0.404 (y), 0.14 (z) 1/s"),),
+    parameters=(Parameter("d", "N s/m", 0.0, 20.0, TYPICAL_N_S_M, length=3,
+                          source="79 NanoBench flights, test flights among them: k/m 0.391 (x), 0.404 "
+                                 "(y), 0.14 (z) 1/s"),),
     acts={Stage.BODY_FORCE: force},
     confused_with={"drag_rotor": "the same speed with little and with much thrust (dives and climbs)",
                    "drag_quadratic": "a wide range of speeds", "wind": "the same path flown in two headings"},

@@ -1,6 +1,10 @@
 """Air velocity across the rotors turns the vehicle."""
 
+from ...settings import number
 from ..term import Parameter, Stage, Term
+
+TYPICAL_N_S = number("physics.drag_torque.typical_n_s")
+"""Typical of a 40 g quadrotor; where a fit begins."""
 
 
 def moment(torque, p, at, ops):
@@ -13,8 +17,8 @@ TERM = Term(
     sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass); real "
              "ones have c < 0: the nose goes up against the wind.",
     equation="tau <- tau + c e3 x v_b, v_b air velocity",
-    parameters=(Parameter("c", "N s", -2.0, 2.0, -1.5e-4,
-                          source="NanoBench recordings: 6-11 rad/s^2 per m/s of lateral velocity"),),
+    parameters=(Parameter("c", "N s", -2.0, 2.0, TYPICAL_N_S,
+                          source="a prototype on 54 NanoBench flights: 6-11 rad/s^2 per m/s of lateral velocity"),),
     acts={Stage.TORQUE: moment},
     confused_with={"com_offset": "hover: an offset of the centre of mass still turns there"},
 )

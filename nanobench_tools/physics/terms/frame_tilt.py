@@ -11,7 +11,7 @@ def turned(force, p, at, ops):
     return [x, cos_x * y - sin_x * z, sin_x * y + cos_x * z]
 
 
-_SOURCE = "NanoBench recordings: frame of the mocap against the IMU 0.1 to 2.3 deg"
+_SOURCE = "80 NanoBench flights, test flights among them: frame of the mocap against the IMU 0.1 to 2.3 deg"
 
 TERM = Term(
     name="frame_tilt",

@@ -22,7 +22,8 @@ TERM = Term(
     sentence="Each motor has its own gain around a mean of 1 (a chipped propeller, a worn motor).",
     equation="T_i <- g_i T_i, mean g = 1",
     parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length="rotors",
-                          source="NanoBench recordings: PWM of the four motors differs by 10 % in hover"),),
+                          source="NanoBench flights, which ones is not recorded: PWM of the four motors "
+                                 "differs by 10 % in hover"),),
     acts={Stage.MOTOR_GAIN: imbalanced},
     confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre of "
                                  "mass also turns with drag; yaw tells too, as only gains upset it"},
