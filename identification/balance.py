@@ -27,18 +27,20 @@ from nanobench_tools.firmware.thrust_curve import COEFFICIENTS, thrust_of_voltag
 from nanobench_tools.flight import Flight, Span, intersect_spans
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.settings import count, number
 
-CUTOFF_HZ, GRID_S = 3.0, 0.01
-EDGE_S = 3.0
+CUTOFF_HZ = number("motors.balance.cutoff_hz")
+GRID_S = 0.01
+EDGE_S = number("motors.balance.edge_s")
 """Left out at the ends of a flight: ground, take-off and landing."""
-SHORTEST_S = 5.0
-LAG_S = 0.045
+SHORTEST_S = number("motors.balance.shortest_s")
+LAG_S = number("motors.balance.lag_s")
 """Of the motors: PWM differences to angular acceleration (79 NanoBench flights, test flights among them; both on the
 vehicle's clock)."""
 YAW_INERTIA = 1.7
 """Inertia about z over that about x and y (firmware, Lee controller: 2.93e-5 over 1.66e-5 and 1.67e-5 kg m^2)."""
 DRAWS = 200
-CUT = 100
+CUT = count("motors.balance.cut")
 """Rows at the ends of a span that the filter spoils."""
 MOTORS = ("m1", "m2", "m3", "m4")
 SMALLEST_KG_M2 = 1e-6

@@ -13,13 +13,14 @@ import numpy as np
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import rows, settled
+from nanobench_tools.settings import number, setting
 
 from .views import Features
 
-VOLTS = 3.5
+VOLTS = number("greybox.balance.volts")
 MIX = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
 """Of motors 1..4: left against right, back against front, one spin against the other, all."""
-BEFORE = ((0, 1), (1, 2), (2, 3), (3, 5), (5, 7), (7, 10), (10, 15), (15, 20), (20, 30), (30, 50))
+BEFORE = setting("greybox.balance.before")
 """Rows before the start over which inputs are averaged, the newest first."""
 
 

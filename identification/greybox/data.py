@@ -13,13 +13,14 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Past, Prediction, Windows
 from nanobench_tools.protocols.task1 import NEEDED, Case, training_cases
 from nanobench_tools.protocols.windows import cut_windows
+from nanobench_tools.settings import count, number
 
 from .arrays import FitWindows
 from .predictor import past_inputs, start_of
 
-STILL = 1e-3
+STILL = number("greybox.data.still")
 """PWM ratios that vary by less (standard deviation over all windows) are constant."""
-MOST_WINDOWS = 1200
+MOST_WINDOWS = count("greybox.data.most_windows")
 """A fit takes every k-th window of every flight, so that there are about this many; more move no parameter by a tenth
 of its interval."""
 

@@ -17,6 +17,7 @@ from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.settings import number
 
 from .data import Cut, FitWindows, cases_of, cut, gather
 from .flies import Flight as Flown
@@ -32,7 +33,7 @@ from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .views import joined
 
 ADAPTS = ("none", "inputs", "past")
-INDEPENDENT_S = 1.0
+INDEPENDENT_S = number("greybox.fit.independent_s")
 """Errors of windows nearer than this are one observation."""
 EVERY_S = 0.1
 """Windows of Task 1 start this far apart."""

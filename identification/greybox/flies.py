@@ -10,16 +10,21 @@ from nanobench_tools import so3
 from nanobench_tools.physics import Model, numeric
 from nanobench_tools.physics.inputs import settled
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
+from nanobench_tools.settings import number
 
 from .arrays import FitWindows
 
-SECONDS = 10.0
-POSITION_GAIN, VELOCITY_GAIN = 1.5, 2.0
-ATTITUDE_GAIN, RATE_GAIN = 16.0, 7.0
+SECONDS = number("greybox.flies.seconds")
+POSITION_GAIN = number("greybox.flies.position_gain")
+VELOCITY_GAIN = number("greybox.flies.velocity_gain")
+ATTITUDE_GAIN = number("greybox.flies.attitude_gain")
+RATE_GAIN = number("greybox.flies.rate_gain")
 """1/s^2 and 1/s: a crossover near 8 rad/s, slow enough for 0.1 s of delay and lag."""
-NEAR_M, NEAR_RAD = 0.2, 0.15
-SLOW_M_S, SLOW_RAD_S = 0.3, 0.5
-HOVER_WITHIN = 0.05
+NEAR_M = number("greybox.flies.near_m")
+NEAR_RAD = number("greybox.flies.near_rad")
+SLOW_M_S = number("greybox.flies.slow_m_s")
+SLOW_RAD_S = number("greybox.flies.slow_rad_s")
+HOVER_WITHIN = number("greybox.flies.hover_within")
 LEVELS = 200
 
 

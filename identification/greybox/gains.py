@@ -13,15 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from nanobench_tools.settings import count, setting
+
 from .residuals import robust
 from .solve import Nuisance, Problem, flown_errors
 from .views import Features
 
-RIDGES = (1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+RIDGES = setting("greybox.gains.ridges")
 """Of the mean curvature."""
 REWEIGHTED = 3
-FOLDS = 5
-FEWEST_FLIGHTS = 3
+FOLDS = count("greybox.gains.folds")
+FEWEST_FLIGHTS = count("greybox.gains.fewest_flights")
 """Fewer flights cannot be left out in turn: no gains are learnt from them."""
 LEAST = 1e-9
 """Features smaller than this are nothing."""

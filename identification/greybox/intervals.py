@@ -12,15 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.settings import count, number
 
 from .solve import Problem, Solution, solve
 
 DRAWS = 1000
-FEWEST_FLIGHTS = 3
+FEWEST_FLIGHTS = count("greybox.intervals.fewest_flights")
 """Fewer whole flights give no interval between flights."""
-WEAK = 0.99
+WEAK = number("greybox.intervals.weak")
 """Correlation of two estimates from which on a pair is called not identifiable by itself."""
-SHARE_OF_RANGE = 0.5
+SHARE_OF_RANGE = number("greybox.intervals.share_of_range")
 """An interval wider than this share of the physical range says nothing."""
 
 

@@ -6,19 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from nanobench_tools.settings import setting
+
 Terms = Mapping[str, Mapping[str, Any]]
 
 HEAVY = 0.5
 """kg m^2, the largest inertia a vehicle may have: no motor turns it, the rate is held."""
 
 RATE_HELD: Terms = {"inertia": {"inertia_kg_m2": (HEAVY,) * 3}}
-THRUST_PWM: Terms = {"thrust_pwm": {"c": (0.03, -0.15, 0.25)}}
-THRUST: Terms = {"thrust_voltage": {"c": (0.05, -0.0133, 0.0088)}}
-LAG: Terms = {"command_delay": {"delay_s": 0.0251}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.03}}
-DRAG: Terms = {"drag_linear": {"d": (0.016, 0.016, 0.006)}}
-TURNING: Terms = {"inertia": {"inertia_kg_m2": (2.6e-5, 2.6e-5, 3.1e-5)}, "motor_imbalance": {"g": (1.0,) * 4},
-           "yaw_torque": {"k_m": 0.002}, "angular_damping": {"d_r": (1e-4, 1e-4, 1e-4)}}
-AIR_MOMENT: Terms = {"drag_torque": {"c": -3e-4}}
+THRUST_PWM: Terms = setting("greybox.ladder.thrust_pwm")
+THRUST: Terms = setting("greybox.ladder.thrust")
+LAG: Terms = setting("greybox.ladder.lag")
+DRAG: Terms = setting("greybox.ladder.drag")
+TURNING: Terms = setting("greybox.ladder.turning")
+AIR_MOMENT: Terms = setting("greybox.ladder.air_moment")
 
 
 @dataclass(frozen=True)

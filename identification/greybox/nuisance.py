@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from nanobench_tools.settings import number
+
 from .solve import Nuisance
 from .starts import PREFIX
 
@@ -18,24 +20,40 @@ def _rotors(*weights: float) -> dict[str, float]:
     return {f"start.thrust_{i + 1}": w for i, w in enumerate(weights)}
 
 
-SCALE = Nuisance("thrust", {"thrust_scale.s": 1.0}, 0.03, "1", "thrust over what the map says", "thrust")
-TRIMS = (Nuisance("trim_roll", _motors(-1.0, -1.0, 1.0, 1.0), 0.03, "1", "motors left against right", "roll"),
-         Nuisance("trim_pitch", _motors(-1.0, 1.0, 1.0, -1.0), 0.03, "1", "motors at the back against the front",
-                  "pitch"),
-         Nuisance("trim_yaw", _motors(-1.0, 1.0, -1.0, 1.0), 0.03, "1", "motors of one spin against the others", "yaw"))
-TILT = (Nuisance("tilt_roll", {"frame_tilt.roll_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about x",
-                 "roll"),
-        Nuisance("tilt_pitch", {"frame_tilt.pitch_rad": 1.0}, 0.02, "rad", "thrust axis against the attitude, about y",
-                 "pitch"))
-STARTS = (Nuisance("rate_roll", {"start.rate_x": 1.0}, 0.05, "rad/s", "rate at the start, x", "roll"),
-          Nuisance("rate_pitch", {"start.rate_y": 1.0}, 0.05, "rad/s", "rate at the start, y", "pitch"),
-          Nuisance("rate_yaw", {"start.rate_z": 1.0}, 0.05, "rad/s", "rate at the start, z", "yaw"),
-          Nuisance("rotors_roll", _rotors(-1.0, -1.0, 1.0, 1.0), 0.01, "N", "rotors left against right, at the start",
-                   "roll"),
-          Nuisance("rotors_pitch", _rotors(-1.0, 1.0, 1.0, -1.0), 0.01, "N", "rotors at the back against the front, "
-                   "at the start", "pitch"),
-          Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), 0.01, "N", "rotors of one spin against the others, "
-                   "at the start", "yaw"))
+THRUST_SD = number("greybox.nuisance.thrust_sd")
+"""Spread of thrust over what the map says, between flights."""
+MOTOR_SD = number("greybox.nuisance.motor_sd")
+"""Spread of a motor's gain."""
+TILT_SD_RAD = number("greybox.nuisance.tilt_sd_rad")
+"""Spread of the thrust axis against the attitude: about a degree."""
+RATE_SD_RAD_S = number("greybox.nuisance.rate_sd_rad_s")
+"""Spread of the rate at the start: a gyro row differs by 0.03 rad/s from its smoothed neighbours."""
+ROTOR_SD_N = number("greybox.nuisance.rotor_sd_n")
+"""Spread of a rotor's thrust at the start: a tenth of it."""
+SCALE = Nuisance("thrust", {"thrust_scale.s": 1.0}, THRUST_SD, "1", "thrust over what the map says", "thrust")
+TRIMS = (
+    Nuisance("trim_roll", _motors(-1.0, -1.0, 1.0, 1.0), MOTOR_SD, "1", "motors left against right", "roll"),
+    Nuisance("trim_pitch", _motors(-1.0, 1.0, 1.0, -1.0), MOTOR_SD, "1", "motors at the back against the front",
+             "pitch"),
+    Nuisance("trim_yaw", _motors(-1.0, 1.0, -1.0, 1.0), MOTOR_SD, "1", "motors of one spin against the others", "yaw"),
+)
+TILT = (
+    Nuisance("tilt_roll", {"frame_tilt.roll_rad": 1.0}, TILT_SD_RAD, "rad", "thrust axis against the attitude, about x",
+             "roll"),
+    Nuisance("tilt_pitch", {"frame_tilt.pitch_rad": 1.0}, TILT_SD_RAD, "rad",
+             "thrust axis against the attitude, about y", "pitch"),
+)
+STARTS = (
+    Nuisance("rate_roll", {"start.rate_x": 1.0}, RATE_SD_RAD_S, "rad/s", "rate at the start, x", "roll"),
+    Nuisance("rate_pitch", {"start.rate_y": 1.0}, RATE_SD_RAD_S, "rad/s", "rate at the start, y", "pitch"),
+    Nuisance("rate_yaw", {"start.rate_z": 1.0}, RATE_SD_RAD_S, "rad/s", "rate at the start, z", "yaw"),
+    Nuisance("rotors_roll", _rotors(-1.0, -1.0, 1.0, 1.0), ROTOR_SD_N, "N",
+             "rotors left against right, at the start", "roll"),
+    Nuisance("rotors_pitch", _rotors(-1.0, 1.0, 1.0, -1.0), ROTOR_SD_N, "N",
+             "rotors at the back against the front, at the start", "pitch"),
+    Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), ROTOR_SD_N, "N",
+             "rotors of one spin against the others, at the start", "yaw"),
+)
 """Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree,
 a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench flights, which ones is not recorded); rotors by a
 tenth of their thrust."""

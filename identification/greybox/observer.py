@@ -15,23 +15,24 @@ import numpy as np
 from nanobench_tools import so3
 from nanobench_tools.methods import Past, Windows
 from nanobench_tools.physics import Model
+from nanobench_tools.settings import count, number, setting
 
 from .residuals import HORIZONS, errors, robust
 from .sensitivity import sensitivities
 from .solve import Nuisance
 from .views import Features
 
-STEP = 10
+STEP = count("greybox.observer.step")
 """Rows between the starts of pieces."""
-PIECES = 20
-WARM = 50
-MEMORIES = ((2, 20), (5, 50), (10, 50), (20, 50))
+PIECES = count("greybox.observer.pieces")
+WARM = count("greybox.observer.warm")
+MEMORIES = setting("greybox.observer.memories")
 """(pieces, longest horizon) that a set of nuisances is found from."""
-SHARE = 5.0
+SHARE = number("greybox.observer.share")
 """What a piece counts for beside the spread of the nuisances."""
-LAST = ((1, (1, 2, 5, 10)), (2, (20,)), (5, (50,)))
+LAST = setting("greybox.observer.last")
 """(piece, horizons) of which the errors themselves are features: the newest."""
-GYRO_ROWS = (1, 2, 3, 4, 5, 7, 10, 15, 20)
+GYRO_ROWS = setting("greybox.observer.gyro_rows")
 """Before the start."""
 CHUNK = 1024
 

@@ -12,26 +12,27 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.settings import number, setting
 
 from .solve import Prior
 
-RANGES: dict[str, tuple[float, float, str]] = {
-    "motor_lag.tau_up_s": (0.005, 0.15, "brushed motors with 46 mm propellers"),
-    "motor_lag.tau_down_s": (0.005, 0.15, "the same"),
-    "command_delay.delay_s": (0.0, 0.06, "stamps and one period of the radio log; never ahead of the command"),
-    "drag_torque.c": (-3e-3, 0.0, "the nose goes up against the wind"),
-    "inflow.k_z": (-0.02, 0.2, "climbing takes thrust"),
-    "inflow.k_h": (-0.05, 0.05, "translational lift"),
-    "yaw_torque.k_m": (0.0, 0.03, "turns against the rotor"),
-}
+RANGES: dict[str, tuple[float, float, str]] = setting("greybox.ranges.ranges")
 """Name -> (lower, upper, why)."""
 
-LEAST_INERTIA = 0.1
+LEAST_INERTIA = number("greybox.ranges.least_inertia")
 """Of the inertia that the vehicle would have with all its mass at the motors, which is the most it can have."""
 
 FIRMWARE_MASS_KG, FIRMWARE_INERTIA = 0.027, (1.66e-5, 1.67e-5, 2.93e-5)
 """Crazyflie 2.1 without load: crazyflie-firmware, controller_lee.c. A load near the centre adds inertia about in
 proportion to mass."""
+LAG_UP_S: tuple[float, float] = setting("greybox.ranges.lag_up_s")
+"""Mean and standard deviation of what is believed of the lag up before any flight."""
+LAG_DOWN_S: tuple[float, float] = setting("greybox.ranges.lag_down_s")
+"""The same of the lag down."""
+INERTIA_SD = number("greybox.ranges.inertia_sd")
+"""Of the firmware's inertia, scaled with the mass: standard deviation of what is believed."""
+MEAN_SD = number("greybox.ranges.mean_sd")
+"""Sum of the motors' gains, which only counts that their mean is 1."""
 
 
 def bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -54,12 +55,12 @@ def most_inertia(model: Model) -> np.ndarray:
 
 def priors(model: Model) -> tuple[Prior, ...]:
     """Soft terms of a fit of ``model``; what it does not have is left out."""
-    found = [Prior(tuple(f"motor_imbalance.g[{i}]" for i in range(4)), 4.0, 1e-4, "gains have mean 1", (1.0,) * 4),
-             Prior(("motor_lag.tau_up_s",), 0.03, 0.01, "motor_lag: " + _source("motor_lag", "tau_up_s")),
-             Prior(("motor_lag.tau_down_s",), 0.04, 0.01, "motor_lag: " + _source("motor_lag", "tau_down_s"))]
+    found = [Prior(tuple(f"motor_imbalance.g[{i}]" for i in range(4)), 4.0, MEAN_SD, "gains have mean 1", (1.0,) * 4),
+             Prior(("motor_lag.tau_up_s",), *LAG_UP_S, "motor_lag: " + _source("motor_lag", "tau_up_s")),
+             Prior(("motor_lag.tau_down_s",), *LAG_DOWN_S, "motor_lag: " + _source("motor_lag", "tau_down_s"))]
     for axis in (0, 1):
         mean = FIRMWARE_INERTIA[axis] * model.vehicle.mass_kg / FIRMWARE_MASS_KG
-        found.append(Prior((f"inertia.inertia_kg_m2[{axis}]",), mean, 0.3 * mean,
+        found.append(Prior((f"inertia.inertia_kg_m2[{axis}]",), mean, INERTIA_SD * mean,
                            "firmware controller_lee.c, scaled with the mass"))
     return tuple(p for p in found if all(name in model.names for name in p.names))
 

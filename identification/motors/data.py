@@ -17,27 +17,28 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.protocols.usable import MOTORS, missing, tidy
+from nanobench_tools.settings import number, setting
 from nanobench_tools.units import PWM_FULL_SCALE
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 NEEDED: Mapping[str, Sequence[str]] = {"rpm": MOTORS, "motor": MOTORS, "battery": ("vbat",), "imu": ("acc_z", *GYRO)}
 STATE = {"estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw")}
 
-SLOWEST_HZ = 200.0
+SLOWEST_HZ = number("motors.data.slowest_hz")
 """Below this the log is no faster than a radio and shows little of a lag of tens of milliseconds."""
 
-GAP = 1.6
+GAP = number("motors.data.gap")
 """Steps longer than this many typical ones end a stretch."""
-SHORTEST_S = 0.5
-SPINNING_RAD_S = 100.0
-SHARE_OF_FLYING = 0.5
+SHORTEST_S = number("motors.data.shortest_s")
+SPINNING_RAD_S = number("motors.data.spinning_rad_s")
+SHARE_OF_FLYING = number("motors.data.share_of_flying")
 """A rotor below this share of its usual speed is idling or not measured."""
-NOT_MEASURED_SHARE = 0.02
-SMOOTH_S = 0.2
-STANDING = (0.02, 0.02)
+NOT_MEASURED_SHARE = number("motors.data.not_measured_share")
+SMOOTH_S = number("motors.data.smooth_s")
+STANDING = setting("motors.data.standing")
 """Body rate rad/s and speed m/s below which a vehicle with running motors stands (95th percentile); hover has 0.05."""
 STEADY_PWM = 200.0 / PWM_FULL_SCALE
-STEADY_V = 0.01
+STEADY_V = number("motors.data.steady_v")
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nanobench_tools.metrics.statistics import bootstrap_interval
+from nanobench_tools.settings import number
 
 from .data import Log
 
-AVERAGE_S = 0.1
-ONE_VEHICLE = 1.3
+AVERAGE_S = number("motors.force.average_s")
+ONE_VEHICLE = number("motors.force.one_vehicle")
 """k_f / m of flights of one vehicle agrees within a few per cent; another propeller or load is further away."""
 
 

@@ -23,10 +23,12 @@ from nanobench_tools.physics.ops import NUMPY
 from nanobench_tools.physics.rollout import compiled_lagged
 from nanobench_tools.physics.term import Situation, Stage
 from nanobench_tools.physics.terms.thrust_rpm import TERM as THRUST_RPM
+from nanobench_tools.settings import setting
 
 from .data import Log
 
-WINDOW_S, BEFORE_S = 1.0, 0.3
+WINDOW_S = setting("motors.lag.window_s")
+BEFORE_S = setting("motors.lag.before_s")
 """Length of a window and of the commands before it that the rotors are warmed up on (six time constants)."""
 
 UP, DOWN, DELAY = "motor_lag.tau_up_s", "motor_lag.tau_down_s", "command_delay.delay_s"
@@ -39,7 +41,7 @@ CANDIDATES: Mapping[str, tuple[str, ...]] = {
     "up and down + delay": ("up", "down", "delay")}
 """What is fitted, the simplest first; the rest is zero, or the same up and down."""
 
-NO_WORSE = 1.02
+NO_WORSE = setting("motors.lag.no_worse")
 """A simpler candidate is preferred to one that is better on held-out flights by less than this factor."""
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from nanobench_tools.practice.logging_chain import LoggingChain, received, resample
 from nanobench_tools.practice.timeline import TICK_S
+from nanobench_tools.settings import number
 
 from .data import Log
 
-RADIO_HZ = 77.0
+RADIO_HZ = number("motors.radio.radio_hz")
 """Packets a second that arrive on average."""
 
 CHAIN = LoggingChain()

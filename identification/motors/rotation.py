@@ -21,18 +21,20 @@ from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import QUATERNION, RATE
 from nanobench_tools.physics.rollout import rollout
+from nanobench_tools.settings import count, setting
 
 from .data import Log
 from .lag import BEFORE_S, Lag
 from .radio import COARSE, coarse_rows
 
-FIT_ROWS, SCORED_ROWS = 10, 50
+FIT_ROWS = count("motors.rotation.fit_rows")
+SCORED_ROWS = count("motors.rotation.scored_rows")
 """Rows of 10 ms that are fitted to (100 ms) and predicted."""
-MOST_WINDOWS = 300
+MOST_WINDOWS = count("motors.rotation.most_windows")
 """For a fit; more change parameters by less than their intervals."""
-LOSS_RAD_S = 0.1
+LOSS_RAD_S = setting("motors.rotation.loss_rad_s")
 
-TRIM_S = 0.1
+TRIM_S = setting("motors.rotation.trim_s")
 """Of the past from which a window's constant moment is learnt; 0.04 to 0.3 s were tried on the public logs."""
 
 FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m", "drag_torque.c",

@@ -17,13 +17,14 @@ from identification.thrust.choose import HeldOut, choose
 from identification.thrust.fit import Fit, fit_stands
 from identification.thrust.maps import MAPS, Map
 from identification.thrust.stand import Stand
+from nanobench_tools.settings import count, number
 
 from .data import Log
 from .force import averaged
 from .lag import Lag
 
-BLOCK_S = 0.25
-MOST_FOLDS = 6
+BLOCK_S = number("motors.steady.block_s")
+MOST_FOLDS = count("motors.steady.most_folds")
 PASSES = 4
 """Alternations between the curve and the motors' gains; the fourth changes gains by less than 1e-4."""
 CANDIDATES: Mapping[str, Map] = {name: m for name, m in MAPS.items() if m.fixed is None}

@@ -14,6 +14,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.vehicle import BOUNDS
+from nanobench_tools.settings import count, setting
 
 from . import lag as lagging
 from . import rotation as turning
@@ -21,8 +22,8 @@ from . import steady, torque
 from .data import Log, read_logs
 from .force import ONE_VEHICLE, Force, errors, fit_force
 
-MOST_FOLDS = 3
-AGREES = 0.2
+MOST_FOLDS = count("motors.study.most_folds")
+AGREES = setting("motors.study.agrees")
 """Slopes of the map from slow and from fast changes that differ by less are one map."""
 
 

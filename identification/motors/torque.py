@@ -15,12 +15,13 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number, setting
 
 from .data import Log
 
-BAND_HZ = (3.0, 30.0)
+BAND_HZ = setting("motors.torque.band_hz")
 SHIFTS_S = np.arange(-0.004, 0.0161, 0.0005)
-SHORTEST_S = 2.0
+SHORTEST_S = number("motors.torque.shortest_s")
 """Shorter stretches are mostly the band-pass's own ends."""
 
 

@@ -12,19 +12,20 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
+from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .fit import AT_BOUND
 from .flown import Flown, join
 from .maps import Map
 
-DOUBT_S = 1.0
+DOUBT_S = number("thrust.balanced.doubt_s")
 """Seconds in the air that the map itself counts for beside what was remembered (training flights held out in turn)."""
 
-LEAST_BALANCE = 0.5
+LEAST_BALANCE = number("thrust.balanced.least_balance")
 """Inputs that carry less than half of the weight carry nothing that flies."""
 
-FIT_ROWS = 4000
+FIT_ROWS = count("thrust.balanced.fit_rows")
 
 
 def balance(carried_m_s2: np.ndarray, seconds: np.ndarray) -> np.ndarray:

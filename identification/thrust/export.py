@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from nanobench_tools.physics.ops import casadi_ops, import_casadi
+from nanobench_tools.settings import number, setting
 
 from .firmware import LOWEST_BATTERY_V, constants, motor_voltage
 from .fit import Fit
@@ -19,10 +20,10 @@ DEGREE = 3
 """Of the polynomial of the motor voltage that stands for a map the simulator has no term for."""
 
 GRID = 41
-LEAST_CUBES = (1e-6, 5e-4, 1e-3, 2e-3, 4e-3)
+LEAST_CUBES = setting("thrust.export.least_cubes")
 """Smallest c_3 [N/V^3] tried in turn, until the firmware's single precision solves the cubic."""
 
-SOLVED_WITHIN = 0.005
+SOLVED_WITHIN = number("thrust.export.solved_within")
 """Error of that solution, as a share of the largest thrust."""
 
 LEAST_SHARE = 7000.0 / 65535.0

@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
+from nanobench_tools.settings import number
+
 from .maps import FROM_ELSEWHERE, Map, Numbers
 from .stand import STEADY_V, Stand
 
-AT_BOUND = 2e-3
+AT_BOUND = number("thrust.fit.at_bound")
 """Share of the allowed range within which a value counts as on its bound."""
 
 STARTS = (0.0, -0.25, 0.25)
 """Where a search starts, as shares of the allowed range away from the map's own start."""
 
-EFFECTIVE_ROWS = 20.0
+EFFECTIVE_ROWS = number("thrust.fit.effective_rows")
 """How many independent rows a file counts as against a prior: its errors are systematic (creep of the load cell, a warm
 motor), so that more rows of the same run do not know more."""
 

@@ -17,30 +17,31 @@ from nanobench_tools import so3
 from nanobench_tools.content.airborne import resting_height_m
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
+from nanobench_tools.settings import count, number
 from nanobench_tools.units import PWM_FULL_SCALE
 
-RATE_HZ = 100.0
-EVERY = 5
-CUT_HZ = 3.0
-SETTLED_S = 0.25
-ABOVE_M = 0.4
-EDGE_S = 1.0
+RATE_HZ = number("thrust.flown.rate_hz")
+EVERY = count("thrust.flown.every")
+CUT_HZ = number("thrust.flown.cut_hz")
+SETTLED_S = number("thrust.flown.settled_s")
+ABOVE_M = number("thrust.flown.above_m")
+EDGE_S = number("thrust.flown.edge_s")
 """Cut from both ends of a span where no height is known."""
 
-TRIM_S = 20.0
-HEAT_S = 5.0
+TRIM_S = number("thrust.flown.trim_s")
+HEAT_S = number("thrust.flown.heat_s")
 """Time constants of what is remembered of the inputs: how unevenly the motors are driven, how warm they are. Smallest
 error of whole training flights held out in turn (5 folds of the Task 1 training flights; trim 5 to 40 s, heat 2.5 to
 30 s); test flights had no say."""
 
-LIFT_S = 5.0
+LIFT_S = number("thrust.flown.lift_s")
 """Time constant of the memory of what carried the vehicle. Training flights held out in turn: 3 to 10 s do as well."""
 
-CLIMB_OFF_S = 0.5
+CLIMB_OFF_S = number("thrust.flown.climb_off_s")
 """After the start of the air that is left out of that memory: it leaves the ground."""
 
 NEEDED = {"imu": ("acc_z",), "motor": ("m1", "m2", "m3", "m4"), "battery": ("vbat",)}
-FEWEST_ROWS = 60
+FEWEST_ROWS = count("thrust.flown.fewest_rows")
 """Three seconds at 20 Hz."""
 
 _FILTER = butter(2, CUT_HZ, fs=RATE_HZ, output="sos")

@@ -14,16 +14,17 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from nanobench_tools.protocols.sessions import Sessions
+from nanobench_tools.settings import count
 
 from .flight_fit import FlightFit, FlightModel
 from .flown import Flown
 
 PROBABILITY = 0.95
 
-FEWEST_SESSIONS = 3
+FEWEST_SESSIONS = count("thrust.intervals.fewest_sessions")
 """Fewer say nothing about a spread; they count as so many."""
 
-FEW_ROWS = 30
+FEW_ROWS = count("thrust.intervals.few_rows")
 """Rows of a flight that the spread of refits is taken from."""
 
 

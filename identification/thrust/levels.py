@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .flown import Flown
@@ -19,10 +20,10 @@ from .intervals import half_width
 from .study import Study
 from .tables import Scored, can_predict, score
 
-FIRST_S = 3.0
+FIRST_S = number("thrust.levels.first_s")
 """Seconds of the flight, from its first row, whose accelerometer is given."""
 
-CORRELATION_S = 1.0
+CORRELATION_S = number("thrust.levels.correlation_s")
 """Errors within one hold about this long."""
 
 GIVEN_FIRST = f"the plain row's and the accelerometer of the flight's first {FIRST_S:.0f} s in the air"

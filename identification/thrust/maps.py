@@ -23,6 +23,7 @@ from nanobench_tools.physics.ops import NUMPY, Ops
 from nanobench_tools.physics.term import Stage
 from nanobench_tools.physics.terms.thrust_pwm import TERM as THRUST_PWM
 from nanobench_tools.physics.terms.thrust_voltage import TERM as THRUST_VOLTAGE
+from nanobench_tools.settings import setting
 
 from .firmware import LEGACY, PLUS, PropellerSet
 
@@ -148,7 +149,7 @@ def firmware_map(propellers: PropellerSet) -> Map:
                        f"the firmware's cubic for {propellers.words}, as published", fixed=propellers.c)
 
 
-DROP_PRIOR_V = (1.3, 0.8)
+DROP_PRIOR_V = setting("thrust.maps.drop_prior_v")
 """Mean and SD of what is known of ``s`` before any data: a diode's 0.3 to 0.6 V, and 4 to 8 A through 0.1 to 0.2 ohm
 of a small cell. One discharge of one battery ties the voltage to the PWM and says little of its own."""
 

@@ -9,22 +9,23 @@ import numpy as np
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
+from nanobench_tools.settings import count, number, setting
 
 MOTORS = 4
-FEWEST_ROWS = 12
-SPINNING_RAD_S = 50.0
+FEWEST_ROWS = count("thrust.stand.fewest_rows")
+SPINNING_RAD_S = number("thrust.stand.spinning_rad_s")
 """A rotor slower than this (500 rpm) stands, or is coasting down."""
 
-NOISE_FACTOR = 4.0
-SHARE_OF_LARGEST = 0.01
+NOISE_FACTOR = number("thrust.stand.noise_factor")
+SHARE_OF_LARGEST = number("thrust.stand.share_of_largest")
 """Without rotor speeds a row spins where its thrust sticks out of the noise of the rows at PWM 0, or where there are
 none, above this share of the largest thrust."""
 
-THRUST_PER_VOLT_N = (1e-3, 2.0)
+THRUST_PER_VOLT_N = setting("thrust.stand.thrust_per_volt_n")
 """Peak thrust per motor and volt of anything between a 1-cell toy and a 6-cell racer: outside a unit is wrong."""
 
-BATTERY_V = (0.5, 60.0)
-STEADY_V = 0.01
+BATTERY_V = setting("thrust.stand.battery_v")
+STEADY_V = number("thrust.stand.steady_v")
 """A voltage that varies less tells nothing about itself."""
 
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.metrics.statistics import bootstrap_ratio
+from nanobench_tools.settings import number
 
 from .flight_fit import FlightModel
 from .flown import Flown
 from .stand import Stand
 from .study import AnyFit, File, Study, errors, is_flown, predicted, study
 
-SAME_PROPELLER = 1.15
+SAME_PROPELLER = number("thrust.tables.same_propeller")
 """Thrust per squared rotor speed of one type of propeller is the same within this factor; types differ by 1.4."""
 
 POINTS = 300

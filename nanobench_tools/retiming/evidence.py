@@ -21,22 +21,23 @@ from ..content.tails import alive_until
 from ..content.truth import STEP_S, Truth, truth_of
 from ..flight import Stream
 from ..frames import gravity_up
+from ..settings import count, number, setting
 from .delivery import CELL_S
 
-MARGIN_S = 0.5
+MARGIN_S = number("retiming.evidence.margin_s")
 """The truth is held so far beyond its ends, so that shifted stamps stay on the grid."""
 
-DETREND_S = 3.0
+DETREND_S = number("retiming.evidence.detrend_s")
 """Slow differences that are not time (drag, tilt of the frames, yaw drift) are removed below 1 / DETREND_S; the time
 error itself has forgotten its past after 0.5 s."""
 
-LAGS_S = 0.12
+LAGS_S = number("retiming.evidence.lags_s")
 """A stream's constant lag is sought within +-LAGS_S of the delay believed so far."""
 
-ENOUGH = 1500
+ENOUGH = count("retiming.evidence.enough")
 """Samples that are enough to find a lag."""
 
-ALIKE_S = 0.5
+ALIKE_S = number("retiming.evidence.alike_s")
 """Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
 
 
@@ -59,12 +60,18 @@ class Kind:
     typical_weight: float
 
 
+START: dict[str, tuple[float, float]] = setting("retiming.evidence.start")
+"""First and smallest noise that is believed of a kind, SI."""
+TYPICAL: dict[str, tuple[float, float, float]] = setting("retiming.evidence.typical")
+"""Lag behind the gyro [s], noise [SI] and weight of a kind, for a causal clock, which cannot learn them."""
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (
-    Kind("gyro", "imu", ("gyro_x", "gyro_y", "gyro_z"), 0.15, 0.02, False, "inertial", 0.0, 0.05, 0.25),
-    Kind("acceleration", "imu", ("acc_x", "acc_y", "acc_z"), 0.8, 0.1, True, "inertial", 0.015, 0.1, 0.22),
-    Kind("attitude", "attitude_qw", ("qx", "qy", "qz", "qw"), 0.012, 0.002, True, "estimator", 0.014, 0.0074, 0.15),
-    Kind("velocity", "estimator", ("vx", "vy", "vz"), 0.06, 0.01, False, "estimator", 0.006, 0.025, 0.1),
-    Kind("position", "estimator", ("x", "y", "z"), 0.002, 0.0005, False, "estimator", 0.022, 0.0005, 0.18),
+    Kind("gyro", "imu", ("gyro_x", "gyro_y", "gyro_z"), *START["gyro"], False, "inertial", *TYPICAL["gyro"]),
+    Kind("acceleration", "imu", ("acc_x", "acc_y", "acc_z"), *START["acceleration"], True, "inertial",
+         *TYPICAL["acceleration"]),
+    Kind("attitude", "attitude_qw", ("qx", "qy", "qz", "qw"), *START["attitude"], True, "estimator",
+         *TYPICAL["attitude"]),
+    Kind("velocity", "estimator", ("vx", "vy", "vz"), *START["velocity"], False, "estimator", *TYPICAL["velocity"]),
+    Kind("position", "estimator", ("x", "y", "z"), *START["position"], False, "estimator", *TYPICAL["position"]),
 )}
 
 

@@ -19,6 +19,7 @@ from ..content.context import Context
 from ..content.truth import STEP_S, Truth, truth_of
 from ..errors import InputError
 from ..flight import Flight, Stream
+from ..settings import number
 from .confirm import evidence_gain
 from .delivery import CELL_S
 from .evidence import Evidence, Kind
@@ -26,20 +27,21 @@ from .infer import ROW_S, smooth_delay
 from .warp import ClockWarp, wander_of
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
-BAND_HZ = 6.0
-SLOW_S = 1.5
+BAND_HZ = number("retiming.pairing.band_hz")
+SLOW_S = number("retiming.pairing.slow_s")
 """Rates are compared between 1 / SLOW_S and BAND_HZ: above is vibration, and that a vehicle turns in the air and not on
 the ground is true of any two flights."""
 
-LIKENESS = 0.55
+LIKENESS = number("retiming.pairing.likeness")
 """Correlation of the rates, once the frames are turned onto each other, below which two recordings are not of one
 flight: 0.60-0.93 for those that are, at most 0.46 for those that are not (18 real flights)."""
 
-RIVAL_S, RIVAL_SHARE = 0.5, 0.7
+RIVAL_S = number("retiming.pairing.rival_s")
+RIVAL_SHARE = number("retiming.pairing.rival_share")
 """A second offset, further than RIVAL_S away, whose magnitudes fit RIVAL_SHARE as well makes the first a guess (a path
 flown several times over looks like itself); 0.19-0.57 on the 18."""
 
-SQUARE_RAD = np.deg2rad(15.0)
+SQUARE_RAD = number("retiming.pairing.square_rad")
 """A tracker's body frame that seems to lie closer than this to the gyro's axes is left as it is: noise alone turns the
 answer by up to 12 degrees."""
 
