@@ -86,7 +86,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
     learned rows, None for no such rows; ``published``: the published ones too."""
     from ..harness import make_item
-    from ..protocols import compare, task1
+    from ..protocols import compare, response, task1
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
@@ -115,6 +115,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             rows += task1.tabulate(predictor, truth, mine, options.seed, options.sessions)
             scored[predictor.name, truth] = mine
     compare.predictions(rows, scored, choice.best, options.sessions, options.seed)
+    asked = [make_item(response.command_response, {"cases": response.few(chosen.test), "predictor": predictor},
+                       f"{predictor.name}, answer to commands", file=chosen.test[0].flight.provenance.path)
+             for predictor in predictors]
+    answers = options.run(asked, "commands").values
     for row in rows:
         row["clock"] = options.clock
         if row["model"] in fits:
@@ -123,11 +127,17 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                     "nuisances_in_training": list(result["nuisances"])}
         if row["model"] == SIMULATOR:
             row |= {"uses": f"{choice.exported} as exported: one constant vehicle, inputs and start state alone"}
+    for predictor, item in zip(predictors, asked, strict=True):
+        if item.key in answers:
+            for row in rows:
+                if (row["model"], row["group"]) == (predictor.name, "all"):
+                    row["command_response"] = answers[item.key]
     if learned:
         from .sysid_learned import draw
 
         draw(options, rows, learned, predictors, chosen.test)
     _show(options, rows, chosen)
+    _show_commands(options, rows)
     _show_fits(options, fits, choice)
     return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and p.name != SIMULATOR
@@ -191,6 +201,32 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     show_ratios(options, [(f"{row['model']}, {row['truth']}", row) for row in rows if row["group"] == "all"],
                 [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
+
+
+def _show_commands(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..protocols.response import MIX, SHOWN_S
+
+    found = {row["model"]: row["command_response"] for row in rows if "command_response" in row}
+    if not found:
+        return
+    one = next(iter(found.values()))
+    table = Table(title=f"Answer to a step of {one['step']:g} of PWM in the inputs, {data_word(options)} data, "
+                        f"{one['windows']} windows: change after {SHOWN_S} s, and its share of rigid-body physics of "
+                        "numbers from firmware, scale and ruler", title_justify="left", box=box.SIMPLE_HEAD,
+                  pad_edge=False)
+    table.add_column("model")
+    for name in MIX:
+        table.add_column(f"{name} {one[name]['after_s'][SHOWN_S]['unit']}", justify="right", no_wrap=True)
+    table.add_column("is it a vehicle?")
+    for model, answer in found.items():
+        cells = [f"{answer[name]['after_s'][SHOWN_S]['answer']:+.4f} x {answer[name]['ratio']:.3f}"
+                 + (" WRONG" if answer[name]["sign"] == "wrong" else "") for name in MIX]
+        table.add_row(escape(model), *cells, answer["vehicle"] or "signs are right")
+    options.show(table)
 
 
 def _cell(found: Mapping[str, float], ci95: Mapping[str, Any]) -> str:

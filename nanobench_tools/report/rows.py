@@ -64,7 +64,8 @@ def tables_of(results: Mapping[str, Mapping[str, Any]], synthetic: bool) -> list
     """Every table the results allow, in the order of the page; a result that is absent makes none."""
     tables: list[Table] = []
     if sysid := results.get("sysid"):
-        tables += [task1(sysid, synthetic), task1_clocks(sysid, synthetic), *task1_parameters(sysid, synthetic)]
+        tables += [task1(sysid, synthetic), task1_commands(sysid, synthetic), task1_clocks(sysid, synthetic),
+                   *task1_parameters(sysid, synthetic)]
     if thrust := results.get("thrust"):
         tables.append(thrust_maps(thrust, synthetic))
     if control := results.get("control"):
@@ -114,6 +115,23 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
                   note, main).without_empty_columns()
     return _clock_in_place(table)
+
+
+def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """What every model answers to a command put into its inputs, and whether that is a vehicle."""
+    rows = [row for row in one_truth(sysid.get("rows", [])) if row.get("command_response")]
+    names = ("roll", "pitch", "yaw", "thrust")
+    columns = (Column("model", "Model"), CLOCK, *(Column(name, f"{name} / physics", "score", decimals=3)
+                                                  for name in names),
+               Column("vehicle", "Is it a vehicle?"), Column("windows", "Windows", "count"), DATA)
+    lines = tuple((_text(row.get("model")), clock_of(row),
+                   *(Score.of(row["command_response"][name]["ratio"]) for name in names),
+                   row["command_response"]["vehicle"] or "signs are right", _count(row["command_response"]["windows"]),
+                   data_label(synthetic)) for row in rows)
+    return _clock_in_place(Table(
+        "table_task1_commands", "Task 1: answer to a roll, pitch, yaw and thrust command put into the inputs", columns,
+        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, as a share of rigid-body physics of "
+               "numbers from firmware, scale and ruler; 1 is the physics', below 0 turns the other way."))
 
 
 def task1_clocks(sysid: Mapping[str, Any], synthetic: bool) -> Table:

@@ -1,0 +1,130 @@
+"""Is a predictor a vehicle? Its answer to a command that is put into the inputs of real windows.
+
+A step of PWM, as a controller would command roll, pitch, yaw or thrust, is added to and taken from the logged inputs
+of a window from its start on; nothing else of the window changes. Half the difference of the two predictions is the
+answer: of the body rate [rad/s], for thrust of the velocity [m/s] along the body's z at the start. A predictor that
+turns the other way than its motors push, or not at all, may predict flights well and is no vehicle to close a loop
+around. Any predictor is asked through the same contract.
+
+The size is compared with rigid-body physics: the firmware's thrust curve and yaw arm, mass, inertia and geometry of the
+vehicle; of its numbers only the motor lag comes from recordings of flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from .. import so3
+from ..errors import InputError
+from ..methods import Past, Prediction, Predictor, Windows
+from ..settings import number
+from .task1 import Case
+from .windows import cut_windows
+
+MIX = {"roll": (-1.0, -1.0, 1.0, 1.0), "pitch": (-1.0, 1.0, 1.0, -1.0), "yaw": (-1.0, 1.0, -1.0, 1.0),
+       "thrust": (1.0, 1.0, 1.0, 1.0)}
+"""Motors 1..4 (front right, back right, back left, front left): where each pushes, as the firmware's X mixer has it in
+axes x forward, y left, z up; motors 2 and 4 turn the vehicle to the left."""
+STEP = number("prediction.response.step")
+AFTER_ROWS = {"0.1": 10, "0.2": 20, "0.5": 50}
+"""Seconds after the step -> rows; the verdict hears all of them."""
+SHOWN_S = "0.2"
+FLIGHTS, PER_FLIGHT = 12, 5
+"""Windows that are asked, spread evenly over test flights and over each of them."""
+NONE = 0.01
+"""An answer below this share of the physics' is none."""
+LAG_S = number("prediction.response.lag_s")
+
+
+def reference() -> Predictor:
+    """Physics with numbers from firmware, scale and ruler."""
+    from ..firmware.motors import YAW_ARM_M
+    from ..firmware.thrust_curve import COEFFICIENTS
+    from ..physics import Model, Vehicle
+    from ..physics.predictor import ModelPredictor
+
+    return ModelPredictor(Model(Vehicle(), {
+        "thrust_voltage": {"c": COEFFICIENTS}, "yaw_torque": {"k_m": float(YAW_ARM_M)},
+        "motor_lag": {"tau_up_s": LAG_S, "tau_down_s": LAG_S}}), "reference")
+
+
+def few(cases: Sequence[Case]) -> list[Case]:
+    """At most FLIGHTS of ``cases``, spread evenly."""
+    return [cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, FLIGHTS).astype(int))] if cases else []
+
+
+def probed(cases: Sequence[Case], past: bool) -> Windows | None:
+    """About FLIGHTS x PER_FLIGHT windows of ``cases``; None when there is none."""
+    parts = []
+    for case in few(cases):
+        cut = cut_windows(case.flight, case.spans, "onboard", past=past)
+        if cut is not None:
+            rows = np.unique(np.linspace(0, len(cut[0]) - 1, PER_FLIGHT).astype(int))
+            parts.append(_taken([cut[0]], lambda x, rows=rows: x[0][rows]))
+    return _taken(parts, np.concatenate) if parts else None
+
+
+def _taken(parts: Sequence[Any], of: Any) -> Any:
+    """``of`` the arrays of several Windows or Past, field by field."""
+    found: dict[str, Any] = {}
+    for field in fields(parts[0]):
+        values = [getattr(part, field.name) for part in parts]
+        if isinstance(values[0], np.ndarray):
+            found[field.name] = of(values)
+        elif isinstance(values[0], Past):
+            found[field.name] = _taken(values, of)
+    return replace(parts[0], **found)
+
+
+def answers(predictor: Predictor, windows: Windows) -> dict[str, np.ndarray]:
+    """{roll, pitch, yaw, thrust: (n, H)}: change of rad/s (thrust: m/s) 1..H rows after a step of STEP."""
+    steps = [sign * STEP * np.array(mix) for mix in MIX.values() for sign in (1.0, -1.0)]
+    many = _taken([windows] * len(steps), np.concatenate)
+    moved = np.concatenate([windows.motor + step for step in steps])
+    found: Prediction = predictor.predict(replace(many, motor=moved))
+    shape = (len(MIX), 2, len(windows), windows.horizon, 3)
+    rate, velocity = (np.asarray(x, float).reshape(shape) for x in (found.rate_rad_s, found.velocity_m_s))
+    turned, pushed = (0.5 * (x[:, 0] - x[:, 1]) for x in (rate, velocity))
+    up = so3.rotate(windows.quaternion, np.array([0.0, 0.0, 1.0]))
+    lift = np.sum(pushed[3] * up[:, None], axis=-1)
+    return {"roll": turned[0, ..., 0], "pitch": turned[1, ..., 1], "yaw": turned[2, ..., 2], "thrust": lift}
+
+
+def command_response(cases: Sequence[Case], predictor: Predictor) -> dict[str, Any]:
+    """``command_response`` of a row: {roll, pitch, yaw, thrust: {sign, ratio, after_s, right_share}, windows, step,
+    vehicle}.
+
+    sign: ``right``, ``wrong`` (at any of AFTER_ROWS) or ``none``; after_s {"0.1", "0.2", "0.5": {answer, physics,
+    unit}} per ``step`` of PWM, mean over windows; ratio: answer over physics after SHOWN_S; right_share: of the windows
+    whose own answer then has the right sign. vehicle: a sentence, empty for one whose signs are all right. InputError
+    where there is no window.
+    """
+    windows = probed(cases, predictor.information == "past")
+    if windows is None:
+        raise InputError("command response", "no window to put a command into")
+    mine, theirs = answers(predictor, windows), answers(reference(), replace(windows, past=None))
+    found: dict[str, Any] = {}
+    for name, answer in mine.items():
+        unit = "m/s" if name == "thrust" else "rad/s"
+        means = {s: (float(answer[:, rows - 1].mean()), float(theirs[name][:, rows - 1].mean()))
+                 for s, rows in AFTER_ROWS.items()}
+        ratios = [own / physics for own, physics in means.values()]
+        sign = "wrong" if min(ratios) < -NONE else "right" if means[SHOWN_S][0] / means[SHOWN_S][1] > NONE else "none"
+        own, physics = means[SHOWN_S]
+        found[name] = {"sign": sign, "ratio": own / physics,
+                       "after_s": {s: {"answer": a, "physics": p, "unit": unit} for s, (a, p) in means.items()},
+                       "right_share": float(np.mean(answer[:, AFTER_ROWS[SHOWN_S] - 1] > 0.0))}
+    return {**found, "windows": len(windows), "step": STEP, "vehicle": no_vehicle(found)}
+
+
+def no_vehicle(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Why a predictor with these answers is no vehicle; empty for one that is."""
+    wrong = [name for name in MIX if found[name]["sign"] == "wrong"]
+    none = [name for name in MIX if found[name]["sign"] == "none"]
+    parts = ([f"answers {', '.join(wrong)} with the wrong sign"] if wrong else []) + (
+        [f"does not answer {', '.join(none)}"] if none else [])
+    return f"no vehicle: {'; '.join(parts)}" if parts else ""
