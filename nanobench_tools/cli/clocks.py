@@ -118,6 +118,7 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
     clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
     in ``by_clock``."""
+    from ..protocols import compare
     from ..protocols.selection import distinct
     from .sysid import SIMULATOR, sysid_body
 
@@ -132,6 +133,7 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
 
     files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}
     body = join(given.options, [(f"clock {clock}", partial(on, clock, name)) for clock, name in files.items()])
+    compare.prediction_clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
     first, *others = found
     return {**body, "clock": first, "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
 

@@ -102,10 +102,10 @@ def show_ratios(options: Options, rows: Sequence[tuple[str, Mapping[str, Any]]],
 
 
 def ratio_text(ratio: float | None, ci95: Sequence[float] | None) -> str:
-    """``0.93 (0.88 .. 0.99)``; without interval the ratio alone."""
+    """``0.930 (0.881 .. 0.992)``; without interval the ratio alone."""
     if ratio is None:
         return "-"
-    return f"{ratio:.2f}" + (f" ({ci95[0]:.2f} .. {ci95[1]:.2f})" if ci95 else "")
+    return f"{ratio:.3f}" + (f" ({ci95[0]:.3f} .. {ci95[1]:.3f})" if ci95 else "")
 
 
 ALL_FAILED = "every method failed on it"

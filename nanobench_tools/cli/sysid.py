@@ -139,7 +139,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show(options, rows, chosen)
     _show_commands(options, rows)
     _show_fits(options, fits, choice)
-    return {"rows": rows, "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
+    return {"rows": rows, "per_flight": compare.flight_means(scored, options.clock),
+            "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and p.name != SIMULATOR
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
             "best": choice.best, "best_chosen_on": choice.chosen_on([p.name for p in learned

@@ -92,8 +92,9 @@ def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = Non
         low, high = _bca(total, n, seed, probability, resamples)
     else:
         weights = draws(tuple(np.sort(owner).tolist()), seed, resamples)
+        drawn = weights @ n if np.ptp(n) else n[0, 0] * weights.sum(axis=1, keepdims=True)
         with np.errstate(divide="ignore", invalid="ignore"):
-            low, high = np.percentile((weights @ total) / (weights @ n), [tail, 100.0 - tail], axis=0)
+            low, high = np.percentile((weights @ total) / drawn, [tail, 100.0 - tail], axis=0)
     return Interval(low.reshape(shape), high.reshape(shape), why, found)
 
 

@@ -22,6 +22,7 @@ COMPARED_WITH = "drag_matrix_ekf"
 """The method that others are compared with where it is among them, else the first one of the table."""
 ERRORS = ("_m", "_m_s", "_deg", "_rad", "_rad_s")
 """Endings of metrics that are errors, of which a ratio says something; and drifts."""
+KEYS = (*map(str, HORIZONS), "sum")
 
 Scores = Mapping[str, Mapping[str, float | None]]
 """{flight: {metric: value}} of one row."""
@@ -119,11 +120,40 @@ def predictions(rows: Sequence[dict[str, Any]], scored: Mapping[tuple[str, str],
             continue
         a, b = (np.array([_sums(p[side]) for p in pairs]) for side in (1, 2))
         b *= np.array([p[1]["windows"] / p[2]["windows"] for p in pairs])[:, None]
-        found = iter(paired_ratio(a, b, seed, sessions.labels(case.flight for case, _, _ in pairs)))
-        each = {name: {key: next(found) for key in (*map(str, HORIZONS), "sum")} for name in QUANTITIES}
-        for key, what in (("ratio", "ratio"), ("ratio_ci95", "ci95")):
-            row[key] = {name: {h: one[what] for h, one in by_h.items()} for name, by_h in each.items()}
-        row["ratio_to"] = to
+        _add(row, paired_ratio(a, b, seed, sessions.labels(case.flight for case, _, _ in pairs)), str(to), "ratio")
+
+
+def flight_means(scored: Mapping[tuple[str, str], Sequence[tuple[Any, Any]]], clock: str) -> list[dict[str, Any]]:
+    """[{model, truth, flight, clock, groups, n_windows, metrics: {metric: {"1", "10", "50", "sum"}}}]: the mean error
+    of every model on every flight; scored: (case, score) by (model, truth)."""
+    return [{"model": model, "truth": truth, "flight": case.flight.name, "clock": clock, "groups": list(case.groups),
+             "n_windows": value["windows"],
+             "metrics": {name: dict(zip(KEYS, (np.array(sums) / value["windows"]).tolist(), strict=True))
+                         for name, sums in zip(QUANTITIES, np.reshape(_sums(value), (-1, len(KEYS))), strict=True)}}
+            for (model, truth), found in scored.items() for case, value in found if value["windows"]]
+
+
+def prediction_clocks(body: Mapping[str, Any], recorded: str, labels: Mapping[str, int], seed: int = 0) -> None:
+    """Compares rows of sysid.json on another clock with the same model as ``recorded``: ``clock_ratio`` {metric: {h}},
+    ``clock_ratio_ci95``, ``clock_ratio_to``. From its ``per_flight``; a flight counts with its windows as recorded."""
+    found: dict[tuple[str, str, str], dict[str, Mapping[str, Any]]] = {}
+    for one in body.get("per_flight", ()):
+        found.setdefault((one["model"], one["truth"], one["clock"]), {})[one["flight"]] = one
+    for row in body["rows"]:
+        ours, theirs = (found.get((row["model"], row["truth"], clock), {}) for clock in (row["clock"], recorded))
+        names = [name for name, one in ours.items() if name in theirs and row["group"] in one["groups"]]
+        if row["clock"] == recorded or not names:
+            continue
+        a, b = (np.array([[of[name]["metrics"][m][h] * theirs[name]["n_windows"] for m in QUANTITIES for h in KEYS]
+                          for name in names]) for of in (ours, theirs))
+        _add(row, paired_ratio(a, b, seed, [labels[name] for name in names]), recorded, "clock_ratio")
+
+
+def _add(row: dict[str, Any], found: Sequence[Mapping[str, Any]], to: str, prefix: str) -> None:
+    for key, what in ((prefix, "ratio"), (f"{prefix}_ci95", "ci95")):
+        values = iter(found)
+        row[key] = {name: {h: next(values)[what] for h in KEYS} for name in QUANTITIES}
+    row[f"{prefix}_to"] = to
 
 
 def _of_group(case: Any, value: Mapping[str, Any], group: str) -> Mapping[str, Any] | None:

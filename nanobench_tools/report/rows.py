@@ -65,7 +65,7 @@ def tables_of(results: Mapping[str, Mapping[str, Any]], synthetic: bool) -> list
     tables: list[Table] = []
     if sysid := results.get("sysid"):
         tables += [task1(sysid, synthetic), task1_commands(sysid, synthetic), task1_clocks(sysid, synthetic),
-                   *task1_parameters(sysid, synthetic)]
+                   task1_ratios(sysid, synthetic), *task1_parameters(sysid, synthetic)]
     if thrust := results.get("thrust"):
         tables.append(thrust_maps(thrust, synthetic))
     if control := results.get("control"):
@@ -151,6 +151,42 @@ def task1_clocks(sysid: Mapping[str, Any], synthetic: bool) -> Table:
                  "Mean over windows with its 95 % interval. Fitted models were fitted to the training flights on the "
                  "same clock. Re-timed: the moving error of the clock is taken out of the vehicle's streams, off-line, "
                  "from the motion capture of the whole flight.").without_empty_columns()
+
+
+RATIO_NOTE = ("Error over that of the row named, the same flights and windows drawn for both, and its 95 % interval. "
+              "An interval that holds 1 shows no difference.")
+RATIOS = (("ratio", "ratio_to"), ("clock_ratio", "clock_ratio_to"))
+"""Keys of a row that is compared: with another method on its clock, with itself as recorded."""
+
+
+def task1_ratios(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Models over all test windows against the chosen one, and against themselves as recorded."""
+    rows = [row for row in sysid.get("rows", []) if row.get("group", "all") == "all"]
+    horizons = _horizons(rows)
+    scores = tuple(Column(f"{metric} h={h}", f"{shown(metric).title} {'Σ' if h == 'sum' else f'h={h}'}", "score",
+                          decimals=3) for metric in SYSID_METRICS for h in horizons)
+    columns = (Column("model", "Model"), Column("truth", "Truth"), CLOCK, Column("over", "Over"), *scores,
+               Column("n_flights", "Flights", "count"), SESSIONS, WHY, DATA)
+    lines = tuple((_text(row.get("model")), _text(row.get("truth")), _text(row.get("clock")), _text(row[to]),
+                   *_horizon_scores(row[key], {"ci95": row[f"{key}_ci95"]}, horizons), _count(row.get("n_flights")),
+                   *_sessions(row), data_label(synthetic)) for key, to in RATIOS for row in rows if row.get(to))
+    return Table("table_task1_ratios", "Task 1: errors against those of another row", columns, lines,
+                 RATIO_NOTE).without_empty_columns()
+
+
+def task3_ratios(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
+    """Methods over all flights against another one, and against themselves as recorded."""
+    mine = [(row, key, to) for key, to in RATIOS for row in rows if row.get("group") == "all" and row.get(to)]
+    names = _metrics([{"metrics": row[key]} for row, key, _ in mine], ESTIMATE_METRICS)
+    scores = tuple(Column(name, shown(name).title, "score", decimals=3, aside=name not in ESTIMATE_METRICS)
+                   for name in names)
+    columns = (Column("protocol", "Protocol"), Column("method", "Method"), CLOCK, Column("over", "Over"), *scores,
+               Column("n", "n", "count"), SESSIONS, WHY, DATA)
+    lines = tuple((_text(row.get("protocol")), _text(row.get("method")), _text(row.get("clock")), _text(row[to]),
+                   *_scores(row[key], {"ci95": row[f"{key}_ci95"]}, scores), _count(row.get("n")), *_sessions(row),
+                   data_label(synthetic)) for row, key, to in mine)
+    return Table("table_task3_ratios", "Task 3: errors against those of another row", columns, lines,
+                 RATIO_NOTE).without_empty_columns()
 
 
 def one_truth(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -282,7 +318,7 @@ def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
           for p in protocols if p not in (PUBLISHED, CORRECTED))) if chosen]
     tables = [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
               for name, title, chosen, known in sets]
-    return [task3_clocks(rows, synthetic), *tables]
+    return [task3_clocks(rows, synthetic), *tables, task3_ratios(rows, synthetic)]
 
 
 def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:

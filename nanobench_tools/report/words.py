@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..metrics.statistics import excludes_one
+from ..protocols.compare import verdict
 from .audits import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
 from .rows import AS_RECORDED, BLACKOUT, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock, one_truth
@@ -74,21 +76,36 @@ def task1(results: Results) -> Words:
                 f"{_show('position_mae_m', best_value)}")
         if naive is not None and best_value < naive:
             text += f", against {_show('position_mae_m', naive)} of a model that stands still"
-        lines.append(text + ".")
+        lines += [text + ".", *_near(one_truth(mine), last)]
     points = [point for row in one_truth(mine) for point in _published_task1(row)]
     return [*lines, *([points] if points else []), *_retimed_task1(everything, last), *_notes(sysid, "split")]
 
 
+def _near(rows: Sequence[Mapping[str, Any]], last: str | None) -> list[str]:
+    """Which models cannot be told from the one that the rows are compared with; nothing without comparisons."""
+    to = next((r["ratio_to"] for r in rows if r.get("ratio_to")), None)
+    ends = {str(r.get("model")): _at(r.get("ratio_ci95"), last) for r in rows if r.get("ratio_to") == to}
+    if to is None or not any(ends.values()):
+        return []
+    near = [name for name, one in ends.items() if not excludes_one(one)]
+    smaller = [name for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
+    less = f"; smaller is that of {', '.join(smaller)}" if smaller else ""
+    same = f"none of the others can be told from {to}" if not near else f"not to be told from {to}: {', '.join(near)}"
+    return [f"By the interval of the ratio over the same windows, at h = {last} {same}{less}."]
+
+
 def _retimed_task1(rows: Sequence[Mapping[str, Any]], last: str | None) -> Words:
     """What re-timing does to each model; nothing unless both clocks are there."""
-    scores = {(r.get("model"), clock_of(r)): _mean(((r.get("metrics") or {}).get("position_mae_m") or {}).get(last))
-              for r in one_truth(rows)}
+    mine = one_truth(rows)
+    scores = {(r.get("model"), clock_of(r)): _at(r.get("metrics"), last) for r in mine}
     points: list[str] = []
-    for (model, clock), after in scores.items():
+    for row in mine:
+        model, after = row.get("model"), scores[row.get("model"), clock_of(row)]
         before = scores.get((model, AS_RECORDED))
-        if clock == "retimed" and before and after:
+        if clock_of(row) == "retimed" and before and after:
+            said = verdict(*(_at(row.get(key), last) for key in ("clock_ratio", "clock_ratio_ci95")))
             points.append(f"{model}: position error at h = {last} is {_show('position_mae_m', before)} as recorded and "
-                          f"{_show('position_mae_m', after)} re-timed ({_percent(after / before - 1.0)}).")
+                          f"{_show('position_mae_m', after)} re-timed{f': {said}' if said else ''}.")
     return ["With the moving error of the clock taken out of the vehicle's streams (off-line, from the motion capture "
             "of the whole flight):", points] if points else []
 
@@ -175,18 +192,23 @@ def task3(results: Results, synthetic: bool = False) -> Words:
 
 def _retimed_blackout(rows: Sequence[Mapping[str, Any]]) -> Words:
     """What re-timing does to dead reckoning; nothing unless both clocks are there."""
-    found = {(r.get("method"), clock_of(r)): r.get("metrics") or {} for r in rows
-             if (r.get("protocol"), r.get("group")) == (BLACKOUT, "all")}
+    mine = {(r.get("method"), clock_of(r)): r for r in rows if (r.get("protocol"), r.get("group")) == (BLACKOUT, "all")}
     points: list[str] = []
-    for (method, clock), after in found.items():
-        before = found.get((method, AS_RECORDED), {})
+    for (method, clock), row in mine.items():
+        before, after = (r.get("metrics") or {} for r in (mine.get((method, AS_RECORDED), {}), row))
         ends = [(h, f"end_error_{h}s_m") for h in (1, 5, 10) if clock == "retimed"]
-        course = [f"{_show(metric, a)} as recorded and {_show(metric, b)} re-timed {h} s later" for h, metric in ends
-                  if (a := _mean(before.get(metric))) and (b := _mean(after.get(metric)))]
+        course = [f"{_show(metric, a)} as recorded and {_show(metric, b)} re-timed {h} s later{_on_clock(row, metric)}"
+                  for h, metric in ends if (a := _mean(before.get(metric))) and (b := _mean(after.get(metric)))]
         if course:
             points.append(f"{method}: {', '.join(course)}.")
     return ["Dead reckoning: poses up to a moment and none afterwards; how far off the vehicle is then said to be, "
             "mean over flights, before and after the moving error of the clock is taken out:", points] if points else []
+
+
+def _on_clock(row: Mapping[str, Any], metric: str) -> str:
+    """What the paired ratio to the row as recorded says, in brackets; nothing where there is none."""
+    said = verdict(*((row.get(key) or {}).get(metric) for key in ("clock_ratio", "clock_ratio_ci95")))
+    return f" ({said.replace(' (', ', ').removesuffix(')')})" if said else ""
 
 
 def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
@@ -207,7 +229,8 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
     a, b = (_mean((row.get("metrics") or {}).get("ate_rmse_m")) for row in (before, after))
     published = [_mean((r.get("metrics") or {}).get("ate_rmse_m")) for r in rows if r.get("protocol") == PUBLISHED]
     head = ""
-    if a and b and b < 0.8 * a:
+    shown_less = excludes_one((after.get("clock_ratio_ci95") or {}).get("ate_rmse_m"))
+    if a and b and b < 0.8 * a and shown_less:
         what = ("The error by the published protocol" if synthetic else "The published error")
         least = min((p for p in published if p), default=None)
         size = f" (some {_show('ate_rmse_m', least)} where no log had ended)" if least and not synthetic else ""
@@ -217,7 +240,7 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
                  "turns a late stamp into an error along its track. ")
     across, delay = course("across_track_rmse_m"), course("delay_s")
     lines: Words = [f"{head}Means over {_count(int(number(before.get('n')) or 0), 'distinct flight')}:",
-                    [f"ATE: {course('ate_rmse_m')}.",
+                    [f"ATE: {course('ate_rmse_m')}{_on_clock(after, 'ate_rmse_m')}.",
                      f"Along the track, best constant delay removed: {course('along_track_delay_removed_rmse_m')}.",
                      *([f"Across the track, where a clock hardly shows: {across}."] if across else []),
                      *([f"Best constant delay: {delay}; what re-timing leaves of it is the estimator's own."]
@@ -292,13 +315,6 @@ def _change(metric: str, before: Mapping[str, Any], after: Mapping[str, Any], fo
     return f"{name} {_show(metric, a)} {found}, {_show(metric, b)} corrected{off}"
 
 
-def _percent(change: float) -> str:
-    """A change as a person says it: 9 % less."""
-    if abs(change) < 0.0005:
-        return "unchanged"
-    return f"{format_number(100.0 * abs(change), 1)} % {'less' if change < 0 else 'more'}"
-
-
 def _compared(theirs: float, ours: float) -> str:
     """In words, two numbers of which neither need be wrong."""
     ratio = theirs / ours if ours else float("inf")
@@ -323,6 +339,12 @@ def _ranked(rows: Sequence[Mapping[str, Any]], horizon: str | None) -> list[tupl
 def _last_horizon(rows: Sequence[Mapping[str, Any]]) -> str | None:
     found = {h for r in rows for h in ((r.get("metrics") or {}).get("position_mae_m") or {}) if str(h).isdigit()}
     return max(found, key=int, default=None)
+
+
+def _at(found: Mapping[str, Any] | None, horizon: str | None) -> Any:
+    """Of the position error at one horizon."""
+    one = ((found or {}).get("position_mae_m") or {}).get(horizon)
+    return one if isinstance(one, list) else _mean(one)
 
 
 def _mean(found: Any) -> float | None:

@@ -43,6 +43,26 @@ def test_deviation_and_interval_have_the_digits_of_the_mean_and_one_flight_has_n
     assert score_text(Score.of({"mean": 0.02, "std": 0.0, "n": 1}), METRES) == ("20.0", "")
 
 
+def test_rows_that_are_compared_stand_in_a_table_of_their_own(results):
+    table = next(t for t in tables_of(results, False) if t.name == "table_task3_ratios")
+    assert [c.key for c in table.columns][:5] == ["protocol", "method", "clock", "over", "ate_rmse_m"]
+    assert [row[2:4] for row in table.rows] == [("offset", "as-recorded"), ("retimed", "as-recorded")]
+    assert score_text(table.rows[1][4], table.columns[4]) == ("0.429", "[0.386, 0.471]")
+    assert "holds 1 shows no difference" in table.note
+
+
+def test_tables_show_sessions_and_say_how_far_to_trust_intervals(results):
+    rows = [{**row, "sessions": 4, "ci_why": "4 sessions: too narrow to trust", "design_effect": {"ate_rmse_m": 4.0}}
+            for row in results["estimate"]["rows"]]
+    found = tables_of({"estimate": {**results["estimate"], "rows": rows}}, False)
+    for table in (t for t in found if t.name in ("table_task3", "table_task3_clean", "table_task3_clocks")):
+        assert {row[[c.key for c in table.columns].index("sessions")] for row in table.rows} <= {4, None}
+        assert "4 sessions are drawn, then flights within them; too narrow to trust (fewer than 5)" in table.note
+        assert "2.0 times as wide" in table.note
+        assert "too narrow to trust" in to_csv(table)
+        assert "too narrow to trust" in to_latex(table)
+
+
 def test_long_texts_are_numbers_for_readers_and_whole_in_the_csv(results):
     table = next(t for t in tables_of(results, False) if t.name == "table_task3_clean")
     short = table.for_readers()
@@ -174,5 +194,5 @@ def test_results_from_before_there_were_clocks_have_no_such_table(results):
     assert "table_task3_clocks" not in {t.name for t in tables}
     assert not any(c.key == "clock" for t in tables for c in t.columns)
     alone = [r for r in results["estimate"]["rows"] if r.get("clock") == "retimed"]
-    table, = tables_of({"estimate": {"rows": alone}}, False)
+    table, _ = tables_of({"estimate": {"rows": alone}}, False)
     assert len(table.for_readers().rows) == 1

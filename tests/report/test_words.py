@@ -70,12 +70,17 @@ def test_absent_results_are_said_in_one_sentence():
 def test_task3_says_what_is_a_clock_and_which_streams_told(results):
     text = flat(words.task3(results))
     assert "largely a clock and not the estimator" in text
-    assert "ATE: 21.0 mm as recorded, 20.0 mm less a constant offset, 9.0 mm re-timed." in text
+    assert ("ATE: 21.0 mm as recorded, 20.0 mm less a constant offset, 9.0 mm re-timed (57 % less, ratio 0.39 .. 0.47)."
+            in text)
     assert "confirmed in 2 of 2 flights" in text
     assert "no claim of what could be known in flight" in text
     changed = copy.deepcopy(results)
     changed["estimate"]["rows"][-1]["metrics"]["ate_rmse_m"]["mean"] = 0.0205
     assert "largely a clock" not in flat(words.task3(changed))
+    unsure = copy.deepcopy(results)
+    unsure["estimate"]["rows"][-1]["clock_ratio_ci95"]["ate_rmse_m"] = [0.2, 1.01]
+    assert "largely a clock" not in flat(words.task3(unsure))
+    assert "9.0 mm re-timed (no difference shown, ratio 0.20 .. 1.01)" in flat(words.task3(unsure))
     recorded = [r for r in results["estimate"]["rows"] if "clock" not in r]
     assert "re-timed" not in flat(words.task3({**results, "estimate": {"rows": recorded}}))
 
@@ -88,6 +93,11 @@ def test_task1_pairs_models_by_clock_and_never_averages_over_clocks(results):
     moved["metrics"]["position_mae_m"]["50"] = 0.135
     rows.append(moved)
     said = flat(words.task1(other))
-    assert "physics: position error at h = 50 is 0.1500 m as recorded and 0.1350 m re-timed (10.0 % less)" in said
+    assert "physics: position error at h = 50 is 0.1500 m as recorded and 0.1350 m re-timed." in said
+    by_h = {"position_mae_m": {"50": 0.9}}  # how much less is no result without interval
+    for ends, text in (([0.85, 0.96], "10 % less (ratio 0.85 .. 0.96)"),
+                       ([0.8, 1.1], "no difference shown (ratio 0.80 .. 1.10)")):
+        moved |= {"clock_ratio": by_h, "clock_ratio_ci95": {"position_mae_m": {"50": ends}}}
+        assert f"0.1350 m re-timed: {text}" in flat(words.task1(other))
     assert "Least position error at h = 50, as recorded: physics with 0.1500 m" in said
     assert "re-timed" not in text
