@@ -16,11 +16,14 @@ import numpy as np
 from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Prediction, Predictor, Windows
 from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES
+from nanobench_tools.settings import count
 
 from .own import GROUPS, SETTINGS, Flown, train_own
 from .training import Settings
 
-QUICK = replace(SETTINGS, epochs=25)
+QUICK_EPOCHS = count("learned.bound.quick_epochs")
+"""Epochs of the bound, which only says how much is left."""
+QUICK = replace(SETTINGS, epochs=QUICK_EPOCHS)
 
 
 @dataclass(frozen=True)

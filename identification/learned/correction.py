@@ -15,12 +15,14 @@ import numpy as np
 
 from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
+from nanobench_tools.settings import count, setting
 
 from .libraries import libraries
 
-WIDTH = 32
-SIZES = np.array([8.0, 8.0, 8.0, 0.5, 0.5, 0.5])
+WIDTH = count("learned.correction.width")
+UNITS = setting("learned.correction.units")
 """rad/s^2 and m/s^2 that a unit of output means."""
+SIZES = np.array(UNITS)
 
 
 @functools.cache

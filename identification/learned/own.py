@@ -23,6 +23,7 @@ from nanobench_tools.methods import Prediction, Predictor, Windows
 from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_errors
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import EVERY, RATE_HZ, cut_windows
+from nanobench_tools.settings import count, setting
 
 from .bar import Step
 from .correction import WIDTH, corrected, modules, starts, wanted
@@ -33,12 +34,14 @@ from .together import Work
 from .training import Settings, Task, Trained, filled, train
 
 GROUPS = 5
-PHASES = 5
+PHASES = count("learned.own.phases")
 """Windows to learn from start this many times as often as those that are scored."""
 SHARES = np.linspace(0.0, 1.0, 11)
-ONSETS = (0.0, 3.0, 10.0, 30.0)
+ONSETS = setting("learned.own.onsets")
 """Steps over which a share is reached: share (1 - exp(-(h - 1) / onset)), nothing after the first step."""
-SETTINGS = Settings(epochs=40, batch=256, learning_rate=3e-3, share=0.5, decay=1e-3)
+TRAINING: dict[str, Any] = setting("learned.own.training")
+"""Epochs, windows of a step, learning rate, share of the windows of an epoch, decay of weights."""
+SETTINGS = Settings(**TRAINING)
 
 
 @dataclass(frozen=True)

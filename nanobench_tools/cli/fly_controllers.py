@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
+from ..settings import setting
 from .methods import load_methods
 
 if TYPE_CHECKING:
@@ -13,8 +14,7 @@ if TYPE_CHECKING:
 
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are told where to be; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
-NOW: dict[str, Any] = {"ages_s": (0.0, 0.0, 0.0, 0.0), "share": (0.25, 0.25, 0.2, 0.4), "place_1_s": 0.0,
-                       "moment_1_s": 0.0}
+NOW: dict[str, Any] = setting("flying.fly_controllers.now")
 """Of the observer: what it is told is of now (``radio.fly_state``), and its rates come from poses, noisier than a
 gyro's."""
 

@@ -28,6 +28,10 @@ GRID_S = number("audit.lags.grid_s")
 """Half width that is left when nothing scatters: rows interpolated linearly between packets."""
 LOCAL_S = number("audit.lags.local_s")
 """The jackknife looks this far around the best lag."""
+REACH_S = number("audit.lags.reach_s")
+"""A constant lag is looked for this far either way."""
+LEAST_S = number("audit.lags.least_s")
+"""Less common time says nothing of a lag."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ def lag_sums(
     reference: np.ndarray,
     use: np.ndarray,
     step_s: float,
-    reach_s: float = 0.3,
+    reach_s: float = REACH_S,
     block_s: float = BLOCK_S,
 ) -> LagSums | None:
     """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
@@ -84,7 +88,7 @@ def lag_sums(
     edges = np.flatnonzero(np.diff(np.concatenate(([0], use.astype(np.int8), [0])))).reshape(-1, 2)
     starts = np.concatenate([np.arange(a, b - per_block + 1, per_block) for a, b in edges] or [np.zeros(0, int)])
     blocks = len(starts)
-    if blocks * block_s < 3.0:
+    if blocks * block_s < LEAST_S:
         return None
     rows = starts[:, None] + np.arange(per_block)
     windows = np.lib.stride_tricks.sliding_window_view(reference, 2 * reach + 1, axis=0)  # row i: r[i .. i + 2 reach]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from ..settings import number
+from ..settings import count, number
 from .steadiness import CHANCE, SMALLEST_WANDER_S, SURELY_SD, Steadiness
 
 SLOWEST_M_S = number("audit.track.slowest_m_s")
@@ -20,6 +20,10 @@ OFF_TRACK = number("audit.track.off_track")
 """Rows that err across by more than this many medians (and 5 mm) are leaps of the estimate and say nothing of time."""
 BLOCK_S = number("audit.track.block_s")
 """Errors of an estimator keep for half a second; blocks of one are nearly independent."""
+OFF_TRACK_M = number("audit.track.off_track_m")
+"""And by more than this across."""
+FULL_ROWS = count("audit.track.full_rows")
+"""Blocks of a second with fewer rows are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +66,13 @@ def track_error(
     along = np.sum(error * direction, axis=1)
     across = error - along[:, None] * direction
     off = np.linalg.norm(across, axis=1)
-    fits = off < OFF_TRACK * np.median(off) + 0.005
+    fits = off < OFF_TRACK * np.median(off) + OFF_TRACK_M
     t, along, across, speed = t[fits], along[fits], across[fits], speed[fits]
     late = along / speed
     across2 = 0.5 * np.sum(across**2, axis=1) / speed**2
     block = np.unique(np.floor((t - t[0]) / BLOCK_S), return_inverse=True)[1]
     count = np.bincount(block)
-    full = count >= 50
+    full = count >= FULL_ROWS
     if full.sum() < 8:
         return None
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..flight import Span
-from ..settings import number
+from ..settings import count, number
 from .context import Context
 from .levelled import levelled
 from .ranges import tracker_scale
@@ -27,12 +27,18 @@ HELD_S = number("audit.airborne.held_s")
 """A vehicle at rest whose motors carry it has left the 5 cm within this time."""
 MOVED_M = number("audit.airborne.moved_m")
 """Range of a position that no vehicle at rest has: the tracker's noise is 1 mm."""
+ENDS_ROWS = count("audit.airborne.ends_rows")
+"""Rows at both ends whose median height may be the resting one."""
+ABOVE_LOW_M = number("audit.airborne.above_low_m")
+"""A vehicle rests at most so far above that quantile."""
+LOW = number("audit.airborne.low")
+"""Quantile of the heights that is near the resting one."""
 
 
 def resting_height_m(z: np.ndarray) -> float:
     """The lowest height it stood at: the median of the first or last half second, or the 2 % point if that is lower."""
-    n = min(len(z), 50)
-    return float(min(np.median(z[:n]), np.median(z[-n:]), np.quantile(z, 0.02) + 0.01))
+    n = min(len(z), ENDS_ROWS)
+    return float(min(np.median(z[:n]), np.median(z[-n:]), np.quantile(z, LOW) + ABOVE_LOW_M))
 
 
 def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:

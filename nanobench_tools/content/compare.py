@@ -35,6 +35,10 @@ STILL_ROWS = count("audit.compare.still_rows")
 BEFORE_LANDING_S = number("audit.compare.before_landing_s")
 """The end of a flight is left out: shocks of the landing are not rigid motion."""
 REACH_S = number("audit.compare.reach_s")
+FEWEST_ROWS = count("audit.compare.fewest_rows")
+"""Fewer rows in the air are not compared."""
+BRIDGED_S = number("audit.compare.bridged_s")
+"""Stamps further apart than this are not interpolated between."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ def on_grid(
     times, values = stream.time_s[fine], prepare(values[fine])
     result = np.stack([np.interp(t, times, values[:, k]) for k in range(values.shape[1])], axis=1)
     after = np.searchsorted(times, t, side="right")
-    near = times[np.minimum(after, len(times) - 1)] - times[np.maximum(after - 1, 0)] < 0.1
+    near = times[np.minimum(after, len(times) - 1)] - times[np.maximum(after - 1, 0)] < BRIDGED_S
     return result, near & (t >= times[0]) & (t <= times[-1])
 
 
@@ -149,7 +153,7 @@ def pair_of(
         return None
     use = context.once(flying_rows) & truth.good & ~widened(~true_rows, 10)
     inside = np.flatnonzero(use)
-    if len(inside) < 300:
+    if len(inside) < FEWEST_ROWS:
         return None
     # both are filtered over the same stretch, one second longer on each side as far as there are true values
     there = np.flatnonzero(true_rows)

@@ -17,6 +17,10 @@ LASTS_S = number("audit.crashes.lasts_s")
 FALL_M_S = number("audit.crashes.fall_m_s")
 FALL_OVER_S = number("audit.crashes.fall_over_s")
 LOOK_BACK_S = number("audit.crashes.look_back_s")
+FALL_M = number("audit.crashes.fall_m")
+"""A fall is at least so deep."""
+AFTER_S = number("audit.crashes.after_s")
+"""Motors may stop so long after it began."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ def _fall(context: Context) -> tuple[float, str] | None:
     step = np.diff(z) / np.maximum(np.diff(time_s), 1e-6)
     falling = runs(step < -FALL_M_S)
     for a, b in falling:
-        if b - a >= rows and z[a] - z[b] > 0.1:
+        if b - a >= rows and z[a] - z[b] > FALL_M:
             return float(time_s[a]), f"falls at {-step[a:b].min():.1f} m/s"
     return None
 
@@ -71,7 +75,8 @@ def _motors_off(context: Context, first_s: float) -> float:
     motor = context.once(usable_streams).get("motor")
     if motor is not None:
         off = runs(~(np.nan_to_num(motor.values) > 0.0).any(axis=1))
-        starts = [float(motor.time_s[a]) for a, _ in off if first_s - LOOK_BACK_S <= motor.time_s[a] <= first_s + 0.1]
+        starts = [float(motor.time_s[a]) for a, _ in off
+                  if first_s - LOOK_BACK_S <= motor.time_s[a] <= first_s + AFTER_S]
         if starts:
             return starts[0]
     return first_s - LASTS_S

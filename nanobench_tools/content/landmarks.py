@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..settings import number
+from ..settings import count, number
 from .airborne import airborne_spans, height_of, resting_height_m
 from .context import Context
 from .rows import usable_streams
@@ -13,6 +13,10 @@ from .truth import widened
 
 NEAR_M = number("audit.landmarks.near_m")
 """Above the ground; rebounds and slides happen below."""
+BEFORE_S = number("audit.landmarks.before_s")
+"""So long before it flies a vehicle may touch the ground."""
+AROUND_ROWS = count("audit.landmarks.around_rows")
+"""Rows around low ones in which it may touch."""
 
 
 def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:
@@ -27,8 +31,8 @@ def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:
         return np.ones(len(at_s), dtype=bool)
     risky = np.zeros(len(at_s), dtype=bool)
     for time_s, z in heights if air else []:
-        low = (z < resting_height_m(z) + NEAR_M) & (time_s > air[0].start_s - 0.5)
-        risky |= widened(low, 50)[np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)]
+        low = (z < resting_height_m(z) + NEAR_M) & (time_s > air[0].start_s - BEFORE_S)
+        risky |= widened(low, AROUND_ROWS)[np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)]
     return risky
 
 

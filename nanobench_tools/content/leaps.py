@@ -19,6 +19,10 @@ from .spikes import spikes
 
 LIMIT_RAD = number("audit.leaps.limit_rad")
 BEND_RAD_S2 = number("audit.leaps.bend_rad_s2")
+LONGEST_S = number("audit.leaps.longest_s")
+"""Over longer holes no leap is looked for."""
+BROKEN_S = number("audit.leaps.broken_s")
+"""Rows this near to a broken stamp are not judged."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,7 @@ def mocap_leaps(context: Context) -> list[Leap]:
     i, offset, limit = steps(t, p)
     dt = t[i + 1] - t[i]
     step = np.linalg.norm(offset, axis=1)
-    judged = (dt < 0.5) & ~_stamps_broken(context, t[i]) & (t[i] < _until(context))
+    judged = (dt < LONGEST_S) & ~_stamps_broken(context, t[i]) & (t[i] < _until(context))
     moved = (step > limit) & judged
     leap, turn = np.zeros(len(i)), np.zeros((len(i), 3))
     if turned:
@@ -138,7 +142,7 @@ def _stamps_broken(context: Context, at_s: np.ndarray) -> np.ndarray:
     broken = np.zeros(len(at_s), dtype=bool)
     for _, t in context.once(tables):
         for k in np.flatnonzero(np.diff(t) <= 0.0):
-            broken |= (at_s > t[k + 1] - 0.05) & (at_s < t[k] + 0.05)
+            broken |= (at_s > t[k + 1] - BROKEN_S) & (at_s < t[k] + BROKEN_S)
     return broken
 
 

@@ -49,6 +49,10 @@ KNOWN_FACTORS = {
     "hundredths": 100.0,
     "hundreds": 0.01,
 }
+NEAR_KNOWN = number("audit.likeness.near_known")
+"""A factor this near to that of a known mistake is called that one."""
+CLEARLY = number("audit.likeness.clearly")
+"""Another order of axes has to raise the sum of correlations by this."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ class Likeness:
         if abs(np.log(ratio)) < np.log(FACTOR):
             return 1.0
         nearest = min(KNOWN_FACTORS.values(), key=lambda f: abs(np.log(ratio / f)))
-        return nearest if abs(np.log(ratio / nearest)) < np.log(1.8) else ratio
+        return nearest if abs(np.log(ratio / nearest)) < np.log(NEAR_KNOWN) else ratio
 
     @property
     def factor_name(self) -> str:
@@ -113,7 +117,7 @@ def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
     moved = [i for i in range(3) if order[i] != i]
     swapped = (
         bool(moved)
-        and strength[order].max() > strength[ORDERS[0]].max() + 0.5
+        and strength[order].max() > strength[ORDERS[0]].max() + CLEARLY
         and all(abs(k[at, i, order[i]]) > CLEAR and _certain(sums, at, i, order[i]) for i in moved)
     )
     if not swapped:

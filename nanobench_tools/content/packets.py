@@ -11,12 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..flight import Stream
+from ..settings import number
 from ..sources.kinks import RELATIVE_TOLERANCE, carries_no_packet
 from .context import Context
 from .rows import typical_step_s, usable_streams
 
 PRINT_RESOLUTION = 2e-9
 """Two last digits of a table with nine decimals, in the units of this package; below any sensor's own step."""
+ENDED = number("audit.packets.ended")
+"""Bends that end before this share of the rows: a long straight end, which has inflated the ranges."""
+BENT = number("audit.packets.bent")
+"""And share of the rows that bend, below which they are."""
+APART = number("audit.packets.apart")
+"""Share of the steps between bends that are longer than a row, from which on rows are drawn between packets."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ def _packets(stream: Stream) -> Packets:
     straight, still = _straight(stream.time_s, values, values)
     bent = np.flatnonzero(~straight[1:-1]) + 1
     last = bent[-1] + 1 if len(bent) else 1
-    if 10 < last < 0.9 * len(values):
+    if 10 < last < ENDED * len(values):
         # a long straight end has inflated the ranges: judge again by the ranges before it
         straight, still = _straight(stream.time_s, values, values[:last])
         bent = np.flatnonzero(~straight[1:-1]) + 1
@@ -49,7 +56,7 @@ def _packets(stream: Stream) -> Packets:
         # a packet between two rows bends both: bends next to each other are one packet when packets are rare
         steps = np.diff(stream.time_s[moving_bends])
         apart = steps[steps > 1.5 * interval]
-        if 2 * len(apart) > 0.3 * len(steps) and len(bent) < 0.4 * len(values):
+        if 2 * len(apart) > APART * len(steps) and len(bent) < BENT * len(values):
             interval = float(np.median(apart))
     return Packets(straight, still, interval)
 

@@ -25,6 +25,8 @@ UPRIGHT = number("audit.quaternions.upright")
 AGREES_RAD = number("audit.quaternions.agrees_rad")
 FIRST_S = number("audit.quaternions.first_s")
 """Before anything can have gone wrong."""
+SWAPPED = number("audit.quaternions.swapped")
+"""Mean of cos(tilt) in the other order of elements, from which on it is the right one."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
             tilts[label] = float(np.mean(_up(tried[t <= t[0] + FIRST_S])))
             angles[label] = _angle(t, tried, other)
         as_read, swapped = tilts["x, y, z, w"], tilts["w, x, y, z"]
-        clear = swapped > 0.9 and (
+        clear = swapped > SWAPPED and (
             as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
         )
         label = "w, x, y, z" if clear else "x, y, z, w"

@@ -24,6 +24,8 @@ SLOWEST_STEP_S = number("audit.ranges.slowest_step_s")
 """Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
 BATTERY_V = setting("audit.ranges.battery_v")
 """One cell under load to fourteen cells."""
+NEAR_KNOWN = number("audit.ranges.near_known")
+"""A factor this near to that of a known mistake is called that one."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
                 (GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
                 key=lambda f: abs(np.log(ratio / f)),
             )
-            factor = known if abs(np.log(ratio / known)) < np.log(1.5) else ratio
+            factor = known if abs(np.log(ratio / known)) < np.log(NEAR_KNOWN) else ratio
             found.append(
                 WrongUnit(
                     "imu",

@@ -24,6 +24,10 @@ SLOWEST_STEP_S = number("audit.truth.slowest_step_s")
 
 BRIDGED_S = number("audit.truth.bridged_s")
 """Frames missing for longer are not bridged: the grid is marked bad there."""
+BEND_M = number("audit.truth.bend_m")
+"""A pose that bends by more between frames is a leap: 300 m/s^2."""
+BEND_QUATERNION = number("audit.truth.bend_quaternion")
+"""The same of the quaternion: 0.1 rad."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def widened(flags: np.ndarray, rows: int) -> np.ndarray:
 def _leaps(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Rows at which the pose bends by more than a vehicle can: 30 mm (300 m/s^2) or 0.1 rad between 10 ms frames."""
     flags = np.zeros(len(p), dtype=bool)
-    flags[1:-1] = (np.linalg.norm(np.diff(p, 2, axis=0), axis=1) > 0.03) | (
-        np.linalg.norm(np.diff(q, 2, axis=0), axis=1) > 0.05
+    flags[1:-1] = (np.linalg.norm(np.diff(p, 2, axis=0), axis=1) > BEND_M) | (
+        np.linalg.norm(np.diff(q, 2, axis=0), axis=1) > BEND_QUATERNION
     )
     return flags

@@ -36,6 +36,10 @@ SURELY = number("audit.estimator_reset.surely")
 ROWS = count("audit.estimator_reset.rows")
 LONGEST_S = number("audit.estimator_reset.longest_s")
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
+TIMES_USUAL = number("audit.estimator_reset.times_usual")
+"""A reset is at least so many times the usual step."""
+AROUND_S = number("audit.estimator_reset.around_s")
+"""Around a spike no reset is looked for."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -61,7 +65,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         return []
     for name, *_, first, last in context.once(spikes):
         if name == "estimator":
-            use = use & ~((t > stream.time_s[first] - 0.1) & (t < stream.time_s[last] + 0.1))
+            use = use & ~((t > stream.time_s[first] - AROUND_S) & (t < stream.time_s[last] + AROUND_S))
     windows = np.median(
         np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1
     )  # row j: j .. j + ROWS - 1
@@ -74,7 +78,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     across = np.linalg.norm(leap - along[:, None] * path, axis=1)
     least = (ALONG_M, ACROSS_M) if placed is not None else (ALONE_M, ALONE_M)
     along_limit = least[0] + ALONG_S * speed[at]
-    limit = np.full(len(step), max(least[1], 4.0 * float(np.median(step))))
+    limit = np.full(len(step), max(least[1], TIMES_USUAL * float(np.median(step))))
     beyond = (
         ((np.abs(along) > along_limit) | (across > limit))
         & (step > limit)

@@ -31,6 +31,12 @@ KIND = "gap"
 SHORTEST_S = number("audit.gap.shortest_s")
 SHORTEST_MOCAP_S = number("audit.gap.shortest_mocap_s")
 SHORTEST_SETPOINT_S = number("audit.gap.shortest_setpoint_s")
+PACKETS = number("audit.gap.packets")
+"""A gap is at least so many packets long."""
+SLOW_PACKETS = number("audit.gap.slow_packets")
+"""The same of streams whose packets come rarer than SLOW_S."""
+SLOW_S = number("audit.gap.slow_s")
+"""Packets further apart are of a slow stream."""
 KINK = number("audit.gap.kink")
 
 
@@ -38,7 +44,7 @@ def shortest_s(name: str, interval_s: float) -> float:
     """The shortest gap reported for a stream whose packets come every ``interval_s``."""
     at_least = {"mocap": SHORTEST_MOCAP_S, "setpoint": SHORTEST_SETPOINT_S}.get(name, SHORTEST_S)
     return (
-        max(at_least, 10.0 * interval_s if interval_s > 0.02 else 5.0 * interval_s)
+        max(at_least, SLOW_PACKETS * interval_s if interval_s > SLOW_S else PACKETS * interval_s)
         if np.isfinite(interval_s)
         else at_least
     )

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
+from ..settings import number
 
-MAXIMUM_GAP_S = 0.1
+MAXIMUM_GAP_S = number("tasks.association.maximum_gap_s")
 """Truth is not interpolated over longer holes: at 1 m/s and 10 m/s^2 a line over 0.1 s is off by up to 12 mm."""
 
 

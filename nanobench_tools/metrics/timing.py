@@ -12,10 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
+from ..settings import number
 from .alignment import checked_pair
 from .trajectory import rms
 
-MINIMUM_SPEED_M_S = 0.1
+MINIMUM_SPEED_M_S = number("tasks.timing.minimum_speed_m_s")
 """Below this the direction of the track is noise, and rows are left out of along and across."""
 
 

@@ -14,17 +14,19 @@ import numpy as np
 
 from .. import so3
 from ..flight import Flight, Span, mask_of
+from ..settings import count, number, setting
 from ..units import GRAVITY_M_S2
 from .rest import ACC, GYRO
 
-OVER_S = (0.2, 0.5, 1.0, 2.0, 4.0)
-EVERY_S = 0.1
+OVER_S = setting("noise.inflight.over_s")
+EVERY_S = number("noise.inflight.every_s")
 """Windows start so often and overlap: about EVERY_S / T of them are independent."""
 
-PWM_STEP = 0.05
-WINDOW_S = 0.64
-BANDS_HZ = ((1.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 35.0), (35.0, 50.0), (50.0, 100.0), (100.0, 250.0))
-LEAST_PER_BIN, ROUNDS = 5, 5
+PWM_STEP = number("noise.inflight.pwm_step")
+WINDOW_S = number("noise.inflight.window_s")
+BANDS_HZ = setting("noise.inflight.bands_hz")
+LEAST_PER_BIN = count("noise.inflight.least_per_bin")
+ROUNDS = count("noise.inflight.rounds")
 
 
 @dataclass

@@ -8,17 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..flight import Flight, motors_of
+from ..settings import number, setting
 from .allan import overlapping_allan
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
-TAUS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0)
-DENSITY_S = (0.1, 0.5)
+TAUS_S = setting("noise.rest.taus_s")
+DENSITY_S = setting("noise.rest.density_s")
 """White noise is read off between these: longer than what a resampler and a sensor's own filter smooth."""
 
-OFF = 0.01
-LEAST_S = 0.5
-QUIET_RAD_S = 0.05
+OFF = number("noise.rest.off")
+LEAST_S = number("noise.rest.least_s")
+QUIET_RAD_S = number("noise.rest.quiet_rad_s")
 """Rest: motors below OFF and the gyro within QUIET_RAD_S of its median, for at least LEAST_S."""
 
 INSTABILITY = 0.664

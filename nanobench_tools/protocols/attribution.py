@@ -23,12 +23,14 @@ from ..flight import Flight
 from ..methods import Estimate
 from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
+from ..settings import number
 from .aided import Aiding, given_to
 from .tables import summaries
 from .task3 import Case, inside, score_given
 
 WHOLE = Aiding(rate_hz=100.0, delay_s=0.0, noise_m=0.0)
-LATE_S, LOST = 0.02, 0.13
+LATE_S = number("tasks.attribution.late_s")
+LOST = number("tasks.attribution.lost")
 """The lag of the logged position behind the gyro, and the share of IMU packets that did not arrive."""
 
 SCORES = {"ate_m": "ate_rmse_m", "along_m": "along_track_rmse_m", "across_m": "across_track_rmse_m"}

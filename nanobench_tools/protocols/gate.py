@@ -21,6 +21,7 @@ from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
+from ..settings import count, number
 from .phases import is_cut, streamed_phase
 from .selection import distinct
 from .sessions import row_keys
@@ -38,8 +39,8 @@ NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery
 FLOWN = ("pid", "mellinger")
 SAID = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onboard_mellinger": "mellinger"}
 """Who flew, as the audit finds it or ``nanobench fly`` writes it -> the firmware's controller."""
-MINIMUM_S = 5.0
-ROSE_M = 0.3
+MINIMUM_S = number("tasks.gate.minimum_s")
+ROSE_M = number("tasks.gate.rose_m")
 """A vehicle that never rose so far above where it began stayed in its own ground effect, which the plant has not."""
 AVERAGED = ("lag_diff_s", "lag_real_s", "lag_sim_s", "path_gap_m", "rmse_real_m", "rmse_sim_m")
 TICK_S = 0.01
@@ -47,12 +48,13 @@ MOST_LAG_S = 1.0
 BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
 PWM_OFF = 0.025
 """Of the mean PWM: more than this is said of a flight that fails."""
-LEVEL_M, LEVEL_TICKS = 0.1, 200
+LEVEL_M = number("tasks.gate.level_m")
+LEVEL_TICKS = count("tasks.gate.level_ticks")
 """PWM is compared where both vehicles are at one height, if that is so for so long."""
 SHOWN_S = 0.1
-STILL_M = 2e-4
+STILL_M = number("tasks.gate.still_m")
 """Per 10 ms: a setpoint that moves less stands still."""
-PLANNED_M_S = 1.6
+PLANNED_M_S = number("tasks.gate.planned_m_s")
 """A planner climbs and sinks slower (2.19 m/s per m/s of mean speed); faster is a jump."""
 
 

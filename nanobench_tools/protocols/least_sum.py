@@ -8,8 +8,10 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import coo_array
 
+from ..settings import number
+
 STEP_S = 0.01
-MARGIN = 0.05
+MARGIN = number("tasks.least_sum.margin")
 """By how much means over one set of starts may differ from means over the same starts some steps later. The printed
 errors of position break e(10) <= 10 e(1) by 2 %."""
 

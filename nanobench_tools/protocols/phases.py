@@ -7,19 +7,20 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..flight import Flight, Span, intersect_spans, mask_of
+from ..settings import number
 from ..units import PWM_FULL_SCALE
 
 MOTOR_ON = 1000.0 / PWM_FULL_SCALE
 """PWM ratio of motor 1 above which the published protocol takes a row for flown."""
 
-MOVING_M_S = 0.02
-PAUSE_S = 0.6
-LANDING_JUMP_S = 0.4
-SHORTEST_S = 5.0
+MOVING_M_S = number("tasks.phases.moving_m_s")
+PAUSE_S = number("tasks.phases.pause_s")
+LANDING_JUMP_S = number("tasks.phases.landing_jump_s")
+SHORTEST_S = number("tasks.phases.shortest_s")
 """A streamed path moves faster than MOVING_M_S (slowest known: 0.1 m/s), its radio gaps are shorter than PAUSE_S, it
 lasts SHORTEST_S or more; its last LANDING_JUMP_S hold the jump to the landing place, smeared over a radio gap."""
 
-JUMP_FACTOR = 3.0
+JUMP_FACTOR = number("tasks.phases.jump_factor")
 """The setpoint jumps from hover to the start of the path: first steps this much faster than the median of the path are
 that jump, which is no velocity to be followed."""
 

@@ -11,6 +11,7 @@ from ..flight import Flight, Span, Stream, mask_of
 from ..methods import Past, Prediction, Windows
 from ..metrics.association import associate
 from ..metrics.prediction import window_starts
+from ..settings import number
 
 RATE_HZ = 100.0
 HORIZON = 50
@@ -19,7 +20,7 @@ PAST = 50
 """Rows of inputs before the start that come with a window: half a second."""
 PAST_ALL = 250
 """Rows of all streams before the start for class ``past``: the last 2 s, and half a second of inputs before those."""
-LOST_FRAME = 1.5
+LOST_FRAME = number("tasks.windows.lost_frame")
 """Rows further apart than this many steps have a frame missing between them: windows end there."""
 
 FORCE = ("acc_x", "acc_y", "acc_z")

@@ -19,14 +19,15 @@ from .. import so3
 from ..firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
 from ..methods import Controller, Reference, VehicleState
 from ..physics.vehicle import Vehicle
+from ..settings import number
 from ..units import GRAVITY_M_S2
 from . import fly_setpoints
 from .fly_heading import yaw_rate
 from .fly_pilot import PERIOD_S, PID
 
-LEAD_S = 0.04
+LEAD_S = number("flying.fly_motors.lead_s")
 MOST_RATE_RAD_S = 8.0
-THRUST_SCALE = 0.943
+THRUST_SCALE = number("flying.fly_motors.thrust_scale")
 """What the motors give of what the firmware's curve promises (recordings)."""
 
 

@@ -32,7 +32,8 @@ def cache_folder() -> Path:
 def code_hash() -> str:
     """Of everything that turns bytes into a Flight: a reader that was changed is never answered from old entries."""
     here = Path(__file__).parent
-    files = [*sorted(here.glob("*.py")), *(here.parent / name for name in ("flight.py", "units.py", "frames.py"))]
+    beside = ("flight.py", "units.py", "frames.py", "settings/values/sources.toml")
+    files = [*sorted(here.glob("*.py")), *(here.parent / name for name in beside)]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 

@@ -13,20 +13,21 @@ from typing import Any
 import numpy as np
 
 from ..flight import Flight
+from ..settings import count, number
 from .kinks import count_packets
 
 UNKNOWN: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None}
 
-POINTS = 130
+POINTS = count("sources.describe.points")
 """Samples of the curve that are fitted."""
 
 FREQUENCIES_RAD_S = np.linspace(0.15, 2.6, 260)
 """Grid: half a step is a phase error of 0.2 rad in the third harmonic 15 s from the middle."""
 
-CLEARLY = 1.6
+CLEARLY = number("sources.describe.clearly")
 """The second best family must leave this many times more than the best."""
 
-SMALLEST_AMPLITUDE = 0.12
+SMALLEST_AMPLITUDE = number("sources.describe.smallest_amplitude")
 """Every harmonic of a family must be there with this share of the largest one."""
 
 

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-RELATIVE_TOLERANCE = 3e-7
+from ..settings import number
+
+RELATIVE_TOLERANCE = number("sources.kinks.relative_tolerance")
 """Distance from the chord as a share of the column's range, where the print resolution is unknown."""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream
+from ..settings import number
 from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, parse_number, read_grid
 from .describe import describe
@@ -37,7 +38,7 @@ __all__ = ["NanoBench", "with_sheet", "write_nanobench"]
 
 KNOWN = frozenset(COLUMN_NAMES)
 FRAMES = {"imu": "body", "motor": "motor", "battery": "-"}  # all others: world
-ENDS_EARLY_S = 0.1
+ENDS_EARLY_S = number("sources.nanobench.ends_early_s")
 """A recording that stops by more before the end its sheet names was cut; whole ones stop at most 0.02 s before."""
 FEWEST_NAMES = 4
 """So many of the format's column names in the first line, one of ``MARKS`` among them, make a file a NanoBench CSV."""

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from ..settings import number
 from .payload import read_file, unpack
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -26,7 +27,7 @@ MARKS = ("row_counts", "trajectory_type", "trajectory_id", "recording_start_utc"
 
 ADVICE = "mend the sheet; the recording is read without it"
 
-SLACK_S = 1.5
+SLACK_S = number("sources.sheets.slack_s")
 """The sheet's times are whole seconds; a recording may reach this far beyond them."""
 
 SPEEDS = ("slow", "medium", "fast")
