@@ -16,6 +16,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import number
 
 from .drag_ekf import TUNED
 from .error_state_ekf import ErrorStateEkf
@@ -30,24 +31,30 @@ NOISE = ImuNoise(gyro_rad_s_sqrtHz=TUNED["gyro_noise"], acc_m_s2_sqrtHz=TUNED["a
                  acc_walk_m_s3_sqrtHz=TUNED["acc_walk"], stamp_s_sqrtHz=TUNED["stamp"])
 """That of ``drag_ekf``, in flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
 
-CLOCK_SD_S, TOGETHER_SD_M, ALONE_SD_M = 0.002, 3e-4, 0.001
+CLOCK_SD_S = number("smoothers.gtsam_batch.clock_sd_s")
+TOGETHER_SD_M = number("smoothers.gtsam_batch.together_sd_m")
+ALONE_SD_M = number("smoothers.gtsam_batch.alone_sd_m")
 """What poses and the IMU disagree by besides the noise of the pose. Where several poses come to one state: the wander
 of the IMU's stamps, whose errors hang together, times the velocity of each axis, and a rest; where one comes alone."""
 
-ATTITUDE_SD_RAD, UNTOLD_SD_M = 0.005, 0.001
+ATTITUDE_SD_RAD = number("smoothers.gtsam_batch.attitude_sd_rad")
+UNTOLD_SD_M = number("smoothers.gtsam_batch.untold_sd_m")
 """Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
 
-MOUNT_SD_RAD, LATE_SD_S, ATTITUDE_LATE_SD_S, VELOCITY_SD_M_S = 0.05, 0.02, 0.01, 1.0
+MOUNT_SD_RAD = number("smoothers.gtsam_batch.mount_sd_rad")
+LATE_SD_S = number("smoothers.gtsam_batch.late_sd_s")
+ATTITUDE_LATE_SD_S = number("smoothers.gtsam_batch.attitude_late_sd_s")
+VELOCITY_SD_M_S = number("smoothers.gtsam_batch.velocity_sd_m_s")
 """Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
 the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
 
 WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-3])
 """Of the slow quantities: rad x3, s, s per root second."""
 
-TAIL_S = 1.0
+TAIL_S = number("smoothers.gtsam_batch.tail_s")
 """A longer stretch after the last measurement is integrated alone, and nothing is said of how sure it is (nan)."""
 
-CONTRADICTED_M = 0.5
+CONTRADICTED_M = number("smoothers.gtsam_batch.contradicted_m")
 """Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
 
 

@@ -19,6 +19,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import count, number
 
 from .drag_ekf import TUNED
 from .gtsam_aided import GtsamAided, drag
@@ -29,20 +30,20 @@ from .gtsam_path import State, quaternion_of
 from .gtsam_rows import NEAR_S, Rows, rows_of
 from .imu_noise import ImuNoise
 
-LEAST_ROWS = 200
+LEAST_ROWS = count("smoothers.gtsam_fixed_lag.least_rows")
 """A flight that is lost before has no result; later the estimate ends there."""
 
-LAG_S = 0.3
+LAG_S = number("smoothers.gtsam_fixed_lag.lag_s")
 """How long a state stays open; biases and slow quantities carry what was learned before. Longer changes nothing (0.7
 and 1.5 s: less than 0.01 mm of ATE on circles and trefoils)."""
 
 POSE_SD_M, ATTITUDE_SD_RAD = TUNED["position_sd"], [TUNED[axis] for axis in ("roll_pitch_sd", "pitch_sd", "yaw_sd")]
 """What a pose and the IMU disagree by besides the noise that was told, as in ``drag_ekf``."""
 
-WAIT_S = 0.2
+WAIT_S = number("smoothers.gtsam_fixed_lag.wait_s")
 """Without a pose for so long, a state is made of the IMU and drag alone."""
 
-FLYING_PWM = 0.3
+FLYING_PWM = number("smoothers.gtsam_fixed_lag.flying_pwm")
 """Mean PWM ratio above which drag is taken to hold: not on the ground."""
 
 EYE = np.eye(3)

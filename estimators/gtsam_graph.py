@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .drag_ekf import TUNED
@@ -24,13 +25,13 @@ from .gtsam_rows import Rows
 from .gtsam_sure import covariance_of
 from .imu_noise import NOMINAL_HZ, ImuNoise
 
-CHANGE_S = 0.06
+CHANGE_S = number("smoothers.gtsam_graph.change_s")
 """A signal's slope is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
 
 INTEGRATION_SD_M = 1e-3
 """Per root second: keeps the covariance of an interval of one row regular."""
 
-LEAST_PACKETS = 0.1
+LEAST_PACKETS = number("smoothers.gtsam_graph.least_packets")
 """Packets an interval without any counts as: what happened there is known to about 10 times the usual noise."""
 
 LIFT_SD_M_S2 = TUNED["lift_bias_sd"]
