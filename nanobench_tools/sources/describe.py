@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..flight import Flight
-from ..settings import count, number
+from ..settings import count, number, setting
 from .kinks import count_packets
 
 UNKNOWN: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None}
@@ -29,6 +29,54 @@ CLEARLY = number("sources.describe.clearly")
 
 SMALLEST_AMPLITUDE = number("sources.describe.smallest_amplitude")
 """Every harmonic of a family must be there with this share of the largest one."""
+RESIDUAL = setting("sources.describe.residual")
+"""Largest share of the spread that a family may leave."""
+TURNS = number("sources.describe.turns")
+"""How much of the first harmonic must be seen."""
+TREFOIL_TURNS = number("sources.describe.trefoil_turns")
+"""The same of a trefoil."""
+FEWEST_ROWS = count("sources.describe.fewest_rows")
+"""Shorter set-points say no family."""
+ROOM_M = number("sources.describe.room_m")
+"""Set-points farther away are no numbers of a room."""
+GRID_S = number("sources.describe.grid_s")
+"""Step of the grid that curves are read on."""
+MOVES_M_S = number("sources.describe.moves_m_s")
+"""A reference moves from this speed on."""
+FLIES_M = number("sources.describe.flies_m")
+"""And flies from this height on."""
+SHORTEST_S = number("sources.describe.shortest_s")
+"""Shorter paths say no family."""
+FIRST_POINTS = count("sources.describe.first_points")
+"""Points left out first: they hold the jump from the hover to the curve."""
+LAST_POINTS = count("sources.describe.last_points")
+"""Points left out last."""
+THIN = number("sources.describe.thin")
+"""A line is thinner than this share of its length."""
+LEVEL_M = number("sources.describe.level_m")
+"""And more level than this."""
+LONG_M = number("sources.describe.long_m")
+"""And has at least this standard deviation."""
+SMALLEST_M = number("sources.describe.smallest_m")
+"""Smaller curves say no family."""
+CLIMBS_M = number("sources.describe.climbs_m")
+"""An ellipse that climbs by more is a helix."""
+ROUND = number("sources.describe.round")
+"""Ratio of its axes from which on an ellipse is a circle."""
+FAST_M_S = number("sources.describe.fast_m_s")
+"""Reference speeds above this are called fast."""
+MEDIUM_M_S = number("sources.describe.medium_m_s")
+"""Above this medium."""
+SLOW_M_S = number("sources.describe.slow_m_s")
+"""Below this slow."""
+TREFOIL_M_S = setting("sources.describe.trefoil_m_s")
+"""Speeds of slow and medium trefoils, which are the same."""
+UP_M = number("sources.describe.up_m")
+"""Higher than this a vehicle flies."""
+MEDIUM_S = number("sources.describe.medium_s")
+"""A trefoil flown for longer is called medium."""
+LOW_M = number("sources.describe.low_m")
+"""A recording that begins and ends below this is whole."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +92,16 @@ class Curve:
     y: tuple[int, ...]
     z: tuple[int, ...] = ()
     climbs: bool = False
-    residual: float = 0.10
-    turns: float = 0.95
+    residual: float = RESIDUAL["other"]
+    turns: float = TURNS
 
 
 CURVES = (
-    Curve("ellipse", (1,), (1,), climbs=True, residual=0.08),
+    Curve("ellipse", (1,), (1,), climbs=True, residual=RESIDUAL["ellipse"]),
     Curve("figure_eight", (1,), (2,)),
-    Curve("trefoil", (1, 2), (1, 2), (3,), turns=0.7),  # its height at the third harmonic has no other curve
-    Curve("lissajous", (3,), (2,), residual=0.12),
-    Curve("star", (2, 3), (2, 3), residual=0.15),  # straight edges: two harmonics leave 0.11
+    Curve("trefoil", (1, 2), (1, 2), (3,), turns=TREFOIL_TURNS),  # no other curve climbs at the third harmonic
+    Curve("lissajous", (3,), (2,), residual=RESIDUAL["lissajous"]),
+    Curve("star", (2, 3), (2, 3), residual=RESIDUAL["star"]),  # straight edges: two harmonics leave 0.11
 )
 
 
@@ -79,21 +127,21 @@ def describe(flight: Flight) -> dict[str, Any]:
 def _streamed(flight: Flight) -> tuple[np.ndarray, np.ndarray] | None:
     """Setpoints (n,) s, (n, 3) m while the horizontal reference moves, ends trimmed; None when it hardly does."""
     stream = flight.streams.get("setpoint")
-    if stream is None or not all(a in stream for a in "xyz") or len(stream) < 300:
+    if stream is None or not all(a in stream for a in "xyz") or len(stream) < FEWEST_ROWS:
         return None
     time_s, position = stream.time_s, stream["x", "y", "z"]
-    usable = np.isfinite(position).all(axis=1) & (np.abs(position) < 20.0).all(axis=1)
+    usable = np.isfinite(position).all(axis=1) & (np.abs(position) < ROOM_M).all(axis=1)
     usable &= time_s <= count_packets(time_s, position).last_s
     time_s, position = time_s[usable], position[usable]
-    if len(time_s) < 300 or (np.diff(time_s) <= 0.0).any():
+    if len(time_s) < FEWEST_ROWS or (np.diff(time_s) <= 0.0).any():
         return None
-    grid = np.arange(time_s[0], time_s[-1], 0.05)
+    grid = np.arange(time_s[0], time_s[-1], GRID_S)
     at = np.stack([np.interp(grid, time_s, p) for p in position.T], axis=1)
-    speed = np.linalg.norm(at[4:, :2] - at[:-4, :2], axis=1) / 0.2
-    moving = np.flatnonzero((speed > 0.04) & (at[2:-2, 2] > 0.3)) + 2
-    if not len(moving) or grid[moving[-1]] - grid[moving[0]] < 6.0:
+    speed = np.linalg.norm(at[4:, :2] - at[:-4, :2], axis=1) / (4.0 * GRID_S)
+    moving = np.flatnonzero((speed > MOVES_M_S) & (at[2:-2, 2] > FLIES_M)) + 2
+    if not len(moving) or grid[moving[-1]] - grid[moving[0]] < SHORTEST_S:
         return None
-    inside = slice(moving[0] + 30, moving[-1] - 16)  # the first second holds the jump from the hover to the curve
+    inside = slice(moving[0] + FIRST_POINTS, moving[-1] - LAST_POINTS)
     return grid[inside], at[inside]
 
 
@@ -102,7 +150,8 @@ def _line(position: np.ndarray) -> str | None:
     spread = np.ptp(position, axis=0)
     xy = position[:, :2] - position[:, :2].mean(axis=0)
     size = np.linalg.svd(xy, compute_uv=False)
-    return "linear_ramp" if size[1] < 0.02 * size[0] and spread[2] < 0.05 and size[0] > 0.2 * np.sqrt(len(xy)) else None
+    thin, long = size[1] < THIN * size[0], size[0] > LONG_M * np.sqrt(len(xy))
+    return "linear_ramp" if thin and long and spread[2] < LEVEL_M else None
 
 
 def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
@@ -110,7 +159,7 @@ def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
     time_s, position = time_s[pick] - time_s.mean(), position[pick]
     centred = position - position.mean(axis=0)
     spread = float(np.sqrt((centred**2).sum(axis=1).mean()))
-    if spread < 0.1:
+    if spread < SMALLEST_M:
         return None
     fits = _Fits(time_s, centred)
     best: list[tuple[float, float, str]] = []
@@ -143,9 +192,9 @@ def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
 
 def _ellipse(time_s: np.ndarray, position: np.ndarray, amplitudes: np.ndarray) -> str:
     slope = np.polyfit(time_s, position[:, 2], 1)[0]
-    if abs(slope) * np.ptp(time_s) > 0.15:
+    if abs(slope) * np.ptp(time_s) > CLIMBS_M:
         return "helix"
-    return "circle" if amplitudes.min() > 0.9 * amplitudes.max() else "oval"
+    return "circle" if amplitudes.min() > ROUND * amplitudes.max() else "oval"
 
 
 class _Fits:
@@ -192,18 +241,18 @@ def _path_speed(time_s: np.ndarray, position: np.ndarray) -> float:
 
 def _speed_word(flight: Flight, family: str, speed_m_s: float) -> str | None:
     """The benchmark's word. Slow and medium trefoils are the same reference and differ in how long they are flown."""
-    if speed_m_s > 0.88:
+    if speed_m_s > FAST_M_S:
         return "fast"
     if family != "trefoil":
-        return "medium" if speed_m_s > 0.6 else "slow" if speed_m_s < 0.57 else None
+        return "medium" if speed_m_s > MEDIUM_M_S else "slow" if speed_m_s < SLOW_M_S else None
     mocap = flight.streams.get("mocap")
-    if mocap is None or "pz" not in mocap or not 0.4 < speed_m_s < 0.62:
+    if mocap is None or "pz" not in mocap or not TREFOIL_M_S[0] < speed_m_s < TREFOIL_M_S[1]:
         return None
     height = mocap["pz"]
-    up = mocap.time_s[height > 0.2]
+    up = mocap.time_s[height > UP_M]
     if not len(up):
         return None
-    if up[-1] - up[0] > 26.0:
+    if up[-1] - up[0] > MEDIUM_S:
         return "medium"
-    whole = height[0] < 0.4 and height[-1] < 0.4  # from the ground to the ground
+    whole = height[0] < LOW_M and height[-1] < LOW_M  # from the ground to the ground
     return "slow" if whole else None
