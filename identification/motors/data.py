@@ -45,7 +45,7 @@ STEADY_V = number("motors.data.steady_v")
 class Log:
     """n rows ``row_s`` apart within each of ``stretches`` [(first, end)]: u (n, 4) PWM ratio; speed (n, 4) rad/s; both
     of motors 1..4; battery_V (n,); rate (n, 3) rad/s and force_z (n,) m/s^2, body; state (n, 10) position, velocity,
-    quaternion of the vehicle's own estimate or None; stamps (n,) s as logged."""
+    quaternion of the vehicle's own estimate or None; stamps (n,) s as logged; epoch_s: stamp of the recording."""
 
     name: str
     path: str
@@ -58,6 +58,7 @@ class Log:
     force_z: np.ndarray
     state: np.ndarray | None
     stretches: tuple[tuple[int, int], ...]
+    epoch_s: float = 0.0
     notes: tuple[str, ...] = ()
 
     @property
@@ -130,7 +131,7 @@ def read_log(flight: Flight) -> Log:
     pieces = zip([0, *edges.tolist()], [*edges.tolist(), len(stamps)], strict=True)
     stretches = tuple((a, b) for a, b in pieces if flying[a] and (b - a) * row_s >= SHORTEST_S)
     log = Log(flight.name, place, row_s, stamps, u, speed, flight["battery"].interpolate("vbat", stamps), rate, force_z,
-              state, stretches)
+              state, stretches, flight.epoch_s)
     if not stretches:
         raise InputError(place, f"no {SHORTEST_S} s with all rotors spinning", "a flight is needed")
     _informs(log)

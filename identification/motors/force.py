@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nanobench_tools.metrics.statistics import bootstrap_interval
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import number
 
 from .data import Log
@@ -23,7 +24,8 @@ ONE_VEHICLE = number("motors.force.one_vehicle")
 
 @dataclass(frozen=True)
 class Force:
-    """k_f_per_kg [N s^2/rad^2 per kg] pooled, ci95 by drawing flights (None for one), one value per flight."""
+    """k_f_per_kg [N s^2/rad^2 per kg] pooled, ci95 by drawing sessions and flights (None for one), one value per
+    flight."""
 
     k_f_per_kg: float
     ci95: tuple[float, float] | None
@@ -48,7 +50,8 @@ def fit_force(logs: Sequence[Log], seed: int = 0) -> Force:
         squares, force = averaged(log, np.sum(log.speed**2, axis=1)), averaged(log, log.force_z)
         single.append(float(squares @ force / (squares @ squares)))
         sizes.append(len(squares))
-    return Force(float(np.average(single, weights=sizes)), bootstrap_interval(single, seed), tuple(single))
+    return Force(float(np.average(single, weights=sizes)), bootstrap_interval(single, seed, sessions=labels_of(logs)),
+                 tuple(single))
 
 
 def errors(log: Log, specific_thrust: np.ndarray) -> np.ndarray:

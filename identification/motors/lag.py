@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.optimize import least_squares
 
+from nanobench_tools.metrics.statistics import Labels, weights
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.inputs import rows, settled
 from nanobench_tools.physics.ops import NUMPY
@@ -221,13 +222,15 @@ def held_out_rms(lag: Lag, data: Windows, row_s: float, flights: Sequence[int]) 
     return np.array(found)
 
 
-def intervals(lag: Lag, draws: int = 1000, seed: int = 0) -> dict[str, list[float]]:
-    """95 % intervals by drawing flights: one Gauss-Newton step per draw from the solution. Empty for one flight."""
-    if lag.gradient is None or lag.curvature is None or len(lag.gradient) < 2:
+def intervals(lag: Lag, draws: int = 1000, seed: int = 0, sessions: Labels = None) -> dict[str, list[float]]:
+    """95 % intervals by drawing sessions and flights: one Gauss-Newton step per draw from the solution. Empty for one
+    flight or session."""
+    if lag.gradient is None or lag.curvature is None:
         return {}
-    count = len(lag.gradient)
-    weights = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws)
-    step = -np.linalg.solve(np.tensordot(weights, lag.curvature, 1), np.tensordot(weights, lag.gradient, 1)[..., None])
+    drawn = weights(len(lag.gradient), sessions, seed, draws)
+    if drawn is None:
+        return {}
+    step = -np.linalg.solve(np.tensordot(drawn, lag.curvature, 1), np.tensordot(drawn, lag.gradient, 1)[..., None])
     wanted = CANDIDATES[lag.name]
     low, high = np.percentile(step[..., 0], [2.5, 97.5], axis=0)
     value = {"up": lag.tau_up_s, "tau": lag.tau_up_s, "down": lag.tau_down_s, "delay": lag.delay_s}

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.metrics.prediction import HORIZONS, multi_horizon
-from nanobench_tools.metrics.statistics import RESAMPLES, bootstrap_interval, bootstrap_ratio
+from nanobench_tools.metrics.statistics import (
+    bootstrap_interval,
+    bootstrap_ratio,
+    pooled_interval,
+    session_count,
+    why_not,
+)
 from nanobench_tools.units import factor
 
 from . import lag as lags
@@ -20,8 +26,9 @@ KINDS = {"rate": "rate_mae_rad_s", "roll_pitch": "roll_pitch_rate_mae_rad_s", "y
 
 def body(study: Study, seed: int = 0) -> dict[str, Any]:
     """The keys of motors.json, without the simulator's path."""
-    logs = study.logs
-    return {"rows": rotation_rows(study, seed), "gains": gains(study, seed), "lag": lag_part(study, seed),
+    logs, tested = study.logs, study.sessions[study.test]
+    return {"sessions": session_count(tested), "ci_why": why_not(len(tested), tested),
+            "rows": rotation_rows(study, seed), "gains": gains(study, seed), "lag": lag_part(study, seed),
             "speed": speed_part(study, seed), "force": force_part(study, seed), "moments": moment_part(study, seed),
             "measurement": measurement(study), "step_s": study.step_s, "row_s": logs[0].row_s,
             "mass_kg": study.vehicle.mass_kg if study.mass_known else None,
@@ -46,7 +53,7 @@ def rotation_rows(study: Study, seed: int) -> list[dict[str, Any]]:
             mean = np.average(values, axis=0, weights=counts)
             row["metrics"][metric] = multi_horizon(mean)
             row["curves"][metric] = mean
-            ends = bootstrap_ratio(values * counts[:, None], counts, seed)
+            ends = bootstrap_ratio(values * counts[:, None], counts, seed, sessions=study.sessions[flown])
             row["ci95"][metric] = {} if ends is None else {
                 str(h): [float(ends[0][h - 1]), float(ends[1][h - 1])] for h in HORIZONS}
         rows.append(row)
@@ -60,16 +67,14 @@ def gains(study: Study, seed: int) -> list[dict[str, Any]]:
     radio, found = study.rotation["radio"], []
     flown = radio.windows > 0
     counts = radio.windows[flown]
-    draws = np.random.default_rng(seed).multinomial(len(counts), np.full(len(counts), 1.0 / len(counts)), RESAMPLES)
     for name in [n for n in study.rotation if n not in ("radio", "still")]:
         for kind, metric in KINDS.items():
             for h in HORIZONS:
                 ours, theirs = (s.by_flight[kind][flown, h - 1] * counts for s in (study.rotation[name], radio))
-                ratio = (draws @ ours) / (draws @ theirs)
-                low, high = np.percentile(100.0 * (1.0 - ratio), [2.5, 97.5])
+                ends = pooled_interval(ours, theirs, study.sessions[flown], seed).ends()
                 found.append({"input": name, "metric": metric, "h": h, "less_percent":
                               float(100.0 * (1.0 - ours.sum() / theirs.sum())),
-                              "ci95": [float(low), float(high)] if len(counts) > 1 else None})
+                              "ci95": None if ends is None else [100.0 * (1.0 - ends[1]), 100.0 * (1.0 - ends[0])]})
     return found
 
 
@@ -77,8 +82,9 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
 
 
-def _ci(values: np.ndarray, seed: int) -> list[float] | None:
-    found = bootstrap_interval(values[np.isfinite(values)], seed)
+def _ci(values: np.ndarray, seed: int, sessions: np.ndarray) -> list[float] | None:
+    known = np.isfinite(values)
+    found = bootstrap_interval(values[known], seed, sessions=sessions[known])
     return None if found is None else list(found)
 
 
@@ -92,7 +98,8 @@ def lag_part(study: Study, seed: int) -> dict[str, Any]:
         "delay_s": study.lag.delay_s, "gain": study.lag.gain,
         "fit": {"tau_up_s": both.tau_up_s, "tau_down_s": both.tau_down_s, "delay_s": both.delay_s,
                 "ci95": {f"tau_{k}_s" if k != "delay" else "delay_s": v for k, v in study.lag_ci95.items()}},
-        "rows": [{"model": name, "rms_rad_s": _rms(study.lag_rms[name]), "ci95": _ci(study.lag_rms[name], seed),
+        "rows": [{"model": name, "rms_rad_s": _rms(study.lag_rms[name]),
+                  "ci95": _ci(study.lag_rms[name], seed, study.sessions),
                   "train_rms_rad_s": fit.rms_rad_s, "tau_up_s": fit.tau_up_s, "tau_down_s": fit.tau_down_s,
                   "delay_s": fit.delay_s, "trouble": fit.trouble} for name, fit in study.lags.items()],
         "flights": [{"flight": log.name, "tau_up_s": fit.tau_up_s, "tau_down_s": fit.tau_down_s,
@@ -158,7 +165,7 @@ def force_part(study: Study, seed: int) -> dict[str, Any]:
             "unit": "N s^2/rad^2" + ("" if study.mass_known else " per kg"),
             "flights": [{"flight": study.logs[i].name, "k_f_per_kg": k}
                         for i, k in zip(study.train, force.per_flight, strict=True)],
-            "rows": [{"from": name, "rms_m_s2": _rms(rms), "ci95": _ci(rms, seed),
+            "rows": [{"from": name, "rms_m_s2": _rms(rms), "ci95": _ci(rms, seed, study.sessions),
                       "n_flights": int(np.isfinite(rms).sum())} for name, rms in study.force_rms.items()]}
 
 
@@ -166,9 +173,10 @@ def moment_part(study: Study, seed: int) -> dict[str, Any]:
     """What turns the vehicle, from rotor speed: 1 / J, k_m / J_z, J_r / J_z, and how much each explains."""
 
     def over(axis: str, of: str, k: int = 0) -> dict[str, Any]:
+        there = [a is not None for a in study.axes[axis]]
         known = [a for a in study.axes[axis] if a is not None]
         values = np.array([a.values[k] if of == "values" else getattr(a, of) for a in known])
-        found = bootstrap_interval(values, seed) if len(values) > 1 else None
+        found = bootstrap_interval(values, seed, sessions=study.sessions[there])
         return {"median": float(np.median(values)) if len(values) else None,
                 "ci95_mean": None if found is None else list(found), "n_flights": len(values)}
 

@@ -14,6 +14,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.vehicle import BOUNDS
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import count, setting
 
 from . import lag as lagging
@@ -62,6 +63,11 @@ class Study:
     axes: dict[str, list[torque.Axis | None]] = field(default_factory=dict)
     rotation: dict[str, Scores] = field(default_factory=dict)
     models: dict[str, turning.Rotation] = field(default_factory=dict)
+
+    @property
+    def sessions(self) -> np.ndarray:
+        """(F,) session of every log, -1 where its clock started with the vehicle."""
+        return labels_of(self.logs)
 
     @property
     def train(self) -> list[int]:
@@ -191,7 +197,8 @@ def _lags(study: Study, seed: int) -> None:
         study.lags[name] = lagging.fit_lag(study.base, data, row_s, name, np.array(study.train))
     able = {n: fit.rms_rad_s for n, fit in study.lags.items() if not fit.trouble}
     study.best_lag = next(n for n in able if able[n] <= lagging.NO_WORSE * min(able.values()))
-    study.lag_ci95 = lagging.intervals(study.lags["up and down + delay"], seed=seed)
+    study.lag_ci95 = lagging.intervals(study.lags["up and down + delay"], seed=seed,
+                                       sessions=study.sessions[np.intersect1d(study.train, data.flight)])
     study.lag_by_flight = [lagging.fit_lag(study.base, data, row_s, "up and down + delay", np.array([i]))
                            if np.any(data.flight == i) else None for i in range(len(study.logs))]
 

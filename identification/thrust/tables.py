@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.metrics.statistics import bootstrap_ratio
+from nanobench_tools.metrics.statistics import design_effect, pooled_interval
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import number
 
 from .flight_fit import FlightModel
@@ -37,17 +38,22 @@ class Scored:
         self.widths.append(width)
 
     def row(self, seed: int) -> dict[str, Any]:
-        """The row of the table; ci95 of the RMS by drawing files, null for one file."""
+        """The row of the table; ci95 of the RMS by drawing sessions and files, null where ``ci_why`` says why."""
         flown = is_flown(self.files)
+        key = "rms_m_s2" if flown else "rms_N"
         squares = np.array([np.sum(e**2) for e in self.errors])
         counts = np.array([len(e) for e in self.errors])
-        ends = bootstrap_ratio(squares, counts, seed)
+        labels = labels_of(self.files)
+        interval, effect = pooled_interval(squares, counts, labels, seed), design_effect(squares / counts, labels)
+        ends = interval.ends()
         rms = float(np.sqrt(squares.sum() / counts.sum()))
         inside = sum(int(np.sum(np.abs(e) <= w)) for e, w in zip(self.errors, self.widths, strict=True))
         known = all(np.isfinite(w) for w in self.widths)
         return {"model": self.name, "split": self.split, "kind": "flight" if flown else "stand",
                 "rms_N": None if flown else rms, "rms_m_s2": rms if flown else None, "n": int(counts.sum()),
                 "files": len(self.files), "ci95": None if ends is None else [float(np.sqrt(x)) for x in ends],
+                "sessions": interval.sessions, "design_effect": {key: None if effect is None else float(effect)},
+                **({"ci_why": interval.why} if interval.why else {}),
                 "bias": float(np.concatenate(self.errors).mean()),
                 "coverage95": inside / float(counts.sum()) if known else None, "status": self.status,
                 "uses": self.uses, "given": self.given,

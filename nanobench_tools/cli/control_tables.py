@@ -94,12 +94,13 @@ def _show_together(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     from rich import box
     from rich.table import Table
 
-    table = Table(title="All references together; better: references with at least 30 % less RMSE, and the least gain",
+    table = Table(title="All references together; the last columns: references with at least 30 % less RMSE, and the "
+                  "least gain",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("controller", "told"):
         table.add_column(head, no_wrap=True)
     for head in ("references", "median RMSE m", "contour m", "largest worst decile m", "lost %",
-                 *(f"better than {name}" for name in TO_BEAT)):
+                 *(f"30 % below {name}" for name in TO_BEAT)):
         table.add_column(head, justify="right")
     for one in together(rows):
         better = ["-" if (g := one["gain_over"].get(name)) is None else f"{g[1]} of {g[2]}, {100.0 * g[0]:+.0f} %"

@@ -88,9 +88,12 @@ def _ms(value: float | None, interval: Any = None) -> str:
 
 
 def _show(options: Options, content: Mapping[str, Any]) -> None:
+    from ..protocols.sessions import interval_note
+
     _show_lag(options, content)
     _show_speed(options, content)
     _show_rotation(options, content)
+    options.show(interval_note([{**content, "n": len(content["test"])}]))
 
 
 def _table(title: str, heads: list[str]) -> Any:
@@ -147,6 +150,8 @@ def _show_speed(options: Options, content: Mapping[str, Any]) -> None:
 
 
 def _show_rotation(options: Options, content: Mapping[str, Any]) -> None:
+    from ..protocols.compare import verdict
+
     rows = content["rows"]
     if not rows:
         options.show("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
@@ -168,7 +173,7 @@ def _show_rotation(options: Options, content: Mapping[str, Any]) -> None:
     for entry in content["gains"]:
         if entry["metric"] == SHOWN[0][0] and entry["h"] == 10:
             ends = entry["ci95"]
-            options.show(f"{entry['input']}: {abs(entry['less_percent']):.0f} % "
-                         f"{'less' if entry['less_percent'] >= 0.0 else 'more'} error of roll and pitch rate after "
-                         f"{10 * step:.0f} ms than from the radio stream"
-                         + (f" (95 %: {ends[0]:.0f} .. {ends[1]:.0f} % less)" if ends else ""))
+            ratio_ends = [1.0 - 0.01 * e for e in reversed(ends)] if ends else None
+            said = verdict(1.0 - 0.01 * entry["less_percent"], ratio_ends)
+            options.show(f"{entry['input']}: error of roll and pitch rate after {10 * step:.0f} ms against the radio "
+                         f"stream's: {said}")

@@ -87,6 +87,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     learned rows, None for no such rows; ``published``: the published ones too."""
     from ..harness import make_item
     from ..protocols import compare, response, task1
+    from ..protocols.sessions import parameters_note
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
@@ -139,7 +140,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show(options, rows, chosen)
     _show_commands(options, rows)
     _show_fits(options, fits, choice)
-    return {"rows": rows, "per_flight": compare.flight_means(scored, options.clock),
+    note = parameters_note(options.sessions.labels(case.flight for case in chosen.train)) if fits else ""
+    if note:
+        options.show(note)
+    return {"rows": rows, "per_flight": compare.flight_means(scored, options.clock), "parameters_note": note,
             "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and p.name != SIMULATOR
                                          and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},

@@ -189,6 +189,8 @@ def _show(options: Options, part: Part) -> None:
     from rich import box
     from rich.table import Table
 
+    from ..protocols.sessions import interval_note
+
     as_recorded = (part.body.get("as_recorded") or {}).get("rows", [])
     key, unit, factor, digits = UNITS[part.kind]
     what = "thrust per motor on rows that spin" if part.kind == "stand" else "body-z specific force, 3 Hz low-pass"
@@ -207,6 +209,7 @@ def _show(options: Options, part: Part) -> None:
                  "-" if row["coverage95"] is None else f"{100 * row['coverage95']:.0f} %", one_line(row["status"])]
         table.add_row(*cells)
     options.show(table)
+    options.show(interval_note(part.rows))
     if part.best is None:
         options.show("No map is a result: none predicts held-out rows better than a constant"
                      + "".join(f"; {n}: {t}" for n, t in part.to_json()["no_result"].items()))
@@ -225,7 +228,8 @@ def _show(options: Options, part: Part) -> None:
     pairs = part.body["against_firmware"]
     if pairs:
         won = sum(p["beaten"] for p in pairs)
-        options.show(f"Better than the better of the firmware's two curves on {won} of {len(pairs)} held-out files.")
+        options.show(f"Smaller error than the closer of the firmware's two curves on {won} of {len(pairs)} held-out "
+                     "files.")
         for p in pairs if part.kind == "stand" else ():
             how = part.body.get("held_out", {}).get(p["file"])
             to = ", ".join(how["fitted_to"]) if how and how["fitted_to"] else "its own other PWM bands"

@@ -72,6 +72,19 @@ def why_not(n: int, sessions: Labels) -> str:
     return f"{found} sessions: too narrow to trust" if found is not None and found < FEW_SESSIONS else ""
 
 
+def weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray | None:
+    """(resamples, n) how often each of n flights is drawn, in their own order, for whoever refits to draws; None where
+    ``why_not`` says that there is no interval."""
+    found = session_count(sessions)
+    if n < 2 or found == 1:
+        return None
+    owner = np.unique(np.asarray(sessions, int), return_inverse=True)[1] if found else np.arange(n)
+    order = np.argsort(owner, kind="stable")
+    drawn = np.empty((resamples, n))
+    drawn[:, order] = draws(tuple(owner[order].tolist()), seed, resamples)
+    return drawn
+
+
 def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = None, seed: int = 0,
                     probability: float = 0.95, resamples: int = RESAMPLES) -> Interval:
     """Interval of sum(sums) / sum(counts) over flights; the same whatever the order of the flights.

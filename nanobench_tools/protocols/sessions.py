@@ -106,8 +106,21 @@ def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()
     return text
 
 
+def parameters_note(labels: np.ndarray) -> str:
+    """What the intervals of fitted parameters are: refits to drawn training flights; labels: sessions of these.
+    Sessions are not drawn: most training flights are often of one, and refits to the few others say little."""
+    n, found = len(labels), session_count(labels)
+    if n < 2:
+        return ""
+    if found is None:
+        return f"Intervals of parameters draw {n} training flights alone: their sessions are unknown."
+    most = np.unique(labels, return_counts=True)[1].max()
+    return (f"Intervals of parameters draw {n} training flights alone, of {found} session{'s' * (found > 1)}"
+            f"{f' ({most} of one)' if found > 1 else ''}: too narrow where sessions differ.")
+
+
 def _flights(row: Mapping[str, Any]) -> int:
-    return int(row.get("n_flights", row.get("n")) or 0)
+    return int(row.get("n_flights", row.get("files", row.get("n"))) or 0)
 
 
 def _effects(found: Mapping[str, Any], metrics: Sequence[str]) -> list[float]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..protocols.compare import verdict
+from ..protocols.sessions import interval_note
 from ..version import __version__
 from .page import _template, breakable, failures, plotly_source, safe_json
 from .quantities import DASH
@@ -48,10 +50,11 @@ def words(body: Mapping[str, Any]) -> list[str]:
     for gain in body["gains"]:
         if gain["metric"] == METRICS[0][0] and gain["h"] == 10 and gain["input"] in ("logged", "rpm"):
             what = {"logged": "PWM at every row of the log", "rpm": "measured rotor speed"}[gain["input"]]
-            between = "" if gain["ci95"] is None else f" ({gain['ci95'][0]:.0f} .. {gain['ci95'][1]:.0f} %)"
-            said.append(f"With {what} roll and pitch rates {1e4 * body['step_s']:.0f} ms ahead are predicted with "
-                        f"{gain['less_percent']:.0f} % less error than from the radio stream{between}.")
-    return said
+            ends = gain["ci95"] and [1.0 - 0.01 * e for e in reversed(gain["ci95"])]
+            said.append(f"Error of roll and pitch rates {1e4 * body['step_s']:.0f} ms ahead from {what}, against the "
+                        f"radio stream's: {verdict(1.0 - 0.01 * gain['less_percent'], ends)}.")
+    note = interval_note([{**body, "n": len(body["test"])}])
+    return [*said, note] if note else said
 
 
 def pictures(body: Mapping[str, Any]) -> dict[str, Any]:

@@ -221,9 +221,10 @@ def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
               for line in rows(clock, found.get("parameters") or {})]
     if not lines:
         return []
-    note = "Those fitted on another clock are in the CSV file." if others else ""
-    table = Table("table_task1_parameters", "Task 1: parameters of the models", columns, (*lines, *others), note,
-                  len(lines))
+    note = _text(sysid.get("parameters_note"))
+    note += " Those fitted on another clock are in the CSV file." if others else ""
+    table = Table("table_task1_parameters", "Task 1: parameters of the models", columns, (*lines, *others),
+                  note.strip(), len(lines))
     return [_clock_in_place(table)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..protocols.sessions import interval_note
 from ..version import __version__
 from .page import _template, breakable, failures, plotly_source, safe_json
 from .quantities import DASH
@@ -65,9 +66,10 @@ def words(kind: str, mine: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
                     f"{100 * covered:.0f} % of these rows.")
     pairs = mine.get("against_firmware") or []
     if pairs:
-        said.append(f"Better than the better of the firmware's two curves on {sum(p['beaten'] for p in pairs)} of "
-                    f"{len(pairs)} held-out files.")
-    return said
+        said.append(f"Smaller error than the closer of the firmware's two curves on {sum(p['beaten'] for p in pairs)} "
+                    f"of {len(pairs)} held-out files.")
+    note = interval_note([row for row in rows if row["split"] == split])
+    return [*said, note] if note else said
 
 
 def pictures(kind: str, mine: Mapping[str, Any]) -> dict[str, Any]:

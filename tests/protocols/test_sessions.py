@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from nanobench_tools.metrics.statistics import UNKNOWN
-from nanobench_tools.protocols.sessions import SESSION_GAP_S, Sessions, interval_note, labels_of, row_keys
+from nanobench_tools.protocols.sessions import (
+    SESSION_GAP_S,
+    Sessions,
+    interval_note,
+    labels_of,
+    parameters_note,
+    row_keys,
+)
 from nanobench_tools.protocols.tables import summaries
 
 HOUR, DAY, DATE = 3600.0, 86400.0, 1.7e9
@@ -68,6 +75,15 @@ def test_a_table_says_how_far_to_trust_its_intervals():
     assert interval_note([row_of([1.0], [3])]) == "No 95 % interval: one flight."
     assert interval_note([row_of([1.0, 2.0], [-1, -1])]).startswith("95 % intervals: sessions unknown")
     assert interval_note([{"n": 3}]) == ""
+
+
+def test_parameters_say_that_flights_alone_were_drawn():
+    assert parameters_note(np.array([0, 0, 0, 1])) == (
+        "Intervals of parameters draw 4 training flights alone, of 2 sessions (3 of one): too narrow where sessions "
+        "differ.")
+    assert "of 1 session:" in parameters_note(np.array([0, 0]))
+    assert "sessions are unknown" in parameters_note(np.array([0, -1]))
+    assert parameters_note(np.array([0])) == ""
 
 
 def test_the_sessions_of_the_real_recordings(real):
