@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import os
 import subprocess
@@ -17,6 +18,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from nanobench_tools.version import __version__
 from tools.figures import collect, numbers, text
 from tools.figures.store import ROOT, FigureError, Store
 
@@ -59,7 +61,11 @@ def take_over(names: list[str], specs: dict[str, dict[str, Any]], results: Path)
     for name in present:
         path = results / specs[name]["result"]
         try:
-            new = collect.save(name, collect.collect(name, specs[name], json.loads(path.read_text())))
+            result = json.loads(path.read_text())
+            if "manifest" not in result:  # of a benchmark, which writes its numbers alone
+                written = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
+                result |= {"version": __version__, "manifest": {"started": written.isoformat()}}
+            new = collect.save(name, collect.collect(name, specs[name], result))
             print(f"{name}: {'new figures' if new else 'as before'} from {path}")
         except (FigureError, ValueError) as error:
             problems.append(f"{path.name}: {error}")

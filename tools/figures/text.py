@@ -3,7 +3,8 @@
     <!-- fig: KEY FORMAT -->12.5<!-- /fig -->          a stored figure (store.py)
     <!-- code: MODULE:NAME FORMAT -->0.3<!-- /code -->  a constant, read from the code itself
     <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py); `sources`: what the page quotes,
-                                                       `settings`: the numbers set by looking at data
+                                                       `settings`: the numbers set by looking at data; a
+                                                       `?` behind a name: nothing while nothing is stored
     <!-- holds: KEY < KEY -->                          what a sentence claims: < > or =, a key, number or word
 
 FORMAT is a scale and the number of decimals: `mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need
@@ -109,12 +110,14 @@ def _render(text: str, store: Store, names: list[str]) -> str:
 
     def block(match: re.Match[str]) -> str:
         key = match[1]
+        if key.endswith("?") and key.partition("/")[0] not in store.sources:
+            return f"<!-- table: {key} -->\n<!-- /table -->"  # nothing is stored for it yet
         if key == "settings":
             lines = tables.settings()
         elif key == "sources":
             lines = tables.sources(names, store)
         else:
-            lines = tables.table(key, store, partial(fill, store=store))
+            lines = tables.table(key.rstrip("?"), store, partial(fill, store=store))
         return f"<!-- table: {key} -->\n\n{lines}\n\n<!-- /table -->"
 
     marks = "|".join(pattern.pattern for pattern in (INLINE, BLOCK, HOLDS))
