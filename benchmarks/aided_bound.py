@@ -26,6 +26,7 @@ from nanobench_tools.methods import Estimate, Estimator
 from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols import aided, task3
 from nanobench_tools.protocols.selection import distinct
+from nanobench_tools.protocols.sessions import labels_of
 
 AIDING = aided.Aiding()
 NOISES = (0.01, 0.02, 0.05, 0.1, 0.2)
@@ -46,7 +47,7 @@ class Kept:
 
 def line(label: str, cases: Sequence[task3.Case], method: Estimator) -> None:
     """ATE and the stated RMS over the scored rows, means over flights, mm."""
-    found, stated = [], []
+    found, stated, scored = [], [], []
     for case in cases:
         kept = Kept(method)
         try:
@@ -55,7 +56,8 @@ def line(label: str, cases: Sequence[task3.Case], method: Estimator) -> None:
             continue
         rows = task3.inside(case.spans, kept.made.time_s)
         stated.append(np.sqrt(np.mean(np.trace(kept.made.covariance[rows, :3, :3], axis1=1, axis2=2))))
-    low, high = bootstrap_interval(found) or (np.nan, np.nan)
+        scored.append(case.flight)
+    low, high = bootstrap_interval(found, sessions=labels_of(scored)) or (np.nan, np.nan)
     print(f"{label:34s} {method.name:26s} n {len(found):3d}  ATE {1e3 * np.mean(found):5.1f} "
           f"[{1e3 * low:.1f}, {1e3 * high:.1f}] mm  stated {1e3 * np.mean(stated):5.1f} mm")
 

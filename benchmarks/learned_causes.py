@@ -188,7 +188,8 @@ def inputs_part(options: Options, epochs: int) -> dict[str, Any]:
     def line(name: str, predictor: Predictor, cases: Sequence[task1.Case]) -> None:
         sums, counts = errors(predictor, cases)
         mean = float(sums.sum() / counts.sum())
-        low, high = bootstrap_ratio(sums, counts) or (np.nan, np.nan)
+        labels = options.sessions.labels(case.flight for case in cases) if len(sums) == len(cases) else None
+        low, high = bootstrap_ratio(sums, counts, sessions=labels) or (np.nan, np.nan)
         best = getattr(predictor, "trained", {}).get("best_epoch")
         print(f"{name:<58} {mean:.4f} m ({low:.4f} .. {high:.4f}), n = {len(sums)} flights, {int(counts.sum())} windows"
               + (f", best epoch {best} of {epochs}" if best else ""), flush=True)

@@ -27,6 +27,7 @@ from nanobench_tools.flight import Flight, Span
 from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.gate import select
 from nanobench_tools.protocols.phases import streamed_phase
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.sources.discover import default_data, load_recordings
 
 LATE_S = 0.015
@@ -71,7 +72,7 @@ def main() -> None:
     cases, _ = select(flights, {flight.name: audit(flight) for flight in flights})
     slopes: dict[str, list[float]] = {name: [] for name in ("logged", *FILTERS)}
     correlations: dict[str, list[float]] = {name: [] for name in FILTERS}
-    share = []
+    share, flown = [], []
     for case in cases[:given.limit]:
         phase = streamed_phase(case.flight, [case.span])
         try:
@@ -90,6 +91,7 @@ def main() -> None:
         for span in case.silent:
             silent |= span.mask(t)
         share.append(100.0 * float(silent.mean()))
+        flown.append(flight)
         for name, told in FILTERS.items():
             slope, left = against(again(flight, case.silent, told, t), true)
             slopes[name].append(slope)
@@ -106,7 +108,7 @@ def main() -> None:
     good = np.array(share) < 1.0
     for name in FILTERS:
         off = np.array(slopes[name]) - logged
-        low, high = bootstrap_interval(np.abs(off)) or (np.nan, np.nan)
+        low, high = bootstrap_interval(np.abs(off), sessions=labels_of(flown)) or (np.nan, np.nan)
         left = np.array(correlations[name])
         parts = [f"{np.median(left[rows]):+.2f} in {rows.sum()} flights {word}" for rows, word in
                  ((good, "with less than 1 % silence"), (~good, "with more")) if rows.any()]

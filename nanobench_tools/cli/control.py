@@ -77,7 +77,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     """
     from ..practice.references import FAMILIES
     from ..protocols import task2
-    from .control_plants import Chosen, check_simulated, gate_body, given_gains, mismatch_body, simulated_body
+    from .control_plants import Chosen, check_simulated, gate_on_clock, given_gains, mismatch_body, simulated_body
 
     if learned:
         from identification.learned.libraries import share_process
@@ -103,8 +103,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
             body |= _real(options, flights, audits, protocols, controllers,
                           flies)
         if "gate" in wanted:
-            seen, judged = options.on_clock(flights, audits)
-            body |= gate_body(options, seen, judged, chosen, "gate" in plants, flights)
+            body |= gate_on_clock(options, flights, audits, chosen, "gate" in plants)
     if "simulated" in wanted:
         simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"),
                                    radio_delay_s, wind_m_s, silent_percent / 100.0, gains)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from .control_tables import show_mismatch, show_simulated
-from .options import Options, one_line
+from .options import AS_RECORDED, Options, one_line
 from .show import data_word
 
 if TYPE_CHECKING:
@@ -161,6 +161,28 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     return {"gate": rows, "gate_flights": shown, "gate_summary": found, "gate_plant": chosen.origin,
             "gate_left_out": [{"flight": name, "reason": why} for name, why in sorted(reasons.items())],
             "gate_note": _gate_note(found, chosen)}
+
+
+def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
+                  asked: bool) -> dict[str, Any]:
+    """``gate_body`` on the clock of the options; on another one than the recordings' own also ``gate_compared``: ratios
+    over the same flights to the gate as recorded, which flies first and is not shown."""
+    from ..protocols import compare
+
+    seen, judged = options.on_clock(flights, audits)
+    if options.clock == AS_RECORDED:
+        return gate_body(options, seen, judged, chosen, asked, flights)
+    plain = replace(options, clock=AS_RECORDED, quiet=True)
+    recorded = gate_body(plain, flights, audits, chosen, False, flights)["gate"]
+    body = gate_body(options, seen, judged, chosen, asked, flights)
+    found = compare.gates(body["gate"], recorded, options.sessions.by_name(flights), options.seed)
+    if found:
+        passed = [sum(row["pass"] for row in rows) for rows in (recorded, body["gate"])]
+        options.show(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} {passed[1]} "
+                     f"of {len(body['gate'])}. Over the same {found['path_gap_m']['n']} flights: "
+                     + "; ".join(f"{name} {compare.verdict(one['ratio'], one['ci95'])}"
+                                 for name, one in found.items() if one["ratio"] is not None) + ".")
+    return {**body, "gate_compared": found}
 
 
 def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, Any]) -> None:

@@ -149,6 +149,23 @@ def prediction_clocks(body: Mapping[str, Any], recorded: str, labels: Mapping[st
         _add(row, paired_ratio(a, b, seed, [labels[name] for name in names]), recorded, "clock_ratio")
 
 
+def gates(rows: Sequence[Mapping[str, Any]], recorded: Sequence[Mapping[str, Any]], labels: Mapping[str, int],
+          seed: int = 0) -> dict[str, dict[str, Any]]:
+    """{what: {ratio, ci95, n}} of the gate on another clock over the same flights as ``recorded``: path gap, how far
+    lag and RMSE ratio are off, and the share of flights that fail."""
+    ours, theirs = ({row["flight"]: _gate_errors(row) for row in found} for found in (rows, recorded))
+    names = [name for name in ours if name in theirs]
+    if not names:
+        return {}
+    a, b = (np.array([list(of[name].values()) for name in names], float) for of in (ours, theirs))
+    return dict(zip(ours[names[0]], paired_ratio(a, b, seed, [labels[name] for name in names]), strict=True))
+
+
+def _gate_errors(row: Mapping[str, Any]) -> dict[str, float]:
+    return {"path_gap_m": row["path_gap_m"], "lag_off_s": abs(row["lag_diff_s"]),
+            "rmse_ratio_off": abs(row["ratio"] - 1.0), "failed_share": float(not row["pass"])}
+
+
 def _add(row: dict[str, Any], found: Sequence[Mapping[str, Any]], to: str, prefix: str) -> None:
     for key, what in ((prefix, "ratio"), (f"{prefix}_ci95", "ci95")):
         values = iter(found)

@@ -98,3 +98,16 @@ def test_models_are_compared_with_the_best_over_the_same_windows():
     nothing = [{"model": "b", "truth": "onboard", "group": "all"}]
     compare.predictions(nothing, found, None, Sessions())
     assert nothing == [{"model": "b", "truth": "onboard", "group": "all"}]
+
+
+def test_gates_are_compared_over_the_same_flights():
+    def row(name, gap, lag, ratio, passes):
+        return {"flight": name, "path_gap_m": gap, "lag_diff_s": lag, "ratio": ratio, "pass": passes}
+
+    recorded = [row("f0", 0.04, -0.04, 1.2, False), row("f9", 0.08, 0.04, 0.8, False), row("f5", 9.0, 9.0, 9.0, False)]
+    moved = [row("f9", 0.03, 0.01, 1.1, True), row("f0", 0.03, -0.01, 0.9, False)]
+    found = compare.gates(moved, recorded, LABELS)
+    assert {name: one["ratio"] for name, one in found.items()} == pytest.approx(
+        {"path_gap_m": 0.5, "lag_off_s": 0.25, "rmse_ratio_off": 0.5, "failed_share": 0.5})
+    assert {one["n"] for one in found.values()} == {2}
+    assert compare.gates([], recorded, LABELS) == {}
