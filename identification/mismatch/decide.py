@@ -35,8 +35,6 @@ LEAST_ALONE = number("mismatch.decide.least_alone")
 """Squared standard deviations that are left and nothing names."""
 LEAST_TURNING = number("mismatch.decide.least_turning")
 """Structure that is left is a finding from this share of the turning, or from LEAST_FORCE_M_S2, on."""
-WHOLE = ("unit", "sign", "axis_swap", "quaternion_order", "clock_offset", "clock_drift")
-"""Faults that are in every row: what looks like physics beside them is them."""
 WIDER = number("mismatch.decide.wider")
 SYSTEMATIC = number("mismatch.decide.systematic")
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
@@ -78,8 +76,8 @@ class Finding:
 @dataclass(frozen=True)
 class Decision:
     """outcome of DESIGN; own: terms that differ between flights; scores: what each hypothesis takes away at first;
-    findings; structures that no term explains; fit of what was named; space it is of; faults of
-    the data that touch what is judged; excess [6] before and after: squared length above what is plain."""
+    findings; structures that no term explains; fit of what was named; space it is of; faults of the data that forbid
+    an answer (``Recordings.forbidding``); excess [6] before and after: squared length above what is plain."""
 
     outcome: str
     findings: tuple[Finding, ...]
@@ -100,7 +98,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
     known = Slopes(moments)
     nothing = fit(known, space.model, [])
     before = excess(moments, nothing.left)
-    faults = recordings.touching
+    faults = recordings.forbidding
     final = named.fit
     # what the logging can feign is no finding, and no unknown either
     faint = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
@@ -162,11 +160,14 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named,
         found = [air]
     if findings:
         found = [s for s in found if s.kind != "motion" or s.gain > BESIDE * float(before.sum())]
-    spoilt = [f for _, f in faults if f.kind in WHOLE]
-    outcome = ("named" if findings else "data_fault" if spoilt else "unknown" if found else
-               "data_fault" if faults else "none")
+    outcome = "named" if findings else _unnamed(faults, found)
     return Decision(outcome, tuple(findings), tuple(withdrawn), tuple(found), final, here,
                     tuple(h.term for h in kept if h.own), faults, before, after, named.rejected, named.scores)
+
+
+def _unnamed(faults: Sequence[tuple[str, Fault]], found: Sequence[Structure]) -> str:
+    """The outcome where nothing is named: what looks like physics in spoilt rows is the data."""
+    return "data_fault" if faults else "unknown" if found else "none"
 
 
 def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
@@ -178,7 +179,7 @@ def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
         like = " and ".join(f.hypothesis.term for f in decision.findings)
         found = (Structure("motion", 0.0, float(decision.before[worst]), (CHANNELS[worst],),
                            f"{CHANNELS[worst]} differs, most like {like}, which predicts unseen flights no better"),)
-    outcome = "unknown" if found else "data_fault" if decision.faults else "none"
+    outcome = _unnamed(decision.faults, found)
     return Decision(outcome, (), withdrawn, found, fit(Slopes(moments), space.model, []), space, (), decision.faults,
                     decision.before, decision.before, decision.rejected, decision.scores)
 

@@ -28,13 +28,11 @@ from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import Named, free_of, name_effects
 from .proof import Proof, prove, turned_better
-from .recordings import Recordings, look_over
+from .recordings import LEAST_S, Recordings, look_over
 from .space import Space, space_around, space_of_other_map
 from .verdict import Verdict, data_faults
 from .wrench import CHANNELS, Wrench
 
-LEAST_S = setting("mismatch.diagnose.least_s")
-"""Seconds of clean flight below which nothing is said about physics."""
 ANOTHER = setting("mismatch.diagnose.another")
 """A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
 GAINS = ('inertia', 'yaw_torque')

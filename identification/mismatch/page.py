@@ -108,7 +108,7 @@ def faults(verdict: Verdict, recordings: Recordings) -> Table:
     groups: dict[str, list[tuple[str, Fault]]] = {}
     for name, fault in recordings.faults:
         groups.setdefault(fault.kind, []).append((name, fault))
-    touching = verdict.decision.faults if verdict.decision else ()
+    touching = recordings.touching if verdict.decision else ()
     rows = []
     for kind, entries in sorted(groups.items()):
         streams = sorted({f.stream or "all" for _, f in entries})

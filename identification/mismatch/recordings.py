@@ -17,25 +17,22 @@ from nanobench_tools.settings import setting
 from . import commanded
 from .measured_speed import SPEED, seen_by
 from .size import wider
+from .taking_part import cutting, still_late, taking_part
 from .track import NEEDED, ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
-INFORMATION = ("interpolated", "clock_wander", "extra_column", "missing_column", "copy")
-"""Kinds that are said but are no reason to call the data faulty: a clock that wanders is re-timed."""
-GAP_S = setting("mismatch.recordings.gap_s")
-"""Radio packets lost for less than this are usual; three times as long in a stream that is not judged."""
-LATE_S = setting("mismatch.recordings.late_s")
-WANDERS_S = setting("mismatch.recordings.wanders_s")
-"""A clock off by a constant below this is re-timed like one that wanders; so is the mean of one that wanders."""
-GAP_UNJUDGED = setting("mismatch.recordings.gap_unjudged")
-"""Gaps may be so many times as long in a stream that is not judged."""
+INFORMATION = ("interpolated", "extra_column", "missing_column", "copy")
+"""Kinds that are said elsewhere and take nothing away from what a stream says."""
+LEAST_S = setting("mismatch.recordings.least_s")
+"""Seconds of clean flight below which nothing is said about physics."""
 
 
 @dataclass(frozen=True)
 class Recordings:
     """flights, on the motion capture's clock where that can be told; audits by name, of the same clock; tracks of what
     can be judged; faults (flight, fault) of all; left_out {flight: why}; arm: how far from the centre of mass the
-    tracked point sits, where that was taken out of the tracks."""
+    tracked point sits, where that was taken out of the tracks. Of the faults (``taking_part``): cut took rows of the
+    comparison away, late are time errors that are left in rows that are judged, since too little is left without."""
 
     flights: tuple[Flight, ...]
     audits: Mapping[str, Audit]
@@ -43,6 +40,8 @@ class Recordings:
     faults: tuple[tuple[str, Fault], ...]
     left_out: Mapping[str, str]
     arm: Arm | None = None
+    cut: tuple[tuple[str, Fault], ...] = ()
+    late: tuple[tuple[str, Fault], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,24 +49,22 @@ class Recordings:
 
     @property
     def touching(self) -> tuple[tuple[str, Fault], ...]:
-        """Faults that are an explanation: not those on the ground, nor clocks a little late, nor usual losses."""
-        return tuple((name, fault) for name, fault in self.faults if self._touches(fault, name))
+        """Faults that reach the comparison, whether they forbid it or not."""
+        return (*self.cut, *self.late)
 
-    def _touches(self, fault: Fault, name: str) -> bool:
-        if fault.kind == "clock_offset":
-            wanders = any(f.kind == "clock_wander" for a in self.audits.values() for f in a.faults)
-            return abs(fault.size) > (WANDERS_S if wanders else LATE_S)
-        if fault.kind == "gap" and fault.size < GAP_S * (1.0 if fault.stream in (*NEEDED, "command") else GAP_UNJUDGED):
-            return False
-        audit = self.audits.get(name)
-        if audit is None or not audit.airborne:
-            return True
-        return any(fault.start_s < s.end_s and fault.end_s > s.start_s for s in audit.airborne)
+    @property
+    def forbidding(self) -> tuple[tuple[str, Fault], ...]:
+        """Faults for which nothing can be said: those that are left in what is judged and, where too little is left,
+        those that took the rest, as far as the flights were long enough without them."""
+        flown_s = sum(s.duration_s for n in {name for name, _ in self.cut} for s in self.audits[n].airborne)
+        unknown = any(not self.audits[name].airborne for name, _ in self.cut)
+        lost = self.judged_s < LEAST_S and (unknown or self.judged_s + flown_s >= LEAST_S)
+        return (*(self.cut if lost else ()), *self.late)
 
     @property
     def judged_s(self) -> float:
         """Seconds of flight that are judged."""
-        return ROW_S * sum(int(t.counts.sum()) for t in self.tracks)
+        return _judged_s(self.tracks)
 
 
 def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
@@ -84,20 +81,30 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     moved, seen = seen_by([commanded.with_attitude(f) if unit else f for f in on_clock], on_clock_audits, vehicle.input)
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}
     tracks: list[Track] = []
+    cut: list[tuple[str, Fault]] = []
+    late: dict[str, tuple[Fault, ...]] = {}
     for number, flight in enumerate(kept):
+        audit = taking_part(seen.get(flight.name, audits[flight.name]), flight, needed)
         flight = _finite(moved.get(flight.name, flight), needed)
-        audit = seen.get(flight.name, audits[flight.name])
         check_motors(flight, vehicle.rotors)
         lacks = missing(flight, with_battery, vehicle.rotors, needed)
         found = [] if lacks else tracks_of(flight, audit, number, with_battery, vehicle.rotors, unit)
         still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
         found = [t for t in found if all(t is not s for s in still)]
+        cut += [(flight.name, f) for f in cutting(audit)] if not lacks else []
+        if found and (left := still_late(audit, flight)):
+            late[flight.name] = left
         if not found:
             lacks = [SPEED if name == "motor" and vehicle.input == SPEED else name for name in lacks]
             left_out[flight.name] = (f"no {', '.join(lacks)} stream" if lacks else
                                      "its motor commands never change in the air" if still else
                                      "no second in the air without a fault in its data")
         tracks += found
+    in_time = [t for t in tracks if t.name not in late]
+    if _judged_s(in_time) >= LEAST_S:  # enough is left without those of a clock that cannot be put right
+        left_out |= dict.fromkeys(late, "its clock is wrong and could not be put right")
+        cut += [(name, f) for name, faults in late.items() for f in faults]
+        tracks, late = in_time, {}
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
                    if fault.kind not in INFORMATION)
     if unit and not tracks and (blind := [f for f in kept if "mocap" in missing(moved[f.name], needed=needed)]):
@@ -109,7 +116,11 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     else:
         arm = None
     return Recordings(tuple(moved.get(f.name, f) for f in kept), dict(on_clock_audits), tuple(tracks), faults, left_out,
-                      arm)
+                      arm, tuple(cut), tuple((name, f) for name, left in late.items() for f in left))
+
+
+def _judged_s(tracks: Sequence[Track]) -> float:
+    return ROW_S * sum(int(t.counts.sum()) for t in tracks)
 
 
 def _commanded(flights: Sequence[Flight]) -> str:

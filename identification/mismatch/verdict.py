@@ -73,9 +73,9 @@ class Verdict:
         lacks = any(reason.endswith("stream") for reason in recordings.left_out.values())
         asks = [f"Without {name} {what}." for name, what in UNASKED.items()
                 if any(reason.endswith("stream") and name in reason for reason in recordings.left_out.values())]
-        outcome = "data_fault" if recordings.touching and not lacks else "insufficient"
+        outcome = "data_fault" if recordings.forbidding and not lacks else "insufficient"
         text = " ".join([f"Nothing can be said about physics: {why}.", *asks])
-        if recordings.touching:
+        if outcome == "data_fault":
             text = f"The data are at fault, and what is left of them is too little. {_faults_text(recordings)} {text}"
         return cls({"outcome": outcome, "paragraph": text, "findings": [], "unknown": None,
                     "data_faults": data_faults(recordings), "power": {}, "improvement": None,
@@ -231,8 +231,8 @@ def _least_of(known: Slopes, model: Model, begun: Model, which: int, needed: flo
 
 def _faults_text(recordings: Recordings) -> str:
     kinds: dict[str, list[str]] = {}
-    for name, f in recordings.touching:
-        kinds.setdefault(f"{f.kind} in {f.stream}", []).append(name)
+    for name, f in recordings.forbidding:
+        kinds.setdefault(f"{f.kind} in {f.stream or 'all streams'}", []).append(name)
     return "Faults of the data: " + "; ".join(
         f"{what} ({len(set(names))} of {len(recordings.flights)} flights)" for what, names in kinds.items()) + "."
 
