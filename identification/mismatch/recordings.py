@@ -25,6 +25,8 @@ INFORMATION = ("interpolated", "extra_column", "missing_column", "copy")
 """Kinds that are said elsewhere and take nothing away from what a stream says."""
 LEAST_S = setting("mismatch.recordings.least_s")
 """Seconds of clean flight below which nothing is said about physics."""
+LATE_S = setting("mismatch.recordings.late_s")
+"""A time error that stays below this is within what other delays of the logging feign."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
         still = [t for t in found if not np.ptp(t.motor[t.counts], axis=0).any()]
         found = [t for t in found if all(t is not s for s in still)]
         cut += [(flight.name, f) for f in cutting(audit)] if not lacks else []
-        if found and (left := still_late(audit, flight)):
+        if found and (left := still_late(audit, flight, LATE_S)):
             late[flight.name] = left
         if not found:
             lacks = [SPEED if name == "motor" and vehicle.input == SPEED else name for name in lacks]

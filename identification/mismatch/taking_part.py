@@ -15,8 +15,6 @@ from nanobench_tools.content.context import Context
 from nanobench_tools.faults import clock_drift, clock_offset
 from nanobench_tools.flight import Fault, Flight
 
-LATE_S = 0.03
-"""A time error that stays below this is within what other delays of the logging feign."""
 CLOCKS = (clock_offset.KIND, clock_drift.KIND)
 ATTITUDES = ("attitude_qw", "attitude")
 Needed = Mapping[str, Sequence[str]]
@@ -50,14 +48,14 @@ def cutting(audit: Audit) -> tuple[Fault, ...]:
         not audit.airborne or any(f.start_s < s.end_s and f.end_s > s.start_s for s in audit.airborne)))
 
 
-def still_late(audit: Audit, moved: Flight) -> tuple[Fault, ...]:
-    """Time errors of ``taking_part`` that are left in the recording as it is compared (``moved``)."""
+def still_late(audit: Audit, moved: Flight, least_s: float) -> tuple[Fault, ...]:
+    """Time errors of ``taking_part`` above ``least_s`` that are left in the recording as it is compared (``moved``)."""
     if not any(f.kind in CLOCKS for f in audit.faults):
         return ()
     context = Context(moved)
     left = (*clock_offset.find(context.flight, context), *clock_drift.find(context.flight, context))
     streams = {f.stream for f in audit.faults if f.kind in CLOCKS}
-    return tuple(f for f in left if f.stream in streams and _error_s(f) > LATE_S)
+    return tuple(f for f in left if f.stream in streams and _error_s(f) > least_s)
 
 
 def _error_s(fault: Fault) -> float:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from nanobench_tools.practice.references import PathSpec
+from nanobench_tools.sources.nanobench_columns import STREAMS
 
 from .airframe import Airframe
 
@@ -16,8 +17,28 @@ OUTCOMES = {"null": "none", "single": "named", "twin": "named", "pair": "named",
 
 null: the simulator is right; single: one effect concealed; twin: one of a group that is easily confused, on flights
 that separate it; pair: two at once; change: an effect in some flights only; fault: the simulator is right and the data
-are wrong; foreign: an effect that no term describes.
+are wrong, which is "none" where the fault does not forbid an answer (``forbids``); foreign: an effect that no term
+describes.
 """
+COMPARED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
+            "motor": ("m1", "m2", "m3", "m4")}
+"""What a recording has to hold for its physics to be compared with a simulator's."""
+WHOLE = ("unit", "sign", "axis_swap", "quaternion_order")
+"""Injections that are in every row of a flight. A clock is as well, but the motion capture shows it, and it is put
+right."""
+
+
+def forbids(faults: Sequence[Mapping[str, Any]], flights: Sequence[str]) -> bool:
+    """Whether faults (as in a truth) leave nothing to compare: every flight has one of what is compared, from its first
+    row to its last. One that is over after some seconds, or in one flight, leaves the rest."""
+    spoilt = {f["flight"] for f in faults if f["kind"] in WHOLE
+              and f["stream"] in COMPARED and not {*f["columns"]}.isdisjoint(_named(f["stream"]))}
+    return spoilt >= {*flights}
+
+
+def _named(stream: str) -> set[str]:
+    """Quantities and NanoBench columns of what is compared of a stream."""
+    return {name for c in STREAMS[stream] if c.quantity in COMPARED[stream] for name in (c.quantity, c.name)}
 
 
 @dataclass(frozen=True)

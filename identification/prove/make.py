@@ -28,7 +28,7 @@ from .airframe import Airframe
 from .effects import EFFECTS
 from .effects.frame_tilt import FrameTilt
 from .engine import Acting, Engine, vehicles_of
-from .kinds import OUTCOMES, CaseSpec, Hidden
+from .kinds import OUTCOMES, CaseSpec, Hidden, forbids
 
 PLACES = 16
 """Flight j of case i has the random numbers of number 16 i + j of the seed."""
@@ -246,7 +246,8 @@ def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequenc
                         "drawn": drawn, "flights": names if hidden.flights is None else
                         [names[j] for j in hidden.flights]})
     n = spec.nuisance
-    return {"case": spec.name, "kind": spec.kind, "outcome": OUTCOMES[spec.kind], "effects": effects,
+    outcome = OUTCOMES[spec.kind] if spec.kind != "fault" or forbids(faults, names) else "none"
+    return {"case": spec.name, "kind": spec.kind, "outcome": outcome, "effects": effects,
             "known": [hidden.effect for hidden in spec.known], "faults": list(faults), "engine": spec.engine,
             "note": spec.note, "corrected": dumps(corrected),
             "nuisance": {"disturbance_m_s2": n.disturbance_m_s2, "thrust_noise": n.thrust_noise,

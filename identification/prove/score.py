@@ -123,7 +123,7 @@ def _right(truth: Truth, verdict: Verdict, scored: Sequence[Mapping[str, Any]], 
     if not no_false:
         return False
     if truth["faults"]:
-        return verdict["outcome"] == "data_fault"
+        return verdict["outcome"] == truth.get("outcome")
     if foreign and not _unknown(verdict):
         return False
     if not scored and not foreign:

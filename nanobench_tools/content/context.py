@@ -13,13 +13,14 @@ from ..flight import Flight
 T = TypeVar("T")
 LARGEST = 1e8
 """Beyond, in SI units, a number is no measurement, and its square may overflow."""
+QUATERNION = ("qx", "qy", "qz", "qw")
 
 
 class Context:
     """``context.once(f)`` is ``f(context)``, kept: checks that need the same derived signal share it.
 
     ``context.flight`` has only rows whose stamps are numbers (without one, a row stands nowhere), and NaN for values
-    that are none or larger than any measurement.
+    that are none or larger than any measurement, and for quaternions of four zeros.
     """
 
     def __init__(self, flight: Flight) -> None:
@@ -41,6 +42,9 @@ def _placed(flight: Flight) -> Flight:
             stream = stream.rows(there)
         with np.errstate(invalid="ignore"):
             measured = np.abs(stream.values) < LARGEST
+        if all(q in stream.quantities for q in QUATERNION):
+            turn = [stream.index(q) for q in QUATERNION]
+            measured[:, turn] &= stream.values[:, turn].any(axis=1, keepdims=True)
         if not measured.all():
             stream = replace(stream, values=np.where(measured, stream.values, np.nan))
         if stream is not flight.streams[name]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ FIXED_FREQUENCY = "fixedFrequency"
 DTYPES = {"B": "<u1", "b": "<i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4", "e": "<f2"}
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
 """Version -> type of the time stamp and its unit in seconds."""
+
+ATTITUDE = ("qx", "qy", "qz", "qw")
 
 LARGEST_STEP_S, LARGEST_RETURN_S = 60.0, 1.0
 """In a log whose checksum fails a record further from the one before is taken for the break."""
@@ -55,7 +57,7 @@ class UsdLog:
     """Source ``usd``."""
 
     name = "usd"
-    version = 2
+    version = 3
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return (
@@ -226,10 +228,13 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             if owner[stream] != i:
                 continue
             values = _numbers(records, [fields[v.name] for v in quantities.values()])
+            if stream == "mocap" and not any(values[:, k].any() for k, q in enumerate(quantities) if q in ATTITUDE):
+                quantities = {q: v for q, v in quantities.items() if q not in ATTITUDE}  # positions only were sent
+                values = values[:, : len(quantities)]
             values = values * [v.scale for v in quantities.values()] + [v.offset for v in quantities.values()]
             used.update(v.name for v in quantities.values())
             count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
-            streams[stream] = make_stream(
+            made = make_stream(
                 stream,
                 time_s,
                 values,
@@ -238,6 +243,8 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
                 samples=count,
                 rate_hz=_rate(count, time_s),
             )
+            forces = ["N" if v.unit == "N" else known for v, known in zip(quantities.values(), made.unit, strict=True)]
+            streams[stream] = replace(made, unit=tuple(forces))
         rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
         if rest:
             values = _numbers(records, [fields[v] for v in rest])

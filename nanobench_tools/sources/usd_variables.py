@@ -2,6 +2,8 @@
 
 A quantity may come from several variables; the first one that was logged is taken. Meanings are those of firmware
 2025.12.1 (and of the forks that log ``rpm`` and ``pwm``); what is not listed here is kept as found in stream ``extra``.
+The Lee controller logs SI with our signs: on 69 public flights its attitude turns as its rates say, the vehicle speeds
+up forward where its pitch is positive, and its thrust in hover is .94 of the weight on standard motors.
 """
 
 from __future__ import annotations
@@ -38,7 +40,11 @@ def _table() -> dict[str, dict[str, tuple[Variable, ...]]]:
             **{f"acc_{a}": (v(f"acc.{a}", "g"),) for a in "xyz"},
             # compressed rates: the pitch rate keeps the legacy sign there, gyro.y does not
             **{
-                f"gyro_{a}": (v(f"gyro.{a}", "deg/s"), v(f"stateEstimateZ.rate{n}", "mrad/s", s))
+                f"gyro_{a}": (
+                    v(f"gyro.{a}", "deg/s"),
+                    v(f"stateEstimateZ.rate{n}", "mrad/s", s),
+                    v(f"ctrlLee.omega{a}", "rad/s"),
+                )
                 for a, n, s in (("x", "Roll", 1.0), ("y", "Pitch", -1.0), ("z", "Yaw", 1.0))
             },
         },
@@ -58,16 +64,19 @@ def _table() -> dict[str, dict[str, tuple[Variable, ...]]]:
             for a in "xyz"
         },
         "attitude": {
-            a: (v(f"stateEstimate.{a}", "deg", s), v(f"stabilizer.{a}", "deg", s))
-            for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))
+            a: (v(f"stateEstimate.{a}", "deg", s), v(f"stabilizer.{a}", "deg", s), v(f"ctrlLee.rpy{axis}", "rad"))
+            for a, s, axis in (("roll", 1.0, "x"), ("pitch", -1.0, "y"), ("yaw", 1.0, "z"))
         },
         "attitude_qw": {q: (v(f"stateEstimate.{q}"),) for q in ("qx", "qy", "qz", "qw")},
-        "setpoint": {a: (v(f"ctrltarget.{a}", "m"),) for a in "xyz"},  # ctrltarget.yaw is a rate, hence in extra
+        # ctrltarget.yaw is a rate, hence in extra
+        "setpoint": {a: (v(f"ctrltarget.{a}", "m"), v(f"ctrltargetZ.{a}", "mm")) for a in "xyz"},
         "pid": {
             **{a: (v(f"controller.{a}", "deg", s),) for a, s in (("roll", 1.0), ("pitch", -1.0), ("yaw", 1.0))},
             "cmd_thrust": (v("controller.cmd_thrust", "pwm16"),),
         },
-        "command": {"thrust": (v("stabilizer.thrust", "pwm16"),)},
+        "command": {
+            "thrust": (v("stabilizer.thrust", "pwm16"), v("ctrlLee.thrustSi", "N"), v("ctrlLee.thrustSI", "N"))
+        },
         "battery": {"vbat": (v("pm.vbat", "V"), v("pm.vbatMV", "mV"))},
         "rpm": {f"m{i}": (v(f"rpm.m{i}", "rpm"),) for i in motors},
     }

@@ -90,3 +90,14 @@ def test_stamps_in_milliseconds_are_told(flights):
     slow = {name: replace(s, time_s=1000.0 * s.time_s) for name, s in flight.streams.items()}
     verdict = audit(replace(flight, streams=slow))
     assert [(f.columns, f.size) for f in verdict.faults if f.kind == "unit"] == [(("t",), 1000.0)]
+
+
+@pytest.mark.parametrize("rows", [slice(400, 700), slice(None)])
+def test_quaternions_of_four_zeros_are_no_attitude(crowd, rows):
+    """What a tracker, or a log of positions alone, writes where it has none."""
+    flight = crowd.flight("short circle")
+    mocap = flight["mocap"]
+    values = mocap.values.copy()
+    values[rows, [[mocap.index(q)] for q in ("qx", "qy", "qz", "qw")]] = 0.0
+    found = audit(flight.with_streams(mocap=replace(mocap, values=values)))
+    assert {f.kind for f in found.faults if f.stream == "mocap"} & {"mocap_occlusion", "bad_cell"}

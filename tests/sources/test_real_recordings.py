@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import lzma
 import os
 import struct
@@ -196,6 +197,32 @@ def test_usd_logs(real_data, folder, count, cache_folder):
         assert 0.0 <= values.min() <= values.max() <= 1.0
         assert 2.5 < flight["battery"]["vbat"].min() <= flight["battery"]["vbat"].max() < 4.4
         assert np.all(np.diff(flight["motor"].time_s) > 0.0)
+
+
+def test_logs_of_the_lee_controller(real_data, cache_folder):
+    """The units of its variables, from the flights: what the set-point asks is flown, attitude turns as the gyro says,
+    thrust forward speeds up forward, and standard motors hover a little below the weight that was told."""
+    loaded = load_recordings([real_data / "crazyswarm_lee"])
+    assert (len(loaded.flights), loaded.failed) == (69, [])
+    told = json.loads((real_data / "crazyswarm_lee" / "labels.json").read_text())
+    share, follows, turns, leans = [], [], [], []
+    for flight in loaded.flights:
+        t, there = flight["estimator"].time_s, flight["estimator"]["x", "y", "z"]
+        asked, attitude, gyro = flight["setpoint"]["x"], flight["attitude"], flight["imu"]
+        hardware, mass_kg = told[flight.name]
+        assert flight["command"].unit == ("N",)
+        if hardware == "standard":
+            share.append(np.median(flight["command"]["thrust"]) / (9.81 * mass_kg))
+        if np.ptp(asked) > 0.5:
+            follows.append(np.polyfit(asked, there[:, 0], 1)[0])
+        rate = (attitude["pitch"][8:] - attitude["pitch"][:-8]) / (t[8:] - t[:-8])
+        turns.append(np.corrcoef(rate, gyro["gyro_y"][4:-4])[0, 1])
+        pull = (flight["estimator"]["vx"][8:] - flight["estimator"]["vx"][:-8]) / (t[8:] - t[:-8])
+        leans.append(np.corrcoef(pull, attitude["pitch"][4:-4])[0, 1])
+    assert 0.9 < np.median(share) < 1.0
+    assert np.median(follows) == pytest.approx(1.0, abs=0.1)
+    assert np.median(turns) > 0.95
+    assert np.median(leans) > 0.9
 
 
 def test_usd_streams_agree_with_each_other(real_data, cache_folder):

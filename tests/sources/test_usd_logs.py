@@ -95,6 +95,31 @@ def test_compressed_state_estimate():
     assert 1500.0 * x.scale == pytest.approx(1.5)
 
 
+LEE = ("stateEstimateZ.z", "ctrltargetZ.z", "ctrlLee.rpyy", "ctrlLee.omegay", "ctrlLee.thrustSi")
+
+
+def test_a_log_of_the_lee_controller(tmp_path):
+    """Millimetres of estimate and set-point, and SI of the controller, as the firmware's log groups say."""
+    header = struct.pack("<HHH", 2, 1, 3) + b"lee\0" + struct.pack("<H", 5)
+    header += b"".join(f"{name}({kind})".encode() + b"\0" for name, kind in zip(LEE, "hhfff", strict=True))
+    body = b"".join(struct.pack("<HQhhfff", 3, 4000 * i, 1324, 1000, 0.25, -0.5, 0.3125) for i in range(5))
+    flight = UsdLog().read(tmp_path / "x", _log(header, body))
+    assert flight["estimator"]["z"][0] == pytest.approx(1.324)
+    assert flight["setpoint"]["z"][0] == pytest.approx(1.0)
+    assert flight["attitude"]["pitch"][0] == pytest.approx(0.25)
+    assert flight["imu"]["gyro_y"][0] == pytest.approx(-0.5)
+    assert (flight["command"]["thrust"][0], flight["command"].unit) == (0.3125, ("N",))
+    assert "extra_lee" not in flight
+
+
+def test_positions_without_an_attitude_are_no_pose_of_four_zeros(tmp_path):
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+    header = struct.pack("<HHH", 2, 1, 3) + b"pos\0" + struct.pack("<H", 7)
+    header += b"".join(f"locSrv.{name}(f)".encode() + b"\0" for name in names)
+    body = b"".join(struct.pack("<HQ7f", 3, 10000 * i, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0) for i in range(5))
+    assert UsdLog().read(tmp_path / "x", _log(header, body))["mocap"].quantities == ("px", "py", "pz")
+
+
 def _log(header: bytes, body: bytes = b"") -> bytes:
     data = b"\xbc" + header + body
     return data + struct.pack("<I", zlib.crc32(data))

@@ -9,7 +9,7 @@ import pytest
 from identification.prove.airframe import Airframe
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
 from identification.prove.flown import _place, forget, given, keep, kept
-from identification.prove.kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
+from identification.prove.kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance, forbids
 from identification.prove.make import make_case, make_cases, write_case
 from identification.prove.plan import QUOTAS, plan_cases
 from identification.prove.seal import open_truth, seal, write_truth
@@ -107,6 +107,25 @@ def test_what_is_read_back_is_what_was_made_and_tells_no_truth(cases, tmp_path):
     assert loaded.flights[0].provenance.synthetic
     text = "".join(p.read_text() for p in folder.rglob("*.yaml")) + (folder / "simulator.toml").read_text()
     assert not any(word in text for word in ("imbalance", "wander", "conceal", "single"))
+
+
+def fault(kind, stream, *columns, flights=("flight_1", "flight_2")):
+    return [{"flight": name, "kind": kind, "stream": stream, "columns": list(columns)} for name in flights]
+
+
+@pytest.mark.parametrize(("faults", "forbidden"), [
+    (fault("unit", "imu", "imu_gyro_x", "imu_gyro_y", "imu_gyro_z"), True),
+    (fault("sign", "imu", "gyro_x"), True),
+    (fault("quaternion_order", "mocap", "qx", "qy", "qz", "qw"), True),
+    (fault("sign", "imu", "imu_acc_y"), False),  # no term is asked of the accelerometer
+    (fault("unit", "attitude", "att_stateEstimate_roll"), False),
+    (fault("unit", "imu", "imu_gyro_x", flights=("flight_1",)), False),  # the other flight is left
+    (fault("dead_stream", "imu", "imu_gyro_x"), False),  # what comes before is left
+    (fault("clock_offset", "imu", "imu_gyro_x"), False),
+    ([], False),
+])
+def test_what_faults_forbid(faults, forbidden):
+    assert forbids(faults, ["flight_1", "flight_2"]) is forbidden
 
 
 def test_the_seal_holds_the_truth(cases, tmp_path):

@@ -10,9 +10,9 @@ def effect(term, size="large", twins=(), parameters=None, foreign=False, flights
             "flights": list(flights)}
 
 
-def truth(kind, *effects, faults=()):
+def truth(kind, *effects, faults=(), outcome=None):
     return {"case": "case_007", "kind": kind, "effects": list(effects), "faults": list(faults), "engine": "practice",
-            "note": ""}
+            "note": "", "outcome": outcome}
 
 
 def finding(term, *equivalent, confidence=0.9, parameters=None, flights=()):
@@ -26,6 +26,7 @@ def verdict(outcome, *findings, unknown=None, power=None, faults=()):
 
 
 SPIKE = {"flight": "flight_1", "kind": "spike"}
+SIGN = {"flight": "flight_1", "kind": "sign"}
 SIZED = {"mass.m": {"value": 0.0404, "unit": "kg", "believed": 0.04}}
 LEAST = {"mass": {"minimum_detectable": 5e-4, "unit": "kg", "parameter": "mass.m"}}
 WIND = effect("wind")
@@ -50,9 +51,12 @@ JET = effect("jet", foreign=True)
     (truth("pair", WIND, effect("inflow")), verdict("named", finding("wind", "inflow")), False, False),
     # but what only the class can say is given to it
     (truth("pair", WIND, effect("inflow")), verdict("named", finding("wind", "inflow"), finding("wind")), True, False),
-    (truth("fault", faults=[SPIKE]), verdict("data_fault", faults=[SPIKE]), True, False),
-    (truth("fault", faults=[SPIKE]), verdict("data_fault", finding("motor_lag")), False, True),
-    (truth("fault", faults=[SPIKE]), verdict("none"), False, False),
+    (truth("fault", faults=[SIGN], outcome="data_fault"), verdict("data_fault", faults=[SIGN]), True, False),
+    (truth("fault", faults=[SIGN], outcome="data_fault"), verdict("named", finding("motor_lag")), False, True),
+    (truth("fault", faults=[SIGN], outcome="data_fault"), verdict("none"), False, False),
+    (truth("fault", faults=[SPIKE], outcome="none"), verdict("none", faults=[SPIKE]), True, False),
+    (truth("fault", faults=[SPIKE], outcome="none"), verdict("data_fault", faults=[SPIKE]), False, False),
+    (truth("fault", faults=[SPIKE], outcome="none"), verdict("unknown", unknown={"hint": "?"}), False, False),
     (truth("foreign", JET), verdict("unknown", unknown={"hint": "?"}), True, False),
     (truth("foreign", JET), verdict("named", finding("wind"), unknown={"hint": "?"}), False, True),
     (truth("foreign", JET), verdict("none"), False, False),
