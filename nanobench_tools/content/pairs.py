@@ -9,10 +9,18 @@ import numpy as np
 
 from .. import so3
 from ..clock.lags import LagSums, lag_sums
+from ..settings import number, setting
 from .compare import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, Pair, against
 from .context import Context
 from .quaternions import ORDERS, quaternion_orders
 from .truth import STEP_S, body_rate
+
+SHORT_REACH_S = number("audit.pairs.short_reach_s")
+"""Columns of the motion capture itself are compared this far either way."""
+ASKED_BAND_HZ = setting("audit.pairs.asked_band_hz")
+"""Set-points are compared with what was reached between these."""
+EULER_BAND_HZ = setting("audit.pairs.euler_band_hz")
+"""Euler angles are compared between these."""
 
 
 def _rate_of_euler(angles: np.ndarray) -> np.ndarray:
@@ -88,7 +96,7 @@ def setpoint_pair(context: Context) -> Pair | None:
         "setpoint",
         ("x", "y", "z"),
         lambda truth: truth.position_m,
-        (0.05, 1.0),
+        ASKED_BAND_HZ,
         True,
         reach_s=0.5,
         shift_s=0.5,
@@ -103,25 +111,26 @@ def request_pair(context: Context) -> Pair | None:
 def mocap_velocity_pair(context: Context) -> Pair | None:
     """Velocity columns of the motion capture against its positions, m/s world."""
     return against(
-        context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True, reach_s=0.05
+        context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True,
+        reach_s=SHORT_REACH_S,
     )
 
 
 def mocap_rate_pair(context: Context) -> Pair | None:
     """Rate columns of the motion capture against its quaternions, rad/s body."""
     return against(
-        context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True, reach_s=0.05
+        context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True, reach_s=SHORT_REACH_S
     )
 
 
 def euler_column_pair(context: Context) -> Pair | None:
     """Euler columns of the motion capture against its quaternions, rad."""
-    return _euler_pair(context, "mocap", reach_s=0.05)
+    return _euler_pair(context, "mocap", reach_s=SHORT_REACH_S)
 
 
 def _euler_pair(context: Context, stream: str, reach_s: float = REACH_S) -> Pair | None:
     """Euler angles of a stream against those of the motion capture, rad."""
-    return against(context, stream, ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, (0.3, 3.0), True,
+    return against(context, stream, ("roll", "pitch", "yaw"), lambda truth: truth.euler_rad, EULER_BAND_HZ, True,
                    prepare=lambda v: np.unwrap(v, axis=0), reach_s=reach_s)
 
 

@@ -27,6 +27,8 @@ FIRST_S = number("audit.quaternions.first_s")
 """Before anything can have gone wrong."""
 SWAPPED = number("audit.quaternions.swapped")
 """Mean of cos(tilt) in the other order of elements, from which on it is the right one."""
+UNIT_WITHIN = number("audit.quaternions.unit_within")
+"""Lengths further from 1 are no quaternion."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
             continue
         alive = stream.time_s <= context.once(alive_until)[name]
         q = stream[quantities][alive]
-        fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < 0.1)
+        fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
         if fine.sum() < 20:
             continue
         t, q = stream.time_s[alive][fine], q[fine]
@@ -99,6 +101,6 @@ def orientation_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
             stream = context.once(usable_streams)[name]
             keep = stream.time_s <= context.once(alive_until)[name]
             q = stream[quantities][keep][:, ORDERS[orders[name].name]]
-            fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < 0.1)
+            fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
             return stream.time_s[keep][fine], q[fine]
     return None

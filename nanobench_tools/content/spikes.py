@@ -24,6 +24,12 @@ WIDTH = count("audit.spikes.width")
 WIDEST = count("audit.spikes.widest")
 AROUND = count("audit.spikes.around")
 """Rows on either side from which the local noise is taken."""
+STAYS = number("audit.spikes.stays")
+"""A step that keeps this share of its size is no spike."""
+AROUND_QUANTILE = number("audit.spikes.around_quantile")
+"""Readings around a spike are as far off as this quantile: all but what the spike itself reaches."""
+BOUNCE = number("audit.spikes.bounce")
+"""Share of the limit within which rows on both straight lines are a bounce."""
 
 
 class Spike(NamedTuple):
@@ -69,7 +75,7 @@ def spikes(context: Context) -> list[Spike]:
             around = distance[max(a - AROUND, 0) : b + AROUND]
             floor = TIMES_LOCAL * np.median(around, axis=0)
             top = distance[a:b].max(axis=0)
-            stays = np.abs(values[min(b, len(values) - 1)] - values[max(a - 1, 0)]) > 0.5 * top
+            stays = np.abs(values[min(b, len(values) - 1)] - values[max(a - 1, 0)]) > STAYS * top
             sticking = np.flatnonzero((top > limit) & (top > floor) & ~stays)
             if name == "mocap" and contact_likely(context, stream.time_s[a:b]).any() and \
                     _bounced(values[:, sticking], int(a), int(b), limit[sticking]):
@@ -90,7 +96,7 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
     much as readings around it (97 % of them: all but what the spike itself reaches).
     """
     rows = slice(max(first - AROUND, 0), end + AROUND)
-    noise, off = np.quantile(_distance(values[rows]), (0.5, 0.97), axis=0)
+    noise, off = np.quantile(_distance(values[rows]), (0.5, AROUND_QUANTILE), axis=0)
     before, after = values[max(first - WIDEST, 0) : first], values[end : end + WIDEST]
     across = np.abs(values[min(end, len(values) - 1)] - values[max(first - 1, 0)])
     step = np.abs(np.concatenate([np.diff(before, axis=0), np.diff(after, axis=0), across[None]])).max(axis=0)
@@ -109,7 +115,7 @@ def _bounced(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> boo
     forth = before[-1] + ahead * (before[-1] - before[0]) / (WIDEST - 1)
     back = (after[0] - ahead * (after[-1] - after[0]) / (WIDEST - 1))[::-1]
     off = np.minimum(np.abs(values[first:end] - forth), np.abs(values[first:end] - back))
-    return bool((off < 0.5 * limit).all())
+    return bool((off < BOUNCE * limit).all())
 
 
 def _distance(values: np.ndarray) -> np.ndarray:

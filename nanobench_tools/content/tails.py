@@ -18,6 +18,8 @@ from .context import Context
 from .packets import Packets, packets_of
 from .rows import usable_streams
 
+PACKETS = number("audit.tails.packets")
+"""And from so many packets on."""
 SHORTEST_S = number("audit.tails.shortest_s")
 """A straight end is called dead from this length on, or 5 packets if they come slower than 50 Hz: fewer rows can be
 lost to the radio by chance."""
@@ -80,7 +82,7 @@ def tails_of(context: Context) -> dict[str, Tail]:
             continue
         stream, i = streams[name], last_bend[name]
         end = float(stream.time_s[-1])
-        if end - stream.time_s[i] < max(SHORTEST_S, 5.0 * p.interval_s) or not np.isfinite(stream.values[i:]).any():
+        if end - stream.time_s[i] < max(SHORTEST_S, PACKETS * p.interval_s) or not np.isfinite(stream.values[i:]).any():
             continue
         moving = not p.still[i + 2 :].all()
         if name == "battery" and not moving and (voltage_stands(context) or not flies(context)):

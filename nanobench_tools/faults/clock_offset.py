@@ -21,6 +21,8 @@ from .making import over_stream
 KIND = "clock_offset"
 
 SMALLEST_S = number("audit.clock_offset.smallest_s")
+HALVES = number("audit.clock_offset.halves")
+"""An offset is surely found that is so many half intervals larger than the smallest."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -48,7 +50,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 reading.offset_s,
                 "s",
                 evidence,
-                SMALLEST_S + 2.5 * half + (OWN_LAG_S[1] if own else 0.0),
+                SMALLEST_S + HALVES * half + (OWN_LAG_S[1] if own else 0.0),
             )
         )
     return faults

@@ -21,7 +21,7 @@ from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..content.packets import packets_of
 from ..content.rows import usable_streams
-from ..content.tails import SHORTEST_S, tails_of
+from ..content.tails import PACKETS, SHORTEST_S, tails_of
 from ..flight import Fault, Flight
 
 KIND = "dead_stream"
@@ -45,7 +45,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 lasts,
                 "s",
                 f"last packet of {name} at {tail.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
-                max(SHORTEST_S, 5.0 * packets[name].interval_s),
+                max(SHORTEST_S, PACKETS * packets[name].interval_s),
             )
         )
     return faults

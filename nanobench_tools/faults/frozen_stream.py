@@ -29,6 +29,8 @@ SHORTEST_S = number("audit.frozen_stream.shortest_s")
 NEVER_STILL = ("imu", "estimator", "estimator_acc")
 """Streams in which no single column stands still either."""
 OTHERS = ("attitude", "attitude_qw", "motor", "motor_request", "rpm", "pid", "command", "battery")
+PACKETS = number("audit.frozen_stream.packets")
+"""A standstill is at least so many packets long."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -41,7 +43,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         if name not in NEVER_STILL + OTHERS:
             continue
         stream = context.once(usable_streams)[name]
-        shortest = BATTERY_HOLDS_S if name == "battery" else max(SHORTEST_S, 5.0 * packets.interval_s)
+        shortest = BATTERY_HOLDS_S if name == "battery" else max(SHORTEST_S, PACKETS * packets.interval_s)
         stretches = {(int(a), int(b)): stream.columns for a, b in runs(packets.still)}
         if name in NEVER_STILL:
             alive = stream.values[stream.time_s <= context.once(alive_until)[name]]

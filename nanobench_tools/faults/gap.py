@@ -38,6 +38,10 @@ SLOW_PACKETS = number("audit.gap.slow_packets")
 SLOW_S = number("audit.gap.slow_s")
 """Packets further apart are of a slow stream."""
 KINK = number("audit.gap.kink")
+USUAL_STEPS = number("audit.gap.usual_steps")
+"""Where poses came irregularly a gap is longer than so many times the step that 95 % of them keep to."""
+DRAWN = number("audit.gap.drawn")
+"""Share of drawn rows beside a drawn line, from which on it is no gap."""
 
 
 def shortest_s(name: str, interval_s: float) -> float:
@@ -53,7 +57,7 @@ def shortest_s(name: str, interval_s: float) -> float:
 def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
     """Whether most rows of the 50 before row ``a`` and of the 50 from row ``b`` on are bent."""
     before, after = straight[max(a - 50, 0) : a], straight[b : b + 50]
-    return len(before) > 10 and len(after) > 10 and max(before.mean(), after.mean()) < 0.5
+    return len(before) > 10 and len(after) > 10 and max(before.mean(), after.mean()) < DRAWN
 
 
 def _kinked(values: np.ndarray, a: int, b: int) -> bool:
@@ -76,7 +80,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         found: set[tuple[float, float]] = set()
         t = stream.time_s
         step = typical_step_s(t)
-        shortest = max(shortest, 2.5 * usual_step_s(t))
+        shortest = max(shortest, USUAL_STEPS * usual_step_s(t))
         for i in np.flatnonzero(np.diff(t) > shortest):
             found.add((float(t[i]), float(t[i + 1])))
         if name != "mocap":

@@ -20,6 +20,8 @@ from ..settings import number
 KIND = "mocap_occlusion"
 
 SHORTEST_S = number("audit.mocap_occlusion.shortest_s")
+USUAL_STEPS = number("audit.mocap_occlusion.usual_steps")
+"""An occlusion is longer than so many usual steps."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -29,7 +31,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         return []
     stream = context.once(usable_streams)["mocap"]
     t, end = stream.time_s, context.once(alive_until)["mocap"]
-    step, shortest = typical_step_s(t), max(SHORTEST_S, 2.5 * usual_step_s(t))
+    step, shortest = typical_step_s(t), max(SHORTEST_S, USUAL_STEPS * usual_step_s(t))
     columns = tuple(stream.columns[stream.index(q)] for q in POSITION + ROTATION if q in stream.quantities)
     how = (("are no numbers", filled.lost), ("repeat one pose", filled.same), ("lie on a straight line", filled.drawn))
     faults = []
