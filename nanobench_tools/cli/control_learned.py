@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .options import Options, one_line
-from .show import data_word
+from .show import data_word, score_text
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -106,10 +106,11 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
     from controllers.learned.rollouts import rolled, score
 
     from ..protocols.published import beside
+    from ..protocols.sessions import row_keys
     from ..protocols.tables import summaries
     from ..protocols.task2 import PUBLISHED
 
-    rows = []
+    rows, sessions = [], options.sessions.by_name(options.flights)
     reference = " ".join(PUBLISHED)
     published = [d for d in shown.test if d.reference == reference]
     for pilot in (name for name in ON_DYNAMICS if {*NEEDED.get(name, CLONED[:1]), "dynamics"} <= set(networks)):
@@ -119,13 +120,16 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
         scored = [(d, score(states, d)) for d, states in zip(flights, rolled(pilot, dict(networks), flights),
                                                              strict=True)]
         own = [(d, s) for d, s in scored if d.reference == reference]
-        for label, members in ((reference, [s for _, s in own]),
-                               (f"{reference}, flown by {TEACHER}", [s for d, s in own if d.controller == TEACHER]),
-                               ("all", [] if slow else [s for _, s in scored])):
+        for label, members in ((reference, own),
+                               (f"{reference}, flown by {TEACHER}",
+                                [(d, s) for d, s in own if d.controller == TEACHER]),
+                               ("all", [] if slow else scored)):
             if members:
-                statistics = summaries(members, options.seed)
+                labels = [sessions[d.name] for d, _ in members]
+                statistics = summaries([s for _, s in members], options.seed, labels)
                 row = {"plant": "learned", "controller": pilot, "reference": label, "speed_m_s": None,
-                       "information": "as flown", "n": len(members), "statistics": statistics,
+                       "information": "as flown", "n": len(members), **row_keys(labels, statistics),
+                       "statistics": statistics,
                        "metrics": {name: value["mean"] for name, value in statistics.items()}}
                 rows.append(beside(row, "task2", "learned", pilot) if label == reference else row)
     _show(options, rows)
@@ -169,6 +173,8 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     from rich import box
     from rich.table import Table
 
+    from ..protocols.sessions import interval_note
+
     title = (f"Task 2, learned controllers on learned dynamics: {data_word(options)} flights held out, scored against "
              "the logged path until 2 m away, mean ± SD over n flights")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -182,6 +188,6 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
             lines.append(("(published)", str(row["published_n"]), published))
         for reference, n, found in lines:
             table.add_row(one_line(reference), row["controller"], n,
-                          *(f"{found[m]['mean']:.{digits}f} ± {found[m]['std']:.{digits}f}" if m in found else ""
-                            for m, _, digits in COLUMNS))
+                          *(score_text(found[m], 1.0, digits) if m in found else "" for m, _, digits in COLUMNS))
     options.show(table)
+    options.show(interval_note(rows))

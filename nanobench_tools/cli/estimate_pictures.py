@@ -107,6 +107,8 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
 def _show(options: Options, body: Mapping[str, Any]) -> None:
     from rich.table import Table
 
+    from ..protocols.sessions import interval_note
+
     def cell(metrics: Mapping[str, Any], name: str) -> str:
         found = metrics.get(name)
         if not found or found["mean"] is None:
@@ -126,3 +128,4 @@ def _show(options: Options, body: Mapping[str, Any]) -> None:
         for row in rows:
             table.add_row(row["what"], *(cell(row["metrics"], key) for key in keys))
         options.show(table)
+        options.show(interval_note(rows, keys))

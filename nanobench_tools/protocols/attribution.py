@@ -25,6 +25,7 @@ from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
 from ..settings import number
 from .aided import Aiding, given_to
+from .sessions import row_keys
 from .tables import summaries
 from .task3 import Case, inside, score_given
 
@@ -142,7 +143,11 @@ def tabulate(logged_by_clock: Mapping[str, Sequence[Mapping[str, float]]],
     sessions: those of the flights, by clock, and of the ``replayed`` ones."""
     what, of = list(replayed[0]) if replayed else [], sessions or {}
     return {"n": min(map(len, logged_by_clock.values())), "n_replayed": len(replayed),
-            "logged": [{"what": clock, "metrics": summaries(found, seed, of.get(clock))}
-                       for clock, found in logged_by_clock.items()],
-            "replayed": [{"what": name, "metrics": summaries([one[name] for one in replayed], seed, of.get("replayed"))}
-                         for name in what]}
+            "logged": [_row(clock, found, seed, of.get(clock)) for clock, found in logged_by_clock.items()],
+            "replayed": [_row(name, [one[name] for one in replayed], seed, of.get("replayed")) for name in what]}
+
+
+def _row(what: str, scores: Sequence[Mapping[str, float]], seed: int, sessions: Labels) -> dict[str, Any]:
+    metrics = summaries(scores, seed, sessions)
+    keys = {} if sessions is None else row_keys(np.asarray(sessions), metrics)
+    return {"what": what, "n": len(scores), **keys, "metrics": metrics}

@@ -73,7 +73,7 @@ def labels_of(recordings: Sequence[Any], sessions: Sessions | None = None) -> np
     return (sessions or Sessions.of(recordings)).labels(recordings)
 
 
-def row_keys(labels: np.ndarray, metrics: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def row_keys(labels: np.ndarray | Sequence[int], metrics: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """{sessions, design_effect: {metric: ...}} of a row over flights of these sessions, from its summaries, and
     ``ci_why`` where no interval of it is there or to be trusted."""
     why = why_not(len(labels), labels)

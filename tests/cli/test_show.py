@@ -1,0 +1,27 @@
+"""Cells of the tables at a terminal: nothing is said to scatter by nothing."""
+
+import pytest
+
+from nanobench_tools.cli.show import interval_text, ratio_text, score_text, sessions_text
+from nanobench_tools.metrics.statistics import summary
+
+
+@pytest.mark.parametrize(("values", "text"), [
+    ([0.0188], "18.8"), ([0.0188, 0.0188, 0.0188], "18.8"), ([0.01, 0.03], "20.0 ± 10.0"),
+    ([0.0188, 0.0188004], "18.8 ± 0.0002"), ([float("nan")], "-")])
+def test_a_deviation_is_never_shown_as_zero(values, text):
+    assert score_text(summary(values), 1e3, 1) == text
+
+
+def test_a_published_value_keeps_its_deviation():
+    assert score_text({"mean": 0.02, "std": 0.003}, 1e3, 1) == "20.0 ± 3.0"
+    assert score_text({"mean": 0.02, "std": None}, 1e3, 1) == "20.0"
+
+
+def test_what_has_no_interval_shows_none():
+    assert interval_text(summary([1.0]), 1.0, 1) == "-"
+    assert interval_text(summary([1.0, 2.0, 3.0], sessions=[4, 4, 4]), 1.0, 1) == "-"
+    assert interval_text({"ci95": [1.0, 2.0]}, 1.0, 1) == "1.0 .. 2.0"
+    assert [sessions_text({"sessions": n}) for n in (4, None)] == ["4", "?"]
+    assert ratio_text(0.93, [0.88, 0.99]) == "0.930 (0.880 .. 0.990)"
+    assert [ratio_text(0.93, None), ratio_text(None, None)] == ["0.930", "-"]
