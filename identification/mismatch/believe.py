@@ -11,6 +11,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.settings import number, setting
 
+from .commanded import unit_of
 from .fitting import Slopes, fit, slopes
 from .levels import with_levels
 from .moments import Moments, moments_of
@@ -55,12 +56,11 @@ def beliefs(recordings: Recordings, vehicle: Vehicle | None = None, progress: Ca
 
 def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> tuple[Model, Moments]:
     """START fitted, and the moments it was fitted to."""
-    if recordings.judged_s < LEAST_S:
-        raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
-    wrench = Wrench(recordings.tracks)
-    if recordings.tracks[0].commanded:
+    if recordings.flights and all(unit_of(flight) for flight in recordings.flights):
         raise InputError(place, "its recordings hold a collective command and no motor commands",
                          "give --simulator FILE")
+    _check_length(recordings, place)
+    wrench = Wrench(recordings.tracks)
     vehicle = vehicle or Vehicle()
     model = Model(vehicle, start_of(vehicle))
     level = tuple(term for term in START if term != LAG)
@@ -69,11 +69,18 @@ def _identified(recordings: Recordings, vehicle: Vehicle | None, place: str) -> 
     return model, moments
 
 
+def _check_length(recordings: Recordings, place: str) -> None:
+    """InputError for too little flight, with the first reason why a recording was left out."""
+    if recordings.judged_s >= LEAST_S:
+        return
+    why = next((f" ({name}: {reason})" for name, reason in recordings.left_out.items()), "")
+    raise InputError(place, f"{recordings.judged_s:.0f} s of clean flight{why}", f"give at least {LEAST_S:.0f} s")
+
+
 def fit_along(recordings: Recordings, model: Model, terms: Sequence[str]) -> Model:
     """``model`` with the parameters of some ``terms`` fitted along the states of recordings, added where it lacks them;
     InputError when the recordings are too short."""
-    if recordings.judged_s < LEAST_S:
-        raise InputError("recordings", f"{recordings.judged_s:.0f} s of clean flight", f"give at least {LEAST_S:.0f} s")
+    _check_length(recordings, "recordings")
     return _fitted(Wrench(recordings.tracks), model, tuple(terms))[0]
 
 

@@ -9,8 +9,10 @@ import pytest
 from many_rotors import flights_of, model_of
 
 from identification.mismatch.along import paths
+from identification.mismatch.believe import beliefs
 from identification.mismatch.commanded import UNASKED, believed, turning, with_attitude
 from identification.mismatch.diagnose import diagnose_flights, recorded
+from identification.mismatch.recordings import Recordings
 from identification.mismatch.track import Track
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
@@ -98,6 +100,13 @@ def test_without_attitude_it_is_one_line(newtons):
     with pytest.raises(InputError, match="no attitude beside its position") as error:
         diagnose_flights(blind, QUAD)
     assert "\n" not in str(error.value)
+
+
+def test_what_a_simulator_believes_is_asked_of_motors_and_why_not_is_said(newtons):
+    with pytest.raises(InputError, match="a collective command and no motor commands; give --simulator"):
+        beliefs(Recordings((newtons[0],), {}, (), (), {}))
+    with pytest.raises(InputError, match=r"0 s of clean flight \(a: no battery stream\); give at least"):
+        beliefs(Recordings((), {}, (), (), {"a": "no battery stream"}))
 
 
 def test_recordings_in_different_units_are_refused(newtons):
