@@ -14,6 +14,7 @@ import numpy as np
 from identification.greybox.balance import BEFORE, MIX, VOLTS
 from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -21,6 +22,8 @@ POSITIONS = 8
 """Four quarter turns, each also in a mirror."""
 BACK = 50
 """Rows before the start that class ``past`` looks at."""
+HOVER = number("learned.features.hover")
+"""Mean PWM ratio of hover, which features are told from."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ def seen(windows: Windows, predicted: Prediction, past: bool = False) -> Seen:
 
     for mean in _binned(before @ MIX.T):
         add(mean[:, :3], "t")
-        add(mean[:, 3:] - 4.0 * VOLTS * 0.83, "s")
+        add(mean[:, 3:] - 4.0 * VOLTS * HOVER, "s")
     add(so3.rotate(turned, windows.velocity_m_s), "m")
     add(windows.rate_rad_s, "t")
     add(so3.rotate(turned, UP) - UP, "m")
@@ -67,7 +70,7 @@ def seen(windows: Windows, predicted: Prediction, past: bool = False) -> Seen:
     attitude, speed, rate = (np.concatenate([first[:, None], path[:, :-1]], axis=1) for first, path in zip(
         start, (predicted.quaternion, predicted.velocity_m_s, predicted.rate_rad_s), strict=True))
     gained = (predicted.velocity_m_s - speed) * windows.rate_hz + GRAVITY_M_S2 * UP
-    steps = np.concatenate([volts @ MIX.T - [0.0, 0.0, 0.0, 4.0 * VOLTS * 0.83],
+    steps = np.concatenate([volts @ MIX.T - [0.0, 0.0, 0.0, 4.0 * VOLTS * HOVER],
                             so3.rotate_inverse(attitude, speed), rate, so3.rotate_inverse(attitude, UP) - UP], axis=2)
     return Seen(np.concatenate(columns, axis=1), steps, so3.rotate_inverse(attitude, gained),
                 ("".join(kinds), "tsmtm"))

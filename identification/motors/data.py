@@ -39,6 +39,10 @@ STANDING = setting("motors.data.standing")
 """Body rate rad/s and speed m/s below which a vehicle with running motors stands (95th percentile); hover has 0.05."""
 STEADY_PWM = 200.0 / PWM_FULL_SCALE
 STEADY_V = number("motors.data.steady_v")
+SAME_RATE = number("motors.data.same_rate")
+"""Logs whose rates differ by more are of two loggers."""
+USUAL = number("motors.data.usual")
+"""Quantile of the squared speeds that is the usual one in flight."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def read_logs(flights: Iterable[Flight]) -> tuple[list[Log], dict[str, str]]:
     if not logs:
         return [], reasons
     row_s = float(np.median([log.row_s for log in logs]))
-    for log in [log for log in logs if abs(log.row_s / row_s - 1.0) > 0.02]:
+    for log in [log for log in logs if abs(log.row_s / row_s - 1.0) > SAME_RATE]:
         reasons[log.name] = f"logged at {1.0 / log.row_s:.0f} Hz, the others at {1.0 / row_s:.0f} Hz"
         logs.remove(log)
     return [replace(log, row_s=row_s) for log in logs], reasons
@@ -166,7 +170,7 @@ def _measured(place: str, u: np.ndarray, speed: np.ndarray) -> None:
 def _flying(speed: np.ndarray, row_s: float) -> np.ndarray:
     """(n,) bool: all rotors at a good share of the speed they fly with."""
     squares = uniform_filter1d(np.sum(speed**2, axis=1), max(round(SMOOTH_S / row_s), 1))
-    usual = np.quantile(squares[squares > 4.0 * SPINNING_RAD_S**2], 0.75)
+    usual = np.quantile(squares[squares > 4.0 * SPINNING_RAD_S**2], USUAL)
     return (squares > SHARE_OF_FLYING * usual) & (speed > SPINNING_RAD_S).all(axis=1)
 
 

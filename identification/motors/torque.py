@@ -23,6 +23,8 @@ BAND_HZ = setting("motors.torque.band_hz")
 SHIFTS_S = np.arange(-0.004, 0.0161, 0.0005)
 SHORTEST_S = number("motors.torque.shortest_s")
 """Shorter stretches are mostly the band-pass's own ends."""
+EDGE_S = number("motors.torque.edge_s")
+"""Ends of a stretch that the filter spoils."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ def regress(log: Log, axis: int, columns: np.ndarray, shifts_s: Sequence[float] 
     pieces = [(a, b) for a, b in log.stretches if (b - a) * log.row_s >= SHORTEST_S]
     if not pieces:
         return None
-    edge = round(0.2 / log.row_s)
+    edge = round(EDGE_S / log.row_s)
     left = np.concatenate([sosfiltfilt(sos, columns[a:b], axis=0)[edge:-edge] for a, b in pieces])
     smooth = [sosfiltfilt(sos, np.gradient(log.rate[a:b, axis], log.row_s)) for a, b in pieces]
     best: Axis | None = None

@@ -45,6 +45,8 @@ FEWEST_ROWS = count("thrust.flown.fewest_rows")
 """Three seconds at 20 Hz."""
 
 _FILTER = butter(2, CUT_HZ, fs=RATE_HZ, output="sos")
+LEAST_MEAN = number("thrust.flown.least_mean")
+"""Mean PWM ratio by which unevenness is divided, at least."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ def _remembered(motor: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     heat = _low_pass(((motor * voltage[:, None]) ** 2).mean(axis=1), HEAT_S)
     slow = np.column_stack([_low_pass(m, TRIM_S) for m in motor.T])
     one, two, three, four = slow.T
-    mean = 4.0 * np.maximum(slow.mean(axis=1), 0.02)
+    mean = 4.0 * np.maximum(slow.mean(axis=1), LEAST_MEAN)
     return np.column_stack([heat, (three + four - one - two) / mean, (one + four - two - three) / mean,
                             (one + three - two - four) / mean])
 

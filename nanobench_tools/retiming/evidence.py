@@ -39,6 +39,16 @@ ENOUGH = count("retiming.evidence.enough")
 
 ALIKE_S = number("retiming.evidence.alike_s")
 """Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
+FARTHEST_SD = number("retiming.evidence.farthest_sd")
+"""Errors count up to so many standard deviations where it is asked how alike neighbours are."""
+LEAST_WEIGHT = number("retiming.evidence.least_weight")
+"""Weight of a row, at least."""
+ALIKE = number("retiming.evidence.alike")
+"""Correlation of errors above which rows are alike."""
+START_WEIGHT = number("retiming.evidence.start_weight")
+"""Weight of a kind before it is learned."""
+FEWEST = count("retiming.evidence.fewest")
+"""Fewer samples give no evidence."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +129,8 @@ class Evidence:
         residual = self.residual(delay_s)
         self.sigma = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), self.kind.floor)
         fast = residual - uniform_filter1d(residual, self._rows(ALIKE_S), axis=0, mode="nearest")
-        self.weight = float(np.clip(1.0 / _alike_rows(np.clip(fast / self.sigma, -4.0, 4.0)), 0.02, 1.0))
+        alike = _alike_rows(np.clip(fast / self.sigma, -FARTHEST_SD, FARTHEST_SD))
+        self.weight = float(np.clip(1.0 / alike, LEAST_WEIGHT, 1.0))
 
     def residual(self, delay_s: np.ndarray) -> np.ndarray:
         """(s, k) measured less predicted under ``delay_s`` (s,) and the present lag, medians removed."""
@@ -156,7 +167,7 @@ def _alike_rows(z: np.ndarray) -> float:
     spectrum = np.abs(np.fft.rfft(z - z.mean(axis=0), 2 * n, axis=0)) ** 2
     correlation = np.fft.irfft(spectrum, axis=0)[:min(50, n)]
     correlation = correlation / np.maximum(correlation[0], 1e-12)
-    positive = np.cumprod(correlation[1:] > 0.05, axis=0)
+    positive = np.cumprod(correlation[1:] > ALIKE, axis=0)
     return float(np.mean(1.0 + 2.0 * np.sum(correlation[1:] * positive, axis=0)))
 
 
@@ -210,10 +221,10 @@ def collect(context: Context, kinds: tuple[str, ...], start_s: float, end_s: flo
         t = stream.time_s
         good = np.isfinite(measured).all(axis=1) & (t >= start_s) & (t <= min(end_s, alive[kind.stream]))
         good &= np.interp(t, truth.time_s, truth.good.astype(float), left=0.0, right=0.0) > 0.999
-        if good.sum() < 100:
+        if good.sum() < FEWEST:
             continue
         k = measured.shape[1]
         found.append(Evidence(kind, t[good], np.ascontiguousarray(measured[good]),
                               np.ascontiguousarray(_fine(truth, PREDICTED[name](truth))),
-                              truth.time_s[0] - MARGIN_S, 0.0, np.full(k, kind.start_sigma), 0.3))
+                              truth.time_s[0] - MARGIN_S, 0.0, np.full(k, kind.start_sigma), START_WEIGHT))
     return found

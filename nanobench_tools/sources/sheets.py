@@ -32,6 +32,8 @@ SLACK_S = number("sources.sheets.slack_s")
 
 SPEEDS = ("slow", "medium", "fast")
 _MARK_LINE = re.compile(rb"^\s*(" + "|".join(MARKS).encode() + rb")\s*:", re.MULTILINE)
+EARLY_S = number("sources.sheets.early_s")
+"""A recording may begin so long before the whole second of its sheet."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,7 @@ def choose_sheet(
         if sheet.start_s is None:
             own = True
         elif sheet.start_s - SLACK_S <= low and (sheet.end_s is None or high <= sheet.end_s + SLACK_S):
-            own = -0.5 <= first - sheet.start_s < 1.5
+            own = -EARLY_S <= first - sheet.start_s < SLACK_S
         else:
             continue
         beside, near = lies_beside(Path(sheet.path), path), Path(sheet.path).parent == path.parent
