@@ -3,7 +3,7 @@
     python benchmarks/filters_speed.py [--seconds 40]
 
 A practice flight with a pose every 10 ms for the first half, none afterwards. "plain NumPy" does the arithmetic of the
-compiled core (24 states: propagation by dense matrices, the six scalars of a pose, two of drag) row by row;
+compiled core (23 states: propagation by dense matrices, the six scalars of a pose, two of drag) row by row;
 GTSAM's NavStateImuEKF (9 states, no biases, no drag) is called from Python row by row, with positions as
 measurements. The median of five runs; compilation is not counted. All in processor time of one process.
 """
@@ -23,7 +23,6 @@ from estimators.error_state_ekf import ErrorStateEkf
 from estimators.inertial import Rows, rows_of, run, values_of
 from estimators.inertial_core import ERROR
 from estimators.invariant_ekf import InvariantEkf
-from estimators.thrust_ekf import ThrustEkf
 from nanobench_tools import so3
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.practice import practice_flight
@@ -126,7 +125,7 @@ def gtsam_filter(rows: Rows) -> np.ndarray | None:
 
 def first_rows(rows: Rows, n: int) -> Rows:
     """The first n rows alone: for what takes long."""
-    cut = {name: getattr(rows, name)[:n] for name in ("time_s", "clock_s", "acc", "gyro", "drawn", "flying", "thrust")}
+    cut = {name: getattr(rows, name)[:n] for name in ("time_s", "clock_s", "acc", "gyro", "drawn", "flying")}
     return replace(rows, **cut, arrived=rows.arrived[:n + 1])
 
 
@@ -137,7 +136,7 @@ def main() -> None:
     flight = flight.during(Span(-np.inf, flight["imu"].time_s[0] + parser.parse_args().seconds))
     length = flight["imu"].span.duration_s
     flight = given_until(flight, flight["imu"].time_s[0] + 0.5 * length)
-    rows = rows_of(flight, thrust=True)
+    rows = rows_of(flight)
     n = len(rows.time_s)
 
     def say(label: str, taken_s: float, more: str = "") -> None:
@@ -145,8 +144,8 @@ def main() -> None:
 
     print(f"one SYNTHETIC flight of {length:.1f} s, {n} rows; multiples of real time, one core")
     core = seconds_of(partial(run, rows, values_of(DragMatrixEkf.settings), False))
-    say("compiled core, 24 states, all aids but thrust", core)
-    for method in (ErrorStateEkf(), DragMatrixEkf(), ThrustEkf(), InvariantEkf()):
+    say("compiled core, 23 states", core)
+    for method in (ErrorStateEkf(), DragMatrixEkf(), InvariantEkf()):
         say(method.name + " with reading and checks", seconds_of(partial(method.estimate, flight)))
     half = first_rows(rows, SLOW_ROWS)
     for label, function in (("plain NumPy, the same states", plain_numpy),

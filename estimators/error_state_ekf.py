@@ -9,28 +9,22 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from .inertial import Inertial
+from nanobench_tools.settings import setting
 
-SETTINGS = {"gyro_noise": 0.00236, "acc_noise": 0.011, "vertical_noise": 0.00374, "stamp": 0.0095,
-            "gyro_walk": 5.5e-05, "acc_walk": 0.00132, "acc_bias_sd": 0.1, "position_sd": 0.004, "roll_pitch_sd": 0.009,
-            "pitch_sd": 0.0262, "yaw_sd": 0.179, "drag": 0.4, "drag_sd": 0.3}
-"""Noise as in ``drag_ekf``: the sensors' own is small, stamps that wander make it grow with how fast signals change.
-The attitude of a pose counts little, because tilt and gravity agree in it to half a degree only; drag is that of a 40 g
-Crazyflie over its mass."""
+from .inertial import Inertial
 
 
 class ErrorStateEkf(Inertial):
     """Poses are used while they come; afterwards position follows from gyro, accelerometer and drag alone."""
 
     name = "error_state_ekf"
-    settings = SETTINGS
+    settings: ClassVar = setting("estimators.error_state_ekf.error_state_ekf")
     radio = False
-    drag_1_s = SETTINGS["drag"]
 
 
 class Strapdown(Inertial):
     """The same filter without drag: after the last pose, plain integration of the IMU."""
 
     name = "strapdown"
-    settings: ClassVar = {**SETTINGS, "drag": 0.0}
+    settings: ClassVar = setting("estimators.error_state_ekf.strapdown")
     radio = False

@@ -17,6 +17,7 @@ import numpy as np
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics.terms.thrust_voltage import TERM
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .drag_ekf import TUNED
@@ -34,7 +35,8 @@ OFFSET_SD_M_S2, OFFSET_WALK = 0.1, 0.004
 WARMS_SD_M_S3, WARMS_WALK = TUNED["slope_sd"], 1e-6
 """By how much the drift of the vertical bias is another in each flight than in all; next to no change within one."""
 
-SCALE, SCALE_SD, SCALE_WALK = 0.94, 0.05, 0.005
+SCALE = number("estimators.gtsam_aided.scale")
+SCALE_SD, SCALE_WALK = 0.05, 0.005
 """Thrust against the firmware's curve; it changes from flight to flight, and within one."""
 
 DRAG_NOISE_M_S2, THRUST_NOISE_M_S2 = 0.12, 3.0

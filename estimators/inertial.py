@@ -41,9 +41,6 @@ STAMP_LEFT = 0.5
 """How much of the stamps' wander is left where it was taken out (``Stream.time_sd_s`` says so), found on re-timed
 circles and trefoils; missing packets tell nothing more there."""
 
-THRUST_MAP = (7.544, -0.4359, 0.2157)
-"""Specific force [m/s^2] = c0 + c1 S(V u) + c2 S((V u)^2) over the four motors, V battery voltage, u PWM ratio."""
-THRUST_LAG_S = 0.06
 LIFT_RATIO, OFF_RATIO = 0.65, 0.1
 """Mean PWM ratio above which a vehicle on the ground is taken to fly, until it falls below the second."""
 
@@ -62,7 +59,6 @@ class Rows:
     gyro: np.ndarray
     drawn: np.ndarray
     flying: np.ndarray
-    thrust: np.ndarray
     arrived: np.ndarray
     pose_s: np.ndarray
     poses: np.ndarray
@@ -85,20 +81,25 @@ class Inertial:
         and without a stream that an aid of this row needs."""
         for stream, quantity in (("motor", "m1"), ("battery", "vbat")):
             if stream in self.needs and (stream not in flight or quantity not in flight[stream]):
-                raise InputError(flight.provenance.path, f"has no {stream} stream: the thrust aid of {self.name} is "
-                                 "missing", "rows without it go on")
+                raise InputError(flight.provenance.path, f"has no {stream} stream, which {self.name} needs",
+                                 "rows without it go on")
         retimed = flight["imu"].time_sd_s is not None
-        rows = rows_of(flight, self.radio and not retimed, "motor" in self.needs)
-        settings = {**core.SETTINGS, **self.settings}
-        if retimed:
-            settings["stamp"] *= STAMP_LEFT
-        told = float(flight.metadata.get("pose_noise_m", 0.0))
-        settings["position_sd"] = float(np.hypot(settings["position_sd"], told))
-        return run(rows, values_of(settings), self.keep_covariance, self.told(flight, rows))
+        rows = rows_of(flight, self.radio and not retimed)
+        return run(rows, values_of(settings_of(self.settings, flight)), self.keep_covariance, self.told(flight, rows))
 
     def told(self, flight: Flight, rows: Rows) -> np.ndarray:
         """Body velocity at the rows from elsewhere, as ``inertial_core.run`` takes it; (0, 6) for none."""
         return NOTHING
+
+
+def settings_of(settings: Mapping[str, float], flight: Flight) -> dict[str, float]:
+    """A row's settings for one flight: less wander of stamps that were put right, more noise of poses where it is
+    told."""
+    found = {**core.SETTINGS, **settings}
+    if flight["imu"].time_sd_s is not None:
+        found["stamp"] *= STAMP_LEFT
+    found["position_sd"] = float(np.hypot(found["position_sd"], float(flight.metadata.get("pose_noise_m", 0.0))))
+    return found
 
 
 def values_of(settings: Mapping[str, float]) -> np.ndarray:
@@ -116,15 +117,14 @@ def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True, told: np.n
     core.start(rows.poses[0], values, state, cov)
     out = np.empty((n, 11))
     kept = np.empty((n if keep_covariance else 0, 9, 9))
-    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, rows.thrust,
-             told, rows.arrived, rows.pose_s, rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)),
-             out, kept)
+    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, told, rows.arrived, rows.pose_s,
+             rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
     nis = out[:, 10][np.isfinite(out[:, 10])]
     return Estimate(rows.time_s, out[:, :3], out[:, 6:10], out[:, 3:6], kept if keep_covariance else None, nis,
                     np.full(len(nis), 3))
 
 
-def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
+def rows_of(flight: Flight, radio: bool = True) -> Rows:
     """What the core needs of a flight. InputError as ``Inertial.estimate`` says."""
     place = flight.provenance.path
     imu, mocap = flight["imu"], flight["mocap"]
@@ -150,15 +150,9 @@ def rows_of(flight: Flight, radio: bool = True, thrust: bool = False) -> Rows:
         lines = np.concatenate(([0.0], drawn(flight)[:-1]))[good]
         clock_s = np.maximum.accumulate(time_s - lateness(flight)[good])
     arrived = np.concatenate(([0], np.searchsorted(pose_s, time_s, side="right"))).astype(np.int64)
-    motor, force = np.ones(len(time_s)), np.zeros(len(time_s))
-    if _has_motors(flight):
-        ratio = held(flight["motor"], MOTORS, time_s)
-        motor = ratio.mean(axis=1)
-        if thrust:
-            w = ratio * held(flight["battery"], ("vbat",), time_s)
-            force = THRUST_MAP[0] + THRUST_MAP[1] * w.sum(axis=1) + THRUST_MAP[2] * (w * w).sum(axis=1)
-    flying, lagged = _flown(time_s, motor, force, "motor" not in flight)
-    return Rows(time_s, clock_s, acc, gyro, lines, flying, lagged, arrived, measured_s, poses)
+    ratio = held(flight["motor"], MOTORS, time_s).mean(axis=1) if _has_motors(flight) else np.ones(len(time_s))
+    flying = _flown(ratio) if "motor" in flight else np.ones(len(time_s), bool)
+    return Rows(time_s, clock_s, acc, gyro, lines, flying, arrived, measured_s, poses)
 
 
 def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
@@ -166,7 +160,7 @@ def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
     known then; nowhere without motors."""
     found = np.zeros(len(time_s), bool)
     if _has_motors(flight) and len(time_s):
-        flying, _ = _flown(time_s, held(flight["motor"], MOTORS, time_s).mean(axis=1), np.zeros(len(time_s)), False)
+        flying = _flown(held(flight["motor"], MOTORS, time_s).mean(axis=1))
         found[1:] = flying[1:] & ~flying[:-1]
     return found
 
@@ -206,19 +200,14 @@ def held(stream: Stream, names: tuple[str, ...], at_s: np.ndarray) -> np.ndarray
 
 
 @nb.njit(cache=True)
-def _flown(time_s: np.ndarray, ratio: np.ndarray, force: np.ndarray, always: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) bool whether it flies, and force (n,) behind a first-order lag."""
-    n = len(time_s)
-    flying, lagged = np.ones(n, np.bool_), force.copy()
-    on = always
-    for i in range(n):
-        if i > 0:
-            share = 1.0 - np.exp(-(time_s[i] - time_s[i - 1]) / THRUST_LAG_S)
-            lagged[i] = lagged[i - 1] + share * (force[i] - lagged[i - 1])
-        if not always:
-            on = ratio[i] > (OFF_RATIO if on else LIFT_RATIO)
+def _flown(ratio: np.ndarray) -> np.ndarray:
+    """(n,) bool whether it flies, by the mean PWM ratio (n,) of the motors."""
+    flying = np.zeros(len(ratio), np.bool_)
+    on = False
+    for i in range(len(ratio)):
+        on = ratio[i] > (OFF_RATIO if on else LIFT_RATIO)
         flying[i] = on
-    return flying, lagged
+    return flying
 
 
 def _check(place: str, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, pose_s: np.ndarray,

@@ -13,14 +13,14 @@ import numpy as np
 
 from nanobench_tools.units import GRAVITY_M_S2
 
-P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER, SCALE = 0, 3, 6, 10, 13, 16, 19, 20, 22, 23, 24
-"""Where a state (25,) holds position and velocity (world), quaternion, biases of accelerometer and gyro, rotation of
+P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER = 0, 3, 6, 10, 13, 16, 19, 20, 22, 23
+"""Where a state (24,) holds position and velocity (world), quaternion, biases of accelerometer and gyro, rotation of
 the tracked frame, drift of the vertical accelerometer's bias, air flow (as specific force, body x and y), how late the
-vehicle's stamps are and by how much that wanders, and thrust over that of the map."""
+vehicle's stamps are and by how much that wanders."""
 
-STATE, ERROR = 25, 24
-_P, _V, _T, _BA, _BG, _M, _S, _A, _L, _W, _K = 0, 3, 6, 9, 12, 15, 18, 19, 21, 22, 23
-"""The same in the error state (24,), where attitude has three."""
+STATE, ERROR = 24, 23
+_P, _V, _T, _BA, _BG, _M, _S, _A, _L, _W = 0, 3, 6, 9, 12, 15, 18, 19, 21, 22
+"""The same in the error state (23,), where attitude has three."""
 
 SETTINGS = {
     "gyro_noise": 0.03, "acc_noise": 0.03,              # rad/s and m/s^2 per root Hz
@@ -30,7 +30,6 @@ SETTINGS = {
     "air_sd": 0.0, "air_s": 3.0,                        # m/s^2 and correlation time of the air flow
     "slope_mean": 0.0, "slope_sd": 0.0,                 # m/s^3
     "late_sd": 0.0, "wander_sd": 0.0, "wander_s": 0.2,  # s
-    "thrust_sd": 0.0, "scale_walk": 0.0, "scale_sd": 0.05, "inflow": 0.0,       # m/s^2, 1/root s, 1, s/m
     "start_tilt_sd": 0.1, "start_velocity_sd": 0.5, "acc_bias_sd": 0.3, "gyro_bias_sd": 0.03, "mount_sd": 0.05,
     "acc_bias_z_sd": 0.3, "vertical_noise": 0.03, "pitch_sd": 0.1,
     "lift_bias_sd": 0.0,                                # m/s^2, by which vibration changes the bias at take-off
@@ -41,9 +40,12 @@ SETTINGS = {
 }
 NAMES = tuple(SETTINGS)
 (GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, POSITION_SD, ROLL_PITCH_SD, YAW_SD, DRAG, DRAG_CROSS, DRAG_QUADRATIC,
- DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S, THRUST_SD, SCALE_WALK, SCALE_SD, INFLOW,
+ DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S,
  START_TILT_SD, START_VELOCITY_SD, ACC_BIAS_SD, GYRO_BIAS_SD, MOUNT_SD, ACC_BIAS_Z_SD, VERTICAL_NOISE, PITCH_SD,
  LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK) = range(len(NAMES))
+
+START_POSITION_SD_M = 0.02
+"""Of the first pose."""
 
 CHANGE_S = 0.06
 """How fast a signal changes is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
@@ -84,6 +86,19 @@ def small_angle(q, w):
 
 
 @nb.njit(cache=True)
+def stamp_noise(time_s, acc, gyro, i, back_row, stamp):
+    """Squared densities that stamps' wander ``stamp`` [s per root Hz] makes at row i, of the accelerometer x, y and z
+    and of the gyro: a stamp off by d makes an error of d times the slope (here since ``back_row``); white, d being
+    quick."""
+    square = (stamp / max(time_s[i] - time_s[back_row], 1e-3)) ** 2
+    level = (0.5 * ((acc[i, 0] - acc[back_row, 0]) ** 2 + (acc[i, 1] - acc[back_row, 1]) ** 2)) * square
+    upright = (acc[i, 2] - acc[back_row, 2]) ** 2 * square
+    turn = ((gyro[i, 0] - gyro[back_row, 0]) ** 2 + (gyro[i, 1] - gyro[back_row, 1]) ** 2
+            + (gyro[i, 2] - gyro[back_row, 2]) ** 2) / 3.0 * square
+    return level, upright, turn
+
+
+@nb.njit(cache=True)
 def _transition(c, out, dt, rot, fx, fy, fz, wx, wy, wz, air, wander):
     """out = (F c)^T for the transition F of one step."""
     n = ERROR
@@ -104,7 +119,7 @@ def _transition(c, out, dt, rot, fx, fy, fz, wx, wy, wz, air, wander):
         out[j, _BA + 2] = bz + dt * c[_S, j]
         out[j, _S] = c[_S, j]
         out[j, _A], out[j, _A + 1] = air * c[_A, j], air * c[_A + 1, j]
-        out[j, _L], out[j, _W], out[j, _K] = c[_L, j], wander * c[_W, j], c[_K, j]
+        out[j, _L], out[j, _W] = c[_L, j], wander * c[_W, j]
 
 
 @nb.njit(cache=True)
@@ -137,13 +152,13 @@ def _scalar(c, x, h, innovation, variance, ph, gain):
 
 @nb.njit(cache=True)
 def start(pose, settings, state, cov):
-    """state (25,) and cov (24, 24), in place, at rest at a pose (7,)."""
+    """state (24,) and cov (23, 23), in place, at rest at a pose (7,)."""
     state[:] = 0.0
     state[P:P + 3], state[Q:Q + 4] = pose[:3], pose[3:]
-    state[SLOPE], state[SCALE] = settings[SLOPE_MEAN], 1.0
+    state[SLOPE] = settings[SLOPE_MEAN]
     cov[:] = 0.0
     sd = np.zeros(ERROR)
-    sd[_P:_P + 3] = 0.02
+    sd[_P:_P + 3] = START_POSITION_SD_M
     sd[_V:_V + 3] = settings[START_VELOCITY_SD]
     sd[_T:_T + 3] = settings[START_TILT_SD]
     sd[_BA:_BA + 2], sd[_BA + 2] = settings[ACC_BIAS_SD], settings[ACC_BIAS_Z_SD]
@@ -151,7 +166,7 @@ def start(pose, settings, state, cov):
     sd[_M:_M + 3] = settings[MOUNT_SD]
     sd[_S] = settings[SLOPE_SD]
     sd[_A:_A + 2] = settings[AIR_SD]
-    sd[_L], sd[_W], sd[_K] = settings[LATE_SD], settings[WANDER_SD], settings[SCALE_SD]
+    sd[_L], sd[_W] = settings[LATE_SD], settings[WANDER_SD]
     for k in range(ERROR):
         cov[k, k] = sd[k] ** 2 + 1e-14
 
@@ -173,17 +188,17 @@ def _stated(c, on, v, moves, out):
 
 
 @nb.njit(cache=True)
-def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_s, poses, settings, first, state, cov,
+def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses, settings, first, state, cov,
         sums, turns, out, sds):
     """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
-    stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag and
-    thrust count. acc, gyro (n, 3); drawn (n,): share of the row that carries no packet; thrust (n,) m/s^2 of the map;
-    told (n, 6) or (0, 6): body velocity x, y that something else says [m/s], its SD [m/s] and how it moves with the
-    accelerometer's bias [s]; pose_of (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; pose_s (m,) when
-    they were measured; poses (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. out
-    (n, 11): position, velocity, quaternion and the squared innovation of the positions of the row's poses (nan: none);
-    sds (n, 9, 9): covariance of position, velocity and attitude as they are given out, or (0, 9, 9) for none.
+    stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag counts.
+    acc, gyro (n, 3); drawn (n,): share of the row that carries no packet; told (n, 6) or (0, 6): body velocity x, y
+    that something else says [m/s], its SD [m/s] and how it moves with the accelerometer's bias [s]; pose_of (n + 1,):
+    poses pose_of[i]..pose_of[i + 1] have arrived by row i; pose_s (m,) when they were measured; poses (m, 7). sums
+    (n, 6), turns (n, 4): room for what the IMU alone would integrate to. out (n, 11): position, velocity, quaternion
+    and the squared innovation of the positions of the row's poses (nan: none); sds (n, 9, 9): covariance of position,
+    velocity and attitude as they are given out, or (0, 9, 9) for none.
     """
     n = len(time_s)
     other = np.empty((ERROR, ERROR))
@@ -221,14 +236,9 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_
             state[WANDER] *= wander
             _transition(cov, other, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
             _transition(other, cov, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
-            # a stamp off by d makes an error of d times the slope: white noise, d being quick
             while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= CHANGE_S:
                 back_row += 1
-            stamp = (settings[STAMP] / max(time_s[i] - time_s[back_row], 1e-3)) ** 2
-            level = (0.5 * ((acc[i, 0] - acc[back_row, 0]) ** 2 + (acc[i, 1] - acc[back_row, 1]) ** 2)) * stamp
-            upright = (acc[i, 2] - acc[back_row, 2]) ** 2 * stamp
-            turn = ((gyro[i, 0] - gyro[back_row, 0]) ** 2 + (gyro[i, 1] - gyro[back_row, 1]) ** 2
-                    + (gyro[i, 2] - gyro[back_row, 2]) ** 2) / 3.0 * stamp
+            level, upright, turn = stamp_noise(time_s, acc, gyro, i, back_row, settings[STAMP])
             more = 1.0 + settings[DRAWN] * drawn[i]
             for k in range(3):
                 cov[_V + k, _V + k] += (settings[ACC_NOISE] ** 2 * more + level) * dt
@@ -244,7 +254,6 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_
             for k in range(2):
                 cov[_A + k, _A + k] += settings[AIR_SD] ** 2 * (1.0 - air * air)
             cov[_W, _W] += settings[WANDER_SD] ** 2 * (1.0 - wander * wander)
-            cov[_K, _K] += settings[SCALE_WALK] ** 2 * dt
         elif i > 0:
             sums[i], turns[i] = sums[i - 1], turns[i - 1]
         else:
@@ -298,7 +307,7 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_
                     h[_W] = gyro[i, k] - state[BG + k]
                 sd = settings[YAW_SD] if k == 2 else (settings[PITCH_SD] if k == 1 else settings[ROLL_PITCH_SD])
                 _scalar(cov, x, h, off[k] - state[MOUNT + k], sd ** 2, ph, gain)
-        if drag > 0.0 or settings[THRUST_SD] > 0.0 or len(told) > 0:
+        if drag > 0.0 or len(told) > 0:
             bv = np.empty(3)
             for k in range(3):
                 bv[k] = rot[0, k] * state[V] + rot[1, k] * state[V + 1] + rot[2, k] * state[V + 2]
@@ -333,15 +342,6 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_
                     h[_BA + k] = h[_A + k] = told[i, 4 + k]
                     off = told[i, 4 + k] * (state[BA + k] + state[AIR + k])
                     _scalar(cov, x, h, told[i, k] - off - bv[k], told[i, 2 + k] ** 2, ph, gain)
-            if settings[THRUST_SD] > 0.0 and flying[i] and thrust[i] > 4.0:
-                loss = 1.0 - settings[INFLOW] * bv[2]
-                h[:] = 0.0
-                for m in range(3):
-                    h[_V + m] = -state[SCALE] * thrust[i] * settings[INFLOW] * rot[m, 2]
-                h[_BA + 2] = 1.0
-                h[_K] = thrust[i] * loss
-                _scalar(cov, x, h, acc[i, 2] - state[BA + 2] - state[SCALE] * thrust[i] * loss,
-                        settings[THRUST_SD] ** 2, ph, gain)
         for k in range(3):
             state[P + k] += x[_P + k]
             state[V + k] += x[_V + k]
@@ -354,7 +354,6 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, thrust, told, pose_of, pose_
         state[AIR + 1] += x[_A + 1]
         state[LATE] += x[_L]
         state[WANDER] += x[_W]
-        state[SCALE] += x[_K]
         on = stamps_s[i] - time_s[i] + settings[LATE_MOVES] * (state[LATE] + state[WANDER])
         for k in range(3):
             out[i, k] = state[P + k] + on * state[V + k]

@@ -50,8 +50,8 @@ SUFFIX = "_in_flight"
 
 BALANCED = "_balanced"
 
-BALANCING = ("thrust_pwm", "thrust_voltage", "dc_motor", "switched_motor")
-"""Maps that are also scaled to the weight a flight carried."""
+BALANCING = ("scaled_2_1_plus", "scaled_legacy", "thrust_pwm", "thrust_voltage", "dc_motor", "switched_motor")
+"""Maps that are also scaled to the weight a flight carried, the firmware's cubics among them."""
 
 GIVEN = {"": "inputs and battery now", SUFFIX: "inputs and battery, velocity; inputs of the last 20 s",
          BALANCED: "inputs and battery; those of the last seconds in the air"}

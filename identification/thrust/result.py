@@ -10,6 +10,7 @@ import numpy as np
 
 from .data import Case, fit_to_fly, flown_rows
 from .electrical import battery_resistance, motor_constants
+from .firmware import PLUS
 from .fit import Fit
 from .flight_fit import FlightModel, find_delay
 from .intervals import in_turn
@@ -17,7 +18,16 @@ from .levels import level_rows, weight_row
 from .model import ThrustModel
 from .stand import Stand
 from .study import Study, study
-from .tables import Scored, inverse_table, leave_one_out, pair_with_firmware, points, scored
+from .tables import (
+    Scored,
+    basis_words,
+    inverse_table,
+    leave_one_out,
+    pair_with_firmware,
+    points,
+    propeller_mates,
+    scored,
+)
 
 Cases = Sequence[Case]
 DRAWN_THRUSTS = 9
@@ -58,6 +68,8 @@ def stand_part(train: Sequence[Stand], test: Sequence[Stand] | None, mass_kg: fl
         against = "chosen"
     else:
         tested, against = scored(found, test, "test"), ""
+        for row in tested:
+            row.given = basis_words([propeller_mates(s, train) for s in row.files])
         note = f"{len(train)} series train, {len(test)} test, as given"
     part = _part("stand", found, [*results, *tested], note, mass_kg, seed)
     part.body |= body
@@ -81,7 +93,7 @@ def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str
     results = [*scored(found, flown.files, "train"), *(scored(found, others.files, "test") if others.files else [])]
     if others.files:
         results.append(weight_row(others.files, "test"))
-    for name in dict.fromkeys((found.best, _plain_best(found))):
+    for name in dict.fromkeys((found.best, _plain_best(found), f"scaled_{PLUS.name}")):
         if name is not None and others.files:
             results += level_rows(found, name, others.files, "test")
     part = _part("flight", found, results, note, mass_kg, seed)

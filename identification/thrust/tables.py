@@ -11,7 +11,8 @@ from nanobench_tools.metrics.statistics import design_effect, pooled_interval
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import number
 
-from .flight_fit import FlightModel
+from .firmware import LEGACY, PLUS
+from .flight_fit import BALANCED, FlightModel
 from .flown import Flown
 from .stand import Stand
 from .study import AnyFit, File, Study, errors, is_flown, predicted, study
@@ -126,7 +127,26 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
         if found.best:
             missed = errors(found.fits[found.best], out) if basis else np.concatenate(found.scores[found.best].errors)
             picked.add(out, missed, found.half_width[found.best])
+    for result in results.values():
+        result.given = basis_words([propeller_mates(f, [s for s in stands if s is not f]) for f in result.files])
     return [r for r in results.values() if r.files], chosen
+
+
+def propeller_mates(stand: File, train: Sequence[File]) -> int:
+    """How many training series are of the propeller of ``stand``; 0 where that cannot be told."""
+    return sum(isinstance(s, Stand) and isinstance(stand, Stand) and same_propeller(s, stand) for s in train)
+
+
+def basis_words(mates: Sequence[int]) -> str:
+    """What the fits of a row's series were made from, by how many other series of their own propeller there were.
+
+    >>> basis_words([1, 1, 0])
+    '2 of 3 series: one other series of their propeller, whose battery and motors need not be theirs; 1 of 3: none'
+    """
+    said = {0: "none", 1: "one other series of their propeller, whose battery and motors need not be theirs"}
+    found = [f"{mates.count(k)} of {len(mates)}: {said.get(k, f'{k} series of their propeller')}"
+             for k in sorted(set(mates), reverse=True)]
+    return "; ".join([found[0].replace(":", " series:", 1), *found[1:]]) if found else ""
 
 
 def own_bands(stand: Stand, mass_kg: float, seed: int) -> dict[str, Any]:
@@ -163,14 +183,19 @@ def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float
             "limit_N": found.limit_N[:, 0], "pwm": pwm}
 
 
-def pair_with_firmware(per_file: Sequence[Mapping[str, Any]], best: str) -> list[dict[str, Any]]:
-    """[{file, best, firmware, beaten}] of test files: RMS of the chosen map and of the better of the firmware's two."""
+def pair_with_firmware(part_rows: Sequence[Mapping[str, Any]], best: str) -> list[dict[str, Any]]:
+    """[{file, best, firmware, beaten, firmware_scaled, scaled_beaten}] of test files: RMS of the chosen map, of the
+    better of the firmware's two cubics as published, and of the better one given the same as the chosen map (a scale
+    from the training files; the weight the flight carried where that map has it); None without such a row."""
     found = []
-    key = "rms_m_s2" if per_file and "rms_m_s2" in per_file[0] else "rms_N"
-    tested = [e for e in per_file if e["split"] == "test"]
+    key = "rms_m_s2" if part_rows and "rms_m_s2" in part_rows[0] else "rms_N"
+    kind = BALANCED if best.endswith(BALANCED) else ""
+    tested = [e for e in part_rows if e["split"] == "test"]
     for name in dict.fromkeys(e["file"] for e in tested):
         of = {e["model"]: e[key] for e in tested if e["file"] == name}
-        theirs = [v for model, v in of.items() if model.startswith("firmware")]
+        theirs = [of[f"firmware_{p.name}"] for p in (PLUS, LEGACY) if f"firmware_{p.name}" in of]
+        scale = min((of[m] for p in (PLUS, LEGACY) if (m := f"scaled_{p.name}{kind}") in of), default=None)
         if best in of and theirs:
-            found.append({"file": name, "rms": of[best], "firmware": min(theirs), "beaten": of[best] < min(theirs)})
+            found.append({"file": name, "rms": of[best], "firmware": min(theirs), "beaten": of[best] < min(theirs),
+                          "firmware_scaled": scale, "scaled_beaten": None if scale is None else of[best] < scale})
     return found

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
-RECKONING = ("strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf", "invariant_ekf")
+RECKONING = ("strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "invariant_ekf")
 DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
                    "aided": (*LOGGED, *RECKONING, "delayed_pose_ekf", *FLOORS), "blackout": RECKONING + FLOORS,
                    "whole-flight": RECKONING + FLOORS}
@@ -277,31 +277,33 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
 
 
 def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Median and p90 over the windows of all flights, 3-D, horizontal and vertical."""
+    """Median and p90 over the windows of all flights, and of families that set nothing, 3-D, horizontal, vertical."""
     from rich.table import Table
 
     from ..protocols.blackout import HORIZONS_S, KINDS
+    from ..protocols.labels import OTHER_FAMILIES
 
     table = Table(title=f"blackout, end error [m] over windows, clock {options.clock}: median / p90", title_style="",
                   box=None)
-    for name in ("method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
+    for name in ("group", "n", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
         table.add_column(name)
-    for row in (row for row in rows if row["group"] == "all"):
+    for row in sorted((row for row in rows if row["group"] in ("all", OTHER_FAMILIES)), key=lambda row: row["group"]):
         for kind in KINDS:
             found = [row["over_windows"].get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
             cells = [f"{f['median']:.3f} / {f['p90']:.3f}" if f else "-" for f in found]
-            table.add_row(one_line(row["method"]), kind.strip("_") or "3-D", *cells)
+            table.add_row(row["group"], str(row["n"]), one_line(row["method"]), kind.strip("_") or "3-D", *cells)
     options.show(table)
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
           columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
     """The groups of the published table, or all and the speeds; families are in the files."""
+    from ..protocols.labels import OTHER_FAMILIES
     from ..protocols.sessions import interval_note
 
     lines = []
     for row in rows:
-        if row["group"] not in ("all", "slow", "medium", "fast", "Slow", "Medium", "Fast"):
+        if row["group"] not in ("all", OTHER_FAMILIES, "slow", "medium", "fast", "Slow", "Medium", "Fast"):
             continue
         lines.append(([row["group"], row["method"], str(row["n"]), sessions_text(row)], row["metrics"]))
         if published := row.get("published"):
@@ -310,6 +312,8 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
              f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
     options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
     options.show(interval_note(rows, [name for name, *_ in columns]))
-    show_ratios(options, [(row["method"], row) for row in rows if row["group"] == "all"], columns)
+    for group in ("all", OTHER_FAMILIES):
+        mine = [row for row in rows if row["group"] == group]
+        show_ratios(options, [(row["method"] + ", other families" * (group != "all"), row) for row in mine], columns)
     for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
         options.show(one_line(given))

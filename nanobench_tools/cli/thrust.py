@@ -228,11 +228,14 @@ def _show(options: Options, part: Part) -> None:
     pairs = part.body["against_firmware"]
     if pairs:
         won = sum(p["beaten"] for p in pairs)
+        scaled = [p["scaled_beaten"] for p in pairs if p["scaled_beaten"] is not None]
         options.show(f"Smaller error than the closer of the firmware's two curves on {won} of {len(pairs)} held-out "
-                     "files.")
+                     f"files, than the closer of these scaled as it is on {sum(scaled)} of {len(scaled)}.")
         for p in pairs if part.kind == "stand" else ():
             how = part.body.get("held_out", {}).get(p["file"])
             to = ", ".join(how["fitted_to"]) if how and how["fitted_to"] else "its own other PWM bands"
+            if how and how["same_propeller"] and len(how["fitted_to"]) == 1:
+                to += ", the only other one of its propeller"
             basis = "" if how is None else f" ({how['best']} fitted to {to}" + (
                 "" if how["same_propeller"] is not False else ": none of its own propeller") + ")"
             options.show(f"  {one_line(p['file'])}: {factor * p['rms']:.{digits}f} against "

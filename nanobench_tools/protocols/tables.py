@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..metrics.statistics import Labels, summary_table
+from .labels import OTHER_FAMILIES
 
 
 def groups_of(family: str, speed: str | None) -> list[str]:
@@ -27,8 +28,8 @@ def summaries(scores: Iterable[Mapping[str, float | None]], seed: int = 0,
 
 
 def group_order(groups: Sequence[str]) -> list[str]:
-    """Each group once: ``all``, the speeds from slow to fast, the families, and pairs of both."""
-    first = ("all", "slow", "medium", "fast")
+    """Each group once: ``all``, families that set nothing, the speeds from slow to fast, the families, and pairs."""
+    first = ("all", OTHER_FAMILIES, "slow", "medium", "fast")
 
     def rank(group: str) -> tuple[int, bool, str]:
         known = group.lower() in first

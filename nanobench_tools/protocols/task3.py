@@ -25,7 +25,7 @@ from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
-from .labels import family_of, speed_of
+from .labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
@@ -87,6 +87,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     check_protocol(protocol)
     fit = usable(flights, audits, NEEDED)
     cases = _published(fit, audits, protocol) if protocol in PUBLISHED else _clean(fit, audits)
+    if protocol in (AIDED, BLACKOUT, WHOLE_FLIGHT):
+        cases = _apart(cases)
     if not cases:
         what = "trefoil recording" if protocol in PUBLISHED else "flight"
         place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
@@ -134,6 +136,15 @@ def _clean(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> list[Case]
         if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
             cases.append(Case(flight, spans, tuple(groups_of(family_of(flight), speed_of(flight))), note))
     return cases
+
+
+def _apart(cases: Sequence[Case]) -> list[Case]:
+    """With OTHER_FAMILIES among the groups, where not all flights are of these."""
+    others = [family_of(case.flight) not in FILTERS_SEARCHED_ON for case in cases]
+    if all(others):
+        return list(cases)
+    return [replace(case, groups=(*case.groups, OTHER_FAMILIES)) if other else case
+            for case, other in zip(cases, others, strict=True)]
 
 
 def _logged(audit: Audit) -> tuple[Span, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..protocols.labels import OTHER_FAMILIES
 from ..protocols.sessions import interval_note
 from .audits import CLOCK_STREAMS, fault_counts, share_clean, total
 from .quantities import shown
@@ -412,7 +413,7 @@ def _group(row: Mapping[str, Any]) -> str:
 
 def _group_rank(group: str) -> tuple[int, str]:
     """``all``, the speeds, the families, then speed and family together."""
-    first = ("all", *SPEEDS)
+    first = ("all", OTHER_FAMILIES, *SPEEDS)
     return (_rank(group, first), "") if group in first else (len(first) + group.count("/"), group)
 
 

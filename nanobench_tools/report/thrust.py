@@ -57,7 +57,8 @@ def words(kind: str, mine: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
     said = [f"Chosen: {best}, by training files that were held out in turn "
             f"({factor * mine['held_out_rms'][best]:.{digits}f} {unit})."]
     compared = [f"{name.replace('_', ' ')} {factor * named[name, split][key]:.{digits}f}"
-                for name in (best, "thrust_voltage", "thrust_pwm", "firmware_2_1_plus", "firmware_legacy")
+                for name in (best, "thrust_voltage", "thrust_pwm", "firmware_2_1_plus", "scaled_2_1_plus",
+                             "scaled_2_1_plus_balanced", "firmware_legacy")
                 if (name, split) in named]
     said.append(f"RMS on {'held-out' if split == 'test' else 'training'} files, {unit}: " + ", ".join(compared) + ".")
     covered = named.get((best, split), {}).get("coverage95")
@@ -67,7 +68,8 @@ def words(kind: str, mine: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
     pairs = mine.get("against_firmware") or []
     if pairs:
         said.append(f"Smaller error than the closer of the firmware's two curves on {sum(p['beaten'] for p in pairs)} "
-                    f"of {len(pairs)} held-out files.")
+                    f"of {len(pairs)} held-out files, than the closer of these scaled as it is on "
+                    f"{sum(p.get('scaled_beaten') or False for p in pairs)}.")
     note = interval_note([row for row in rows if row["split"] == split])
     return [*said, note] if note else said
 

@@ -20,11 +20,11 @@ def test_every_row_is_there_unasked(nanobench, wandering, tmp_path, monkeypatch)
     monkeypatch.setattr(protocol, "EVERY_S", 1000.0)
     body = blackout(nanobench, wandering, tmp_path / "a.json")
     assert {row["method"] for row in body["rows"]} == {
-        "strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf", "invariant_ekf", "hold_position",
+        "strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "invariant_ekf", "hold_position",
         "constant_velocity"}
     assert {w["method"] for w in body["windows"] if w["h_s"] == 5.0} == {row["method"] for row in body["rows"]}
     said = {w["method"] for w in body["windows"] if w["inside_3_sigma"] is not None}
-    assert said == {"strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "thrust_ekf"}
+    assert said == {"strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "invariant_ekf"}
 
 
 def test_windows_and_rows_agree(nanobench, wandering, tmp_path):

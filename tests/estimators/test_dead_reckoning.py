@@ -51,7 +51,7 @@ def test_drag_says_the_velocity_that_a_wrong_start_does_not_know():
     # the path is held against drag: thrust along body z does it, and x and y show drag alone
     lean = Rotation.from_quat(q)
     acceleration = np.gradient(velocity, t, axis=0)
-    up = acceleration + UP + ErrorStateEkf.drag_1_s * velocity
+    up = acceleration + UP + ErrorStateEkf.settings["drag"] * velocity
     thrust = np.linalg.norm(up, axis=1)
     z = up / thrust[:, None]
     x = lean.apply([1.0, 0.0, 0.0])
@@ -59,7 +59,7 @@ def test_drag_says_the_velocity_that_a_wrong_start_does_not_know():
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     tilted = Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=2))
     body_v = tilted.inv().apply(velocity)
-    force = -ErrorStateEkf.drag_1_s * body_v
+    force = -ErrorStateEkf.settings["drag"] * body_v
     force[:, 2] += thrust
     step = (tilted[:-1].inv() * tilted[1:]).as_rotvec() * 200.0
     gyro = np.vstack([step, step[-1:]]) + np.array([0.01, -0.01, 0.0])

@@ -14,12 +14,11 @@ from estimators.error_state_ekf import ErrorStateEkf, Strapdown
 from estimators.inertial import STAMP_LEFT, lifted
 from estimators.invariant_ekf import InvariantEkf
 from estimators.learned_velocity import LearnedVelocityEkf
-from estimators.thrust_ekf import ThrustEkf
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import aided, blackout, task3
 
-ROWS = (Strapdown, ErrorStateEkf, DragEkf, DragMatrixEkf, ThrustEkf, LearnedVelocityEkf, InvariantEkf, DelayedPoseEkf)
+ROWS = (Strapdown, ErrorStateEkf, DragEkf, DragMatrixEkf, LearnedVelocityEkf, InvariantEkf, DelayedPoseEkf)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +69,7 @@ def test_late_poses_are_used_when_they_have_come(case, row):
     assert np.abs(whole.position_m[~before] - bent.position_m[~before]).max() > 1.0
 
 
-@pytest.mark.parametrize("row", [DragMatrixEkf, ThrustEkf, InvariantEkf])
+@pytest.mark.parametrize("row", [ErrorStateEkf, DragMatrixEkf, InvariantEkf])
 def test_poses_aid(case, row):
     value = aided.score(case, row(), aided.Aiding())
     assert value["metrics"]["ate_rmse_m"] < 0.03
@@ -98,8 +97,8 @@ def test_a_missing_aid_is_named_and_the_others_go_on(case):
     given = blackout.given_until(case.flight, 9.0)
     for stream in ("motor", "battery"):
         less = given.without_streams(stream)
-        with pytest.raises(InputError, match=f"no {stream} stream: the thrust aid"):
-            ThrustEkf().estimate(less)
+        with pytest.raises(InputError, match=f"no {stream} stream, which learned_velocity_ekf needs"):
+            LearnedVelocityEkf().estimate(less)
         assert np.isfinite(DragMatrixEkf().estimate(less).position_m).all()
 
 
@@ -159,12 +158,12 @@ def test_covariance_stays_symmetric_and_positive_over_a_million_steps():
     gyro = rng.normal(0.0, 0.3, (n, 3))
     has = (np.arange(n) % 10 == 0) & ((np.arange(n) < n // 10) | (np.arange(n) // 100_000 % 2 == 0))
     poses = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (int(has.sum()), 1))
-    values = inertial.values_of({**inertial_core.SETTINGS, **ThrustEkf.settings})
+    values = inertial.values_of({**inertial_core.SETTINGS, **DragMatrixEkf.settings})
     state, cov = np.zeros(inertial_core.STATE), np.zeros((inertial_core.ERROR,) * 2)
     inertial_core.start(poses[0], values, state, cov)
     out = np.empty((n, 11))
     arrived = np.concatenate(([0], np.cumsum(has)))
-    inertial_core.run(t, t, acc, gyro, np.zeros(n), np.ones(n, bool), np.full(n, 9.81), inertial.NOTHING, arrived,
+    inertial_core.run(t, t, acc, gyro, np.zeros(n), np.ones(n, bool), inertial.NOTHING, arrived,
                       t[has], poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out,
                       np.empty((0, 9, 9)))
     assert np.array_equal(cov, cov.T)

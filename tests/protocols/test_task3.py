@@ -12,9 +12,10 @@ from estimators.hold_position import HoldPosition
 from estimators.onboard_ekf import OnboardEkf
 from estimators.trajectory_file import TrajectoryFile
 from nanobench_tools import Estimate, InputError, UsageError, so3
-from nanobench_tools.flight import Span, make_stream
+from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
+from nanobench_tools.protocols.labels import OTHER_FAMILIES
 from nanobench_tools.protocols.published import published
 from nanobench_tools.protocols.trajectories import write_tum
 from nanobench_tools.sources.discover import load_recordings
@@ -410,3 +411,15 @@ def test_scores_agree_with_evo_on_a_real_flight(real):
     assert value["metrics"]["ate_rmse_m"] == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
     assert value["metrics"]["ate_unaligned_rmse_m"] == pytest.approx(
         trajectory.ate(p, mocap["px", "py", "pz"][rows], "none").rmse_m)
+
+
+@pytest.mark.parametrize(("families", "apart"), [
+    (("circle", "star", "trefoil", "oval"), (False, True, False, True)),
+    (("star", "oval"), (False, False)),  # nobody's numbers were set here: the group would be all of them again
+    (("circle", "trefoil"), (False, False)),
+])
+def test_families_that_set_nothing_of_the_filters_are_a_group(families, apart):
+    provenance = Provenance("made", "", "test", synthetic=True)
+    cases = [task3.Case(Flight(name, {}, {"family": name}, provenance), (), ("all",)) for name in families]
+    assert tuple(OTHER_FAMILIES in case.groups for case in task3._apart(cases)) == apart
+    assert all(case.groups[0] == "all" for case in task3._apart(cases))

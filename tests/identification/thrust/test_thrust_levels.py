@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification.thrust.balanced import balance
+from identification.thrust.firmware import PLUS
 from identification.thrust.flight_fit import FlightModel, fit_flights, models
 from identification.thrust.flown import LIFT_S, Flown, fly
 from identification.thrust.intervals import half_width, in_turn, refit_spread, sessions, widened
@@ -15,6 +16,7 @@ from identification.thrust.levels import FIRST_S, later, level_rows, trust, weig
 from identification.thrust.maps import MAPS
 from identification.thrust.model import ThrustModel
 from identification.thrust.study import Study, bootstrap, folds_of, held_out
+from identification.thrust.tables import basis_words, pair_with_firmware
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.units import GRAVITY_M_S2
 
@@ -150,3 +152,51 @@ def test_interval_is_wider_where_refits_disagree():
     assert refit_spread(model, draws, far) > 3.0 * refit_spread(model, draws, near)
     assert widened(0.1, model, draws, far) > widened(0.1, model, draws, near) > 0.1
     assert widened(0.1, model, (), far) == 0.1
+
+
+def test_the_firmwares_cubic_gets_the_scale_of_a_flight_as_other_maps_do():
+    """Vehicles whose motors are the cubic times a number of their own: right once the weight they carried is known."""
+    cubic = np.polynomial.Polynomial(PLUS.c)
+
+    def flown(seed: int, strength: float) -> Flown:
+        flight = hovering(seed)
+        needed = GRAVITY_M_S2 * MASS / (4.0 * strength)
+        hover = float(next(r.real for r in (cubic - needed).roots() if abs(r.imag) < 1e-9 and r.real > 0.0))
+        held = np.full(4, hover) / flight.battery_V[:, None]
+        u = held + 0.03 * np.sin(np.arange(len(held)) / 7.0)[:, None]
+        force = strength * cubic(u * flight.battery_V[:, None]).sum(axis=1) / MASS
+        lift = np.column_stack([held, flight.battery_V, np.full(len(held), 1e3)])
+        return replace(flight, u=u, force=force, lift=lift)
+
+    new = flown(9, 1.2)
+    candidates = models(MASS)
+    train = [flown(s, strength) for s, strength in enumerate((0.95, 1.0, 1.05))]
+    missed = {name: rms(fit_flights(candidates[name], train).predict(new) - new.force)
+              for name in ("firmware_2_1_plus", "scaled_2_1_plus", "scaled_2_1_plus_balanced")}
+    assert missed["firmware_2_1_plus"] > 1.0
+    assert missed["scaled_2_1_plus"] > 1.0  # the scale of other flights is not that of this one
+    assert missed["scaled_2_1_plus_balanced"] < 0.2 * missed["scaled_2_1_plus"]
+
+
+def test_against_the_firmware_as_published_and_scaled_alike():
+    """Hand-worked: file a is won against both, file b against the published curves alone."""
+    def entry(file: str, model: str, rms_m_s2: float) -> dict:
+        return {"file": file, "model": model, "split": "test", "rms_m_s2": rms_m_s2}
+
+    entries = [entry(f, m, v) for f, best, scaled in (("a", 0.1, 0.2), ("b", 0.3, 0.2))
+               for m, v in (("switched_motor_balanced", best), ("firmware_2_1_plus", 0.6), ("firmware_legacy", 1.3),
+                            ("scaled_2_1_plus", 0.05), ("scaled_2_1_plus_balanced", scaled),
+                            ("scaled_legacy_balanced", 0.9))]
+    found = {p["file"]: p for p in pair_with_firmware(entries, "switched_motor_balanced")}
+    assert [(p["firmware"], p["firmware_scaled"], p["beaten"], p["scaled_beaten"]) for p in found.values()] == [
+        (0.6, 0.2, True, True), (0.6, 0.2, True, False)]
+    plain = pair_with_firmware([{**e, "model": e["model"].replace("switched_motor_balanced", "dc_motor")}
+                                for e in entries], "dc_motor")
+    assert [p["firmware_scaled"] for p in plain] == [0.05, 0.05]
+
+
+def test_rows_say_how_many_series_of_their_propeller_trained():
+    assert basis_words([1, 1, 0]) == ("2 of 3 series: one other series of their propeller, whose battery and motors "
+                                      "need not be theirs; 1 of 3: none")
+    assert basis_words([4]) == "1 of 1 series: 4 series of their propeller"
+    assert basis_words([]) == ""
