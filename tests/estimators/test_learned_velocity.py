@@ -43,7 +43,7 @@ def test_a_flight_is_not_told_by_weights_that_saw_its_type(crowd):
     """The shipped sets differ by type, and the one of a flight is that its type was left out of."""
     sets = shipped()
     flight = crowd.flight("slow trefoil")
-    rows = inertial.rows_of(blackout.given_until(flight, 8.0), True, True)
+    rows = inertial.rows_of(blackout.given_until(flight, 8.0))
     method = LearnedVelocityEkf()
     by_family = {name: method.told(replace(flight, metadata={**flight.metadata, "family": name}), rows)
                  for name in ("trefoil", "circle", "no such type")}
@@ -63,7 +63,7 @@ def test_what_is_told_bounds_the_velocity_and_a_bias_is_taken_for_one(crowd):
     """Plain integration, told the true body velocity less 0.4 s times a bias that the poses before revealed."""
     flight = crowd.flight("slow trefoil")
     t0 = 10.0
-    rows = inertial.rows_of(blackout.given_until(flight, t0), True, True)
+    rows = inertial.rows_of(blackout.given_until(flight, t0))
     mocap = flight["mocap"]
     true_s, velocity = mocap.time_s, mocap["vx", "vy", "vz"]
     at = so3.interpolate(true_s, mocap["qx", "qy", "qz", "qw"], np.clip(rows.time_s, true_s[0], true_s[-1]))
