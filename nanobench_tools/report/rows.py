@@ -165,7 +165,7 @@ def task1_ratios(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     rows = [row for row in sysid.get("rows", []) if row.get("group", "all") == "all"]
     horizons = _horizons(rows)
     scores = tuple(Column(f"{metric} h={h}", f"{shown(metric).title} {'Σ' if h == 'sum' else f'h={h}'}", "score",
-                          decimals=3) for metric in SYSID_METRICS for h in horizons)
+                          decimals=3, aside=h not in horizons[-2:]) for metric in SYSID_METRICS for h in horizons)
     columns = (Column("model", "Model"), Column("truth", "Truth"), CLOCK, Column("over", "Over"), *scores,
                Column("n_flights", "Flights", "count"), SESSIONS, WHY, DATA)
     lines = tuple((_text(row.get("model")), _text(row.get("truth")), _text(row.get("clock")), _text(row[to]),

@@ -89,9 +89,9 @@ def _near(rows: Sequence[Mapping[str, Any]], last: str | None) -> list[str]:
         return []
     near = [name for name, one in ends.items() if not excludes_one(one)]
     smaller = [name for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
-    less = f"; smaller is that of {', '.join(smaller)}" if smaller else ""
-    same = f"none of the others can be told from {to}" if not near else f"not to be told from {to}: {', '.join(near)}"
-    return [f"By the interval of the ratio over the same windows, at h = {last} {same}{less}."]
+    same = f"{', '.join(near)} cannot be told from {to}" if near else f"every other model differs from {to}"
+    less = f"; only {', '.join(smaller)} {'have' if len(smaller) > 1 else 'has'} less error" if smaller else ""
+    return [f"By the interval of the ratio over the same windows, position error at h = {last}: {same}{less}."]
 
 
 def _retimed_task1(rows: Sequence[Mapping[str, Any]], last: str | None) -> Words:

@@ -100,6 +100,24 @@ def test_models_are_compared_with_the_best_over_the_same_windows():
     assert nothing == [{"model": "b", "truth": "onboard", "group": "all"}]
 
 
+def test_models_are_compared_with_themselves_as_recorded():
+    """Half the error on the other clock, over the flights that both clocks have; a flight counts as often as it has
+    windows as recorded."""
+    def found(factor, windows, clock):
+        return compare.flight_means({("m", "onboard"): scored(factor, windows)}, clock)
+
+    entries = found(2.0, range(1, 10), "as-recorded") + found(1.0, range(9, 1, -1), "retimed")
+    assert entries[0]["metrics"]["rate_mae_rad_s"] == pytest.approx({"1": 2.0, "10": 20.0, "50": 100.0, "sum": 2550.0})
+    rows = [{"model": "m", "truth": "onboard", "group": group, "clock": clock}
+            for clock in ("as-recorded", "retimed") for group in ("all", "elsewhere")]
+    compare.prediction_clocks({"rows": rows, "per_flight": entries}, "as-recorded", LABELS)
+    assert ["clock_ratio" in row for row in rows] == [False, False, True, False]
+    assert rows[2]["clock_ratio_to"] == "as-recorded"
+    for name in QUANTITIES:
+        assert rows[2]["clock_ratio"][name] == pytest.approx(dict.fromkeys(("1", "10", "50", "sum"), 0.5))
+        assert rows[2]["clock_ratio_ci95"][name]["50"] == pytest.approx([0.5, 0.5])
+
+
 def test_gates_are_compared_over_the_same_flights():
     def row(name, gap, lag, ratio, passes):
         return {"flight": name, "path_gap_m": gap, "lag_diff_s": lag, "ratio": ratio, "pass": passes}

@@ -101,3 +101,17 @@ def test_task1_pairs_models_by_clock_and_never_averages_over_clocks(results):
         assert f"0.1350 m re-timed: {text}" in flat(words.task1(other))
     assert "Least position error at h = 50, as recorded: physics with 0.1500 m" in said
     assert "re-timed" not in text
+
+
+def test_task1_says_which_models_cannot_be_told_apart(results):
+    other = copy.deepcopy(results)
+    rows = other["sysid"]["rows"]
+    more = [{**copy.deepcopy(rows[0]), "model": name, "ratio_to": "physics",
+             "ratio": {"position_mae_m": {"50": 1.0}}, "ratio_ci95": {"position_mae_m": {"50": ends}}}
+            for name, ends in (("near", [0.9, 1.1]), ("less", [0.7, 0.8]), ("more", [1.1, 1.3]))]
+    other["sysid"]["rows"] = [*rows, *more]
+    assert "position error at h = 50: near cannot be told from physics; only less has less error." in flat(
+        words.task1(other))
+    other["sysid"]["rows"] = [*rows, more[2]]
+    assert "at h = 50: every other model differs from physics." in flat(words.task1(other))
+    assert "differs" not in flat(words.task1(results))
