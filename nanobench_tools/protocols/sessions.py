@@ -101,8 +101,11 @@ def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()
     if effects and max(effects) > 1.0:
         low, high = (f"{np.sqrt(e):.1f}" for e in (min(effects), max(effects)))
         factor = low if low == high else f"{low} to {high}"
+        alike = [c for row in widest for c in _correlations(row, metrics)]
+        ends = list(dict.fromkeys(f"{c:.2f}" for c in (min(alike), max(alike)))) if alike else []
+        said = f"intra-class correlation {' to '.join(ends)}; " if ends else ""
         text += (f" Over flights alone they would have to be {factor} times as wide, since flights of a session are "
-                 "alike (square root of the design effect).")
+                 f"alike ({said}square root of the design effect).")
     return text
 
 
@@ -121,6 +124,13 @@ def parameters_note(labels: np.ndarray) -> str:
 
 def _flights(row: Mapping[str, Any]) -> int:
     return int(row.get("n_flights", row.get("files", row.get("n"))) or 0)
+
+
+def _correlations(row: Mapping[str, Any], metrics: Sequence[str]) -> list[float]:
+    found = row.get("statistics") or row.get("metrics") or {}
+    parts = [value.get("intra_class") for name, value in found.items()
+             if isinstance(value, Mapping) and (not metrics or name in metrics)]
+    return [float(v) for v in parts if v is not None]
 
 
 def _effects(found: Mapping[str, Any], metrics: Sequence[str]) -> list[float]:
