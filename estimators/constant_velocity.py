@@ -6,10 +6,11 @@ import numpy as np
 
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import number
 
 from .stamps import densest_stamps
 
-SLOPE_S = 0.1
+SLOPE_S = number("imu.constant_velocity.slope_s")
 """The velocity is the slope of the poses over this time: 11 poses at 100 Hz give it to about 1 mm/s."""
 
 

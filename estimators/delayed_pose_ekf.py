@@ -11,10 +11,11 @@ from typing import ClassVar
 
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import number
 
 from .drag_ekf import DragMatrixEkf
 
-OFFSET_SD_S = 0.05
+OFFSET_SD_S = number("imu.delayed_pose_ekf.offset_sd_s")
 """Before anything is seen."""
 
 

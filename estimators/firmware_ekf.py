@@ -10,14 +10,15 @@ from nanobench_tools.firmware.kalman import ATTITUDE_SD_RAD, CORE, POSITION_SD_M
 from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, run_task
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
-HOLE_S = 0.05
+HOLE_S = number("imu.firmware_ekf.hole_s")
 """Between rows of the IMU further apart no samples are drawn: the filter goes on with its last average."""
-END_S = 60.0
+END_S = number("imu.firmware_ekf.end_s")
 """A hole after which nothing is estimated."""
 FLYING_S = 2.0
 """The supervisor believes in a flight for so long after a motor last turned (supervisor.c)."""

@@ -16,7 +16,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.methods import Estimate
-from nanobench_tools.settings import number
+from nanobench_tools.settings import number, setting
 
 from .drag_ekf import TUNED
 from .error_state_ekf import ErrorStateEkf
@@ -48,8 +48,9 @@ VELOCITY_SD_M_S = number("smoothers.gtsam_batch.velocity_sd_m_s")
 """Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
 the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
 
-WALK = np.array([0.01, 0.01, 0.01, 0.003, 1e-3])
+WALKS = setting("smoothers.gtsam_batch.walks")
 """Of the slow quantities: rad x3, s, s per root second."""
+WALK = np.array(WALKS)
 
 TAIL_S = number("smoothers.gtsam_batch.tail_s")
 """A longer stretch after the last measurement is integrated alone, and nothing is said of how sure it is (nan)."""

@@ -16,9 +16,10 @@ from typing import Any
 
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Stream
+from nanobench_tools.settings import number
 
 SCHEMA = "nanobench-imu-noise/1"
-NOMINAL_HZ = 100.0
+NOMINAL_HZ = number("imu.imu_noise.nominal_hz")
 MAY_BE_ZERO = ("stamp_s_sqrtHz", "vertical_m_s2_sqrtHz", "gyro_walk_rad_s2_sqrtHz", "acc_walk_m_s3_sqrtHz")
 
 
@@ -33,12 +34,12 @@ class ImuNoise:
     sent over radio: ten times the sensor's at rest, for vibration and for stamps that are late by a varying time.
     """
 
-    gyro_rad_s_sqrtHz: float = 0.03
-    acc_m_s2_sqrtHz: float = 0.03
-    gyro_walk_rad_s2_sqrtHz: float = 1e-4
-    acc_walk_m_s3_sqrtHz: float = 1e-2
-    gyro_bias_sd_rad_s: float = 0.03
-    acc_bias_sd_m_s2: float = 0.3
+    gyro_rad_s_sqrtHz: float = number("imu.imu_noise.imunoise_gyro_rad_s_sqrthz")
+    acc_m_s2_sqrtHz: float = number("imu.imu_noise.imunoise_acc_m_s2_sqrthz")
+    gyro_walk_rad_s2_sqrtHz: float = number("imu.imu_noise.imunoise_gyro_walk_rad_s2_sqrthz")
+    acc_walk_m_s3_sqrtHz: float = number("imu.imu_noise.imunoise_acc_walk_m_s3_sqrthz")
+    gyro_bias_sd_rad_s: float = number("imu.imu_noise.imunoise_gyro_bias_sd_rad_s")
+    acc_bias_sd_m_s2: float = number("imu.imu_noise.imunoise_acc_bias_sd_m_s2")
     stamp_s_sqrtHz: float = 0.0
     vertical_m_s2_sqrtHz: float = 0.0
     rate_hz: float = NOMINAL_HZ

@@ -24,6 +24,7 @@ import numpy as np
 
 from nanobench_tools.flight import Flight
 from nanobench_tools.protocols.labels import family_of
+from nanobench_tools.settings import number, setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .drag_ekf import TUNED
@@ -33,16 +34,18 @@ FILE = Path(__file__).with_suffix(".json")
 EVERY = "every"
 """The set that all types had a part in, for flights of a type that none was left out for."""
 
-FADES_S = (0.03, 0.1, 0.3, 1.0)
-HOVER_V = 11.5
+FADES_S = setting("imu.learned_velocity.fades_s")
+HOVER_V = number("imu.learned_velocity.hover_v")
 """Sum of the four motors' voltages in hover."""
 
-RIDGE = 1e-3
+RIDGE = number("imu.learned_velocity.ridge")
 """Of the variance of every feature."""
 
-SD_FACTOR = 8.0
+SD_FACTOR = number("imu.learned_velocity.sd_factor")
 """A row's SD over that of the regression: its errors hang together over some tenths of a second, in which the filter
 takes rows for independent. Set on circles and trefoils, as the row's other numbers."""
+OWN = setting("imu.learned_velocity.own")
+"""What differs from the noise of ``drag_ekf``: air that changes slowly, and drag that says little beside it."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class LearnedVelocityEkf(Inertial):
     """``drag_matrix_ekf`` with a learned velocity beside drag. Needs the streams ``motor`` and ``battery``."""
 
     name = "learned_velocity_ekf"
-    settings: ClassVar = {**TUNED, "drag_sd": 0.4, "air_sd": 0.05, "air_s": 1e3}
+    settings: ClassVar = {**TUNED, **OWN}
     needs = ("motor", "battery")
     trained_on = ("velocity learned from the public flights of all trajectory types but the flight's own (of all "
                   "where the recording does not say its type)")

@@ -13,9 +13,10 @@ import numpy as np
 
 from nanobench_tools.content.radio_gaps import drawn
 from nanobench_tools.flight import Flight
+from nanobench_tools.settings import setting
 
-FORGET_S = (0.03, 0.06, 0.1, 0.2, 0.4, 0.8)
-LATE_S = (0.0334, -0.0156, -0.1004, 0.1475, -0.0623, 0.0121)
+FORGET_S = setting("imu.radio_clock.forget_s")
+LATE_S = setting("imu.radio_clock.late_s")
 """Seconds of lateness per drawn row, forgotten at FORGET_S; a ridge regression on circles and trefoils."""
 
 def lateness(flight: Flight) -> np.ndarray:
