@@ -16,6 +16,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Stream
 from nanobench_tools.methods import Estimate
+from nanobench_tools.settings import count, number
 
 from . import inertial_core as core
 from .radio_clock import drawn, lateness
@@ -25,23 +26,25 @@ GYRO = ("gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 MOTORS = ("m1", "m2", "m3", "m4")
 
-HOLE_S = 0.5
+HOLE_S = number("estimators.inertial.hole_s")
 """No filter reckons over a longer hole in the IMU: what happened in it is not known."""
-LEAST_S, LEAST_POSES = 1.0, 5
-BACK_S = 0.1
+LEAST_S = number("estimators.inertial.least_s")
+LEAST_POSES = count("estimators.inertial.least_poses")
+BACK_S = number("estimators.inertial.back_s")
 """Stamps that jump back by more are no jitter."""
 
-COMPARED_S = 0.5
-LEAST_TURN_RAD = 0.01
+COMPARED_S = number("estimators.inertial.compared_s")
+LEAST_TURN_RAD = number("estimators.inertial.least_turn_rad")
 """Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
-LEAST_ALIKE = 0.7
+LEAST_ALIKE = number("estimators.inertial.least_alike")
 """Where the two are correlated less, nothing is said about unit and sign."""
 
-STAMP_LEFT = 0.5
+STAMP_LEFT = number("estimators.inertial.stamp_left")
 """How much of the stamps' wander is left where it was taken out (``Stream.time_sd_s`` says so), found on re-timed
 circles and trefoils; missing packets tell nothing more there."""
 
-LIFT_RATIO, OFF_RATIO = 0.65, 0.1
+LIFT_RATIO = number("estimators.inertial.lift_ratio")
+OFF_RATIO = number("estimators.inertial.off_ratio")
 """Mean PWM ratio above which a vehicle on the ground is taken to fly, until it falls below the second."""
 
 
@@ -151,7 +154,7 @@ def rows_of(flight: Flight, radio: bool = True) -> Rows:
         clock_s = np.maximum.accumulate(time_s - lateness(flight)[good])
     arrived = np.concatenate(([0], np.searchsorted(pose_s, time_s, side="right"))).astype(np.int64)
     ratio = held(flight["motor"], MOTORS, time_s).mean(axis=1) if _has_motors(flight) else np.ones(len(time_s))
-    flying = _flown(ratio) if "motor" in flight else np.ones(len(time_s), bool)
+    flying = _flown(ratio, LIFT_RATIO, OFF_RATIO) if "motor" in flight else np.ones(len(time_s), bool)
     return Rows(time_s, clock_s, acc, gyro, lines, flying, arrived, measured_s, poses)
 
 
@@ -160,7 +163,7 @@ def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
     known then; nowhere without motors."""
     found = np.zeros(len(time_s), bool)
     if _has_motors(flight) and len(time_s):
-        flying = _flown(held(flight["motor"], MOTORS, time_s).mean(axis=1))
+        flying = _flown(held(flight["motor"], MOTORS, time_s).mean(axis=1), LIFT_RATIO, OFF_RATIO)
         found[1:] = flying[1:] & ~flying[:-1]
     return found
 
@@ -200,12 +203,12 @@ def held(stream: Stream, names: tuple[str, ...], at_s: np.ndarray) -> np.ndarray
 
 
 @nb.njit(cache=True)
-def _flown(ratio: np.ndarray) -> np.ndarray:
-    """(n,) bool whether it flies, by the mean PWM ratio (n,) of the motors."""
+def _flown(ratio: np.ndarray, lift: float, off: float) -> np.ndarray:
+    """(n,) bool whether it flies, by the mean PWM ratio (n,) of the motors: from ``lift`` until below ``off``."""
     flying = np.zeros(len(ratio), np.bool_)
     on = False
     for i in range(len(ratio)):
-        on = ratio[i] > (OFF_RATIO if on else LIFT_RATIO)
+        on = ratio[i] > (off if on else lift)
         flying[i] = on
     return flying
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from nanobench_tools.settings import setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER = 0, 3, 6, 10, 13, 16, 19, 20, 22, 23
@@ -22,23 +23,24 @@ STATE, ERROR = 24, 23
 _P, _V, _T, _BA, _BG, _M, _S, _A, _L, _W = 0, 3, 6, 9, 12, 15, 18, 19, 21, 22
 """The same in the error state (23,), where attitude has three."""
 
-SETTINGS = {
-    "gyro_noise": 0.03, "acc_noise": 0.03,              # rad/s and m/s^2 per root Hz
-    "gyro_walk": 1e-4, "acc_walk": 3e-3,                # per root second
-    "position_sd": 0.01, "roll_pitch_sd": 0.1, "yaw_sd": 0.1,       # of a pose, m and rad
-    "drag": 0.40, "drag_cross": 0.0, "drag_quadratic": 0.0, "drag_sd": 0.2,     # 1/s, 1/s, 1/m; m/s^2 of one row
-    "air_sd": 0.0, "air_s": 3.0,                        # m/s^2 and correlation time of the air flow
-    "slope_mean": 0.0, "slope_sd": 0.0,                 # m/s^3
-    "late_sd": 0.0, "wander_sd": 0.0, "wander_s": 0.2,  # s
-    "start_tilt_sd": 0.1, "start_velocity_sd": 0.5, "acc_bias_sd": 0.3, "gyro_bias_sd": 0.03, "mount_sd": 0.05,
-    "acc_bias_z_sd": 0.3, "vertical_noise": 0.03, "pitch_sd": 0.1,
-    "lift_bias_sd": 0.0,                                # m/s^2, by which vibration changes the bias at take-off
-    "late_moves": 1.0,                                  # whether the estimate is moved on by the lateness found
-    "stamp": 0.0,                                       # s per root Hz: stamps' wander makes noise of what changes
-    "drawn": 0.0,                                       # variance of a row without a packet is larger by this factor
-    "mount_walk": 0.0,                                  # rad per root second
-}
-NAMES = tuple(SETTINGS)
+NAMES = (
+    "gyro_noise", "acc_noise",                          # rad/s and m/s^2 per root Hz
+    "gyro_walk", "acc_walk",                            # per root second
+    "position_sd", "roll_pitch_sd", "yaw_sd",           # of a pose, m and rad
+    "drag", "drag_cross", "drag_quadratic", "drag_sd",  # 1/s, 1/s, 1/m; m/s^2 of one row
+    "air_sd", "air_s",                                  # m/s^2 and correlation time of the air flow
+    "slope_mean", "slope_sd",                           # m/s^3
+    "late_sd", "wander_sd", "wander_s",                 # s
+    "start_tilt_sd", "start_velocity_sd", "acc_bias_sd", "gyro_bias_sd", "mount_sd",
+    "acc_bias_z_sd", "vertical_noise", "pitch_sd",
+    "lift_bias_sd",                                     # m/s^2, by which vibration changes the bias at take-off
+    "late_moves",                                       # whether the estimate is moved on by the lateness found
+    "stamp",                                            # s per root Hz: stamps' wander makes noise of what changes
+    "drawn",                                            # variance of a row without a packet is larger by this factor
+    "mount_walk",                                       # rad per root second
+)
+DEFAULTS = setting("estimators.inertial_core.defaults")
+SETTINGS = {name: DEFAULTS[name] for name in NAMES}
 (GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, POSITION_SD, ROLL_PITCH_SD, YAW_SD, DRAG, DRAG_CROSS, DRAG_QUADRATIC,
  DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S,
  START_TILT_SD, START_VELOCITY_SD, ACC_BIAS_SD, GYRO_BIAS_SD, MOUNT_SD, ACC_BIAS_Z_SD, VERTICAL_NOISE, PITCH_SD,

@@ -22,6 +22,7 @@ import numpy as np
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.physics.vehicle import BOUNDS
+from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .balanced import balance, fit_balanced
@@ -29,12 +30,12 @@ from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 from .flown import EVERY, RATE_HZ, Flown, fly, join
 from .maps import MAPS, Map, Numbers
 
-LEVEL_SD = 0.15
-NOISE_SD = 0.10
-CORRELATION_S = 1.0
+LEVEL_SD = number("thrust.flight_fit.level_sd")
+NOISE_SD = number("thrust.flight_fit.noise_sd")
+CORRELATION_S = number("thrust.flight_fit.correlation_s")
 """Spread [m/s^2] of the mean error between flights, and within them, and over how long errors within one hold."""
 
-SHAPE_ROWS = 6000
+SHAPE_ROWS = count("thrust.flight_fit.shape_rows")
 """Rows a shape is searched on; a flight has some 700 at 20 Hz, of which one a second is independent."""
 
 DELAYS_S = tuple(np.round(np.arange(0.0, 0.1201, 0.01), 3))
