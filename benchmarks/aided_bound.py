@@ -90,7 +90,7 @@ def main() -> None:
     options = Options(data=tuple(arguments.data))
     flights = options.load()
     audits, _ = options.audit(flights)
-    seen = replace(options, clock="retimed").see_on_clock(distinct(flights)[0], audits, True)
+    seen = replace(options, clock="retimed").see_on_clock(distinct(flights)[0], audits, ("position", "velocity"))
     methods: list[Estimator] = [DragEkf(), ErrorStateEkf()]
     if arguments.batch:
         from estimators.gtsam_batch import GtsamBatch

@@ -54,7 +54,7 @@ TWIN = "mass"
 
 def seen(case: Case) -> Recordings:
     audits = {flight.name: audit(flight) for flight in case.flights}
-    moved = on_clock(case.flights, audits, "retimed")
+    moved = on_clock(case.flights, audits, "joint")
     return look_over(case.flights, audits, moved.flights, moved.audits, "thrust_voltage" in case.simulator)
 
 

@@ -54,7 +54,7 @@ def timed(flights: list[Flight], simulator: Model, jobs: int) -> dict[str, Any]:
     marks, cpu = [time.perf_counter()], time.process_time()
     audits = audit_flights(flights, None, jobs).audits
     marks.append(time.perf_counter())
-    moved = on_clock(flights, audits, "retimed", jobs=jobs)
+    moved = on_clock(flights, audits, "joint", jobs=jobs)
     marks.append(time.perf_counter())
     recordings = look_over(flights, audits, moved.flights, moved.audits)
     verdict = diagnose(recordings, simulator)

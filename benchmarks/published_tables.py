@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from nanobench_tools.cli.control import control_body
-from nanobench_tools.cli.estimate import estimate_body
+from nanobench_tools.cli.estimate import estimate_body, see
 from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.sysid import sysid_body
 from nanobench_tools.protocols.published import published
@@ -74,7 +74,7 @@ def main() -> int:
     flights = options.load()
     audits, _ = options.audit(flights)
     console = Console(width=150, highlight=False)
-    estimate = estimate_body(options, flights, audits)["rows"]
+    estimate = estimate_body(options, see(options, flights, audits))["rows"]
     mended = {row["group"]: row for row in estimate if row["protocol"] == "as-published-corrected"}
     task3 = [(row["group"], row, row["metrics"], mended.get(row["group"])) for row in estimate if "published" in row]
     control = control_body(options, flights, audits)["rows"]

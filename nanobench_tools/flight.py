@@ -208,7 +208,8 @@ class Stream:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences."""
+    """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences; clock_evidence:
+    the kinds of streams that had a vote in the clock its stamps were moved to, empty as recorded."""
 
     path: str
     sha256: str
@@ -216,6 +217,7 @@ class Provenance:
     synthetic: bool = False
     findings: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
+    clock_evidence: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -256,15 +258,17 @@ class Flight:
     def without_streams(self, *names: str) -> Flight:
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
 
-    def retimed(self) -> Flight:
+    def retimed(self, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
         """A copy with every stream moved to the motion capture's clock: the moving error where other streams confirm
         it, else the constant offset; ``Stream.time_sd_s`` says how well, ``provenance.notes`` what was done.
 
+        clock: ``retimed``, ``joint`` or ``offset``; judged: which logged estimates you will judge on it, so that they
+        get no vote (``retiming.votes``); ``joint`` needs ``judged=()``.
         Values, their order and ``samples`` stay. InputError where no time error can be identified.
         """
         from .retiming.apply import retimed  # the one place where the ground calls upward, to be found where expected
 
-        return retimed(self)
+        return retimed(self, clock, judged)
 
     def during(self, spans: Span | Iterable[Span]) -> Flight:
         """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""

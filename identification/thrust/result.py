@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools.retiming.votes import evidence_of
+
 from .data import Case, fit_to_fly, flown_rows
 from .electrical import battery_resistance, motor_constants
 from .firmware import PLUS
@@ -99,7 +101,7 @@ def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str
     part = _part("flight", found, results, note, mass_kg, seed)
     for row in part.rows:
         row["uses"] += f"; inputs delayed by {delay:.2f} s"
-        row["clock"] = clock
+        row |= {"clock": clock, "clock_evidence": evidence_of(flight for flight, _ in (*train, *test))}
     held = {name: in_turn(score.errors, len(found.train), found.sessions) for name, score in found.scores.items()}
     part.body |= {"delay_s": delay, "sessions": found.sessions, "held_out_coverage95": held,
                   "best_without_memory": _plain_best(found), "clock": clock, "mass_kg": mass_kg,

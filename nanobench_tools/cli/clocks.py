@@ -33,6 +33,9 @@ class Recordings:
     clock: str | None = None
 
 
+BRACKETED = ("drag_matrix_ekf",)
+"""Dead reckoning that ``run`` shows on every clock, from nothing taken out to all that can be."""
+
 Part = tuple[str, Callable[[], dict[str, Any]]]
 """(what it is, what makes its body)."""
 
@@ -61,32 +64,34 @@ def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
 
 
 def estimate_on(given: Recordings) -> dict[str, Any]:
-    """estimate.json. The clock that judges the estimator is read from gyro and accelerometer; on further clocks only
-    what was logged in flight is scored, each distinct recording once."""
+    """estimate.json. No judged estimate has a vote in its clock (``retiming.votes``); on further clocks what was
+    logged in flight and dead reckoning are scored, each distinct recording once."""
     from ..protocols import compare
     from ..protocols.selection import distinct
     from ..protocols.task3 import BLACKOUT, PROTOCOLS
-    from .estimate import LOGGED, RECKONING, estimate_body
+    from .estimate import LOGGED, RECKONING, estimate_body, see
     from .methods import load_methods
 
     def recorded(*protocols: str) -> dict[str, Any]:
-        return estimate_body(given.options, given.flights, given.audits, protocols)
+        return estimate_body(given.options, see(given.options, given.flights, given.audits), protocols)
 
     def moved(clock: str) -> dict[str, Any]:
         options = replace(given.options, clock=clock)
         alone = given.clock is not None
-        seen = options.see_on_clock(given.flights if alone else distinct(given.flights)[0], given.audits, True)
-        return estimate_body(options, seen.flights, seen.audits, ("clean",),
-                             None if alone else load_methods("estimators", LOGGED), None, seen.warps, alone)
+        seen = see(options, given.flights if alone else distinct(given.flights)[0], given.audits)
+        return estimate_body(options, seen, ("clean",), None if alone else load_methods("estimators", LOGGED), None,
+                             alone)
 
-    def reckoned(clock: str) -> dict[str, Any]:
+    def reckoned(clock: str, methods: Sequence[str] = RECKONING) -> dict[str, Any]:
         options = replace(given.options, clock=clock)
-        seen = options.see_on_clock(distinct(given.flights)[0], given.audits, True)
-        return estimate_body(options, seen.flights, seen.audits, (BLACKOUT,), load_methods("estimators", RECKONING),
-                             None, seen.warps, False)
+        seen = see(options, distinct(given.flights)[0], given.audits)
+        return estimate_body(options, seen, (BLACKOUT,), load_methods("estimators", methods), None, False)
 
     clocks = (AS_RECORDED, "retimed") if given.clock is None else (given.clock,)
     further: list[Part] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
+    if given.clock is None:
+        further += [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock, BRACKETED))
+                    for clock in ("offset", "joint")]
     body = _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
     compare.clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
     return body
@@ -120,6 +125,7 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     in ``by_clock``."""
     from ..protocols import compare
     from ..protocols.selection import distinct
+    from ..protocols.task1 import JUDGED
     from .sysid import SIMULATOR, sysid_body
 
     alone = given.clock is not None
@@ -128,7 +134,7 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     def on(clock: str, simulator: str) -> dict[str, Any]:
         options = replace(given.options, clock=clock)
         flights = given.flights if alone or clock == AS_RECORDED else distinct(given.flights)[0]
-        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits), simulator=simulator)
+        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits, JUDGED), simulator=simulator)
         return found[clock]
 
     files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
+from ..retiming.votes import evidence_of
 from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 
@@ -175,7 +176,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                                 if item.key in values], options.seed, options.sessions)
         reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
     for row in rows:
-        row["clock"] = options.clock
+        row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
     _show(options, rows)
     return {"gate": [], "rows": rows,
             "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED, reasons)}

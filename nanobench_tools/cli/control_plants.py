@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, UsageError
+from ..retiming.votes import evidence_of
 from .control_tables import show_mismatch, show_simulated
 from .options import AS_RECORDED, Options, one_line
 from .show import data_word
@@ -150,7 +151,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     rows, by_name = [], {case.flight.name: case.flight for case in cases}
     for item in items:
         for row in values.get(item.key, {}).get("rows", ()):
-            rows.append({**row, "clock": options.clock})
+            rows.append({**row, "clock": options.clock, "clock_evidence": evidence_of(flights)})
         if options.out is not None:
             _write_paths(options.out, by_name, values.get(item.key, {}).get("paths", {}))
     rows.sort(key=lambda row: row["flight"])

@@ -205,7 +205,7 @@ def _read(options: Options) -> Callable[[bool, Vehicle], Recordings]:
 
     flights = options.load()
     audits, _ = options.audit(flights)
-    moved = replace(options, clock="retimed").see_on_clock(flights, audits)
+    moved = replace(options, clock="joint").see_on_clock(flights, audits)
     kept = [f for f in flights if f.name in audits]
     return lambda with_battery, vehicle: look_over(kept, audits, moved.flights, moved.audits, with_battery, vehicle)
 

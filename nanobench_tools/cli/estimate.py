@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import InputError, UsageError
+from ..retiming.votes import voters, votes
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .methods import load_methods
 from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
@@ -17,6 +19,7 @@ from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_o
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
+    from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
     from ..protocols.task3 import Case
     from ..retiming.warp import ClockWarp
@@ -29,8 +32,10 @@ DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "cl
                    "whole-flight": RECKONING + FLOORS}
 """Scored when nothing else is asked for."""
 
-GIVEN_CLOCK = {"offset": "; stamps less the flight's constant offset, found off-line",
-               "retimed": "; stamps less the moving error, found off-line from gyro and accelerometer"}
+JUDGED = ("position", "velocity")
+"""What is judged of the logged estimate by every metric that is not about attitude."""
+LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
+"""Hidden from every method on a clock that the logged position helped to set."""
 
 POINTS_WITHIN_S = 1e-3
 """The result file says a moving error by straight lines within this."""
@@ -104,8 +109,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
             raise UsageError(f"--clock {options.clock} goes with --protocol clean, aided, blackout and whole-flight "
                              "only: the published table was made as recorded")
         protocols = protocols or ("clean",)
-    seen = options.see_on_clock(flights, audits, judges_estimator=True)
-    body = estimate_body(options, seen.flights, seen.audits, protocols, scored, files, seen.warps,
+    body = estimate_body(options, see(options, flights, audits), protocols, scored, files,
                          aidings=grid(rates, delays, noises, losses))
     if explained:
         body["attribution"] = attribution(options, flights, audits)
@@ -123,16 +127,32 @@ def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
     return found
 
 
-def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
-                  protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
-                  files: Mapping[str, Mapping[str, Path]] | None = None,
-                  warps: Mapping[str, ClockWarp | None] | None = None, trajectories: bool = True,
+@dataclass(frozen=True)
+class Seen:
+    """The recordings on the clock of ``options``: as positions and velocities may be judged on it, and as attitudes
+    may (None: the same)."""
+
+    places: OnClock
+    attitudes: OnClock | None = None
+
+
+def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Seen:
+    """``flights`` on the clock of ``options``. The logged attitude has a vote in ``retimed`` where positions are
+    judged and none where attitudes are; in ``joint`` all vote, and no logged estimate is judged."""
+    if options.clock != "retimed":
+        return Seen(options.see_on_clock(flights, audits, () if options.clock == "joint" else JUDGED))
+    return Seen(options.see_on_clock(flights, audits, JUDGED),
+                options.see_on_clock(flights, audits, ("attitude",)))
+
+
+def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
+                  files: Mapping[str, Mapping[str, Path]] | None = None, trajectories: bool = True,
                   aidings: Sequence[Aiding] | None = None) -> dict[str, Any]:
     """The keys of estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
 
-    warps: what was taken out of the flights' stamps for the clock of ``options``; trajectories: whether they are
-    written to ``--out``; aidings: how poses come in ``aided``, one table each, the first one's trajectories are
-    written. Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
+    trajectories: whether they are written to ``--out``; aidings: how poses come in ``aided``, one table each, the
+    first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
+    nothing to score.
     """
     from ..protocols import aided, task3
     from ..protocols.dead_logs import dead_logs
@@ -144,9 +164,14 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
     dead: list[dict[str, Any]] | None = None
     written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
+    flights, audits = seen.places.flights, seen.places.audits
     for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
         chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
+        if options.clock == "joint":
+            chosen, cases = _without_logged(options, chosen, cases)
         work = [(method, case) for method in chosen for case in cases]
+        again = {} if seen.attitudes is None or protocol == task3.BLACKOUT else {
+            case.flight.name: case for case in task3.select(seen.attitudes.flights, seen.attitudes.audits, protocol)}
         if protocol == task3.PUBLISHED[0]:
             dead = dead_logs(cases, audits)
         if protocol == task3.BLACKOUT:
@@ -158,7 +183,7 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
         out = options.out if trajectories and protocol == written else None
         for aiding in (aidings or aided.grid()) if protocol == task3.AIDED else [None]:
-            scored, single, drawn = _score(options, protocol, work, out, aiding)
+            scored, single, drawn = _score(options, protocol, work, out, aiding, again)
             rows += scored
             per_flight += single
             bands += drawn
@@ -172,9 +197,15 @@ def estimate_body(options: Options, flights: Sequence[Flight], audits: Mapping[s
         body["bands"] = bands
     if dead is not None:
         body["dead_logs"] = dead
+    for row in rows:
+        row["clock_evidence"] = seen.places.evidence
+        row["given"] += votes(options.clock, seen.places.evidence)
+        if seen.attitudes is not None and any(name.startswith("attitude") for name in row["metrics"]):
+            row["clock_evidence_attitude"] = seen.attitudes.evidence
+            row["given"] += f" (attitude: {', '.join(seen.attitudes.evidence)})"
     if options.clock != AS_RECORDED:
         used = {name for row in rows for name in row["flights"]}
-        taken_out = {name: warp for name, warp in (warps or {}).items() if name in used}
+        taken_out = {name: warp for name, warp in seen.places.warps.items() if name in used}
         for row in rows:
             row["n_moving"] = sum(warp.moving for name in row["flights"] if (warp := taken_out.get(name)) is not None)
         body["clocks"] = {options.clock: {name: _taken_out(warp) for name, warp in taken_out.items()}}
@@ -186,7 +217,20 @@ def _taken_out(warp: ClockWarp | None) -> dict[str, Any] | None:
     if warp is None:
         return None
     return {"moving": warp.moving, "constant_s": warp.constant_s, "wander_sd_s": warp.wander_sd_s,
-            "reason": warp.reason, "warp": warp.points(POINTS_WITHIN_S)}
+            "reason": warp.reason, "evidence": list(warp.evidence), "warp": warp.points(POINTS_WITHIN_S)}
+
+
+def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Case]
+                    ) -> tuple[list[Any], list[Case]]:
+    """The methods that are no logged estimate, and the cases without its streams; UsageError when no method is left."""
+    from ..protocols.task3 import is_logged
+
+    kept = [method for method in methods if not is_logged(method)]
+    if not kept:
+        voters(options.clock, JUDGED)  # says why not
+    if len(kept) < len(methods):
+        options.say("the logged estimate is not judged on clock joint, which its position helped to set")
+    return kept, [replace(case, flight=case.flight.without_streams(*LOGGED_STREAMS)) for case in cases]
 
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
@@ -202,9 +246,11 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
 
 
 def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None,
-           aiding: Aiding | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+           aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
+           ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
     """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
-    single flight, and what is drawn of one flight."""
+    single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
+    judged on, where it is another one."""
     from ..harness import make_item
     from ..protocols import task3, whole_flight
     from ..protocols.labels import speed_of
@@ -217,9 +263,15 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
     items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder, **how},
                        f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
              for method, case in work]
-    values = options.run(items, protocol).values
-    done = [(method, case, values[item.key]) for (method, case), item in zip(work, items, strict=True)
-            if item.key in values]
+    turned = {}
+    for i, (method, case) in enumerate(work):
+        if again and case.flight.name in again:
+            what = {"case": again[case.flight.name], "method": method, "protocol": protocol, "folder": None, **how}
+            turned[i] = make_item(score_and_write, what, f"{protocol} attitude {method.name} {case.flight.name}",
+                                  file=case.flight.provenance.path)
+    values = options.run([*items, *turned.values()], protocol).values
+    done = [(method, case, _with_attitude(values[item.key], values.get(turned[i].key) if i in turned else None, again))
+            for i, ((method, case), item) in enumerate(zip(work, items, strict=True)) if item.key in values]
     if folder is not None:
         write_missing(done, protocol, folder, aiding, options.seed)
         write_truths([case for _, case, _ in done], [method.name for method, _, _ in done], folder)
@@ -230,7 +282,6 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
                                given.get(protocol, task3.GIVEN), options.sessions)
     for row in rows:
         row |= {"clock": options.clock, **said}
-        row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _compare(options, rows, done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
@@ -247,6 +298,16 @@ def _compare(options: Options, rows: Sequence[dict[str, Any]],
     for method, case, value in done:
         scores.setdefault(method.name, {})[case.flight.name] = value["metrics"]
     compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)
+
+
+def _with_attitude(value: Mapping[str, Any], turned: Mapping[str, Any] | None,
+                   again: Mapping[str, Case] | None) -> dict[str, Any]:
+    """``value`` with what it says of attitude from ``turned``, the score on the clock that attitudes are judged on."""
+    if not again:
+        return dict(value)
+    metrics = {name: (turned["metrics"].get(name) if turned else None) if name.startswith("attitude") else found
+               for name, found in value["metrics"].items()}
+    return {**value, "metrics": metrics}
 
 
 def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
@@ -268,7 +329,6 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
                                   options.sessions)
     for row in rows:
         row["clock"] = options.clock
-        row["given"] += GIVEN_CLOCK.get(options.clock, "")
     _compare(options, rows, done)
     _show(options, "blackout", rows, ENDS)
     _show_windows(options, rows)

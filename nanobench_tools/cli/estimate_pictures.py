@@ -20,6 +20,8 @@ Done = Sequence[tuple[Any, "Case", Mapping[str, Any]]]
 """(method, case, value) of what was scored."""
 
 JUDGES = (AS_RECORDED, "offset", "retimed")
+JUDGED_ESTIMATE = ("position", "velocity")
+"""No figure of an attribution is about attitude."""
 
 
 def aided_bands(options: Options, done: Done, aiding: Aiding) -> list[dict[str, Any]]:
@@ -80,7 +82,7 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
     on: dict[str, dict[str, Case]] = {}
     for clock in JUDGES:
         moved = replace(options, clock=clock)
-        seen = moved.see_on_clock(kept, audits, True) if clock != AS_RECORDED else None
+        seen = moved.see_on_clock(kept, audits, JUDGED_ESTIMATE) if clock != AS_RECORDED else None
         cases = select(seen.flights, seen.audits, "clean") if seen else select(kept, audits, "clean")
         on[clock] = {case.flight.name: case for case in cases}
     names = [name for name in on[AS_RECORDED] if all(name in cases for cases in on.values())]

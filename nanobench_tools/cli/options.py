@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ..errors import InputError, UsageError
+from ..retiming.votes import AS_RECORDED, CLOCKS
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from ..protocols.sessions import Sessions
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
-AS_RECORDED = "as-recorded"
-CLOCKS = (AS_RECORDED, "offset", "retimed")
 PATH = click.Path(path_type=Path)
 Case = TypeVar("Case")
 """One recording as a protocol uses it."""
@@ -143,24 +142,26 @@ class Options:
         return result.audits, result.copies
 
     def on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
-                 judges_estimator: bool = False) -> tuple[list[Flight], dict[str, Audit]]:
+                 judged: Sequence[str] = ()) -> tuple[list[Flight], dict[str, Audit]]:
         """Flights and audits as seen with ``--clock``; says for how many recordings it could be identified."""
-        result = self.see_on_clock(flights, audits, judges_estimator)
+        result = self.see_on_clock(flights, audits, judged)
         return result.flights, result.audits
 
     def see_on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
-                     judges_estimator: bool = False) -> OnClock:
-        """``on_clock`` with what was taken out of each recording."""
+                     judged: Sequence[str] = ()) -> OnClock:
+        """``on_clock`` with what was taken out of each recording; ``judged``: the logged estimates
+        (``votes.ESTIMATES``) that are judged on it, and so get no vote."""
         from ..harness.clocks import on_clock
 
-        result = on_clock(flights, audits, self.clock, judges_estimator, self.store, self.jobs, self.scheduler,
+        result = on_clock(flights, audits, self.clock, judged, self.store, self.jobs, self.scheduler,
                           self.progress)
         self.failed += result.failed
         if self.clock != AS_RECORDED:
             found = [warp for warp in result.warps.values() if warp is not None]
             moving = sum(warp.moving for warp in found)
-            self.say(f"clock {self.clock}: {len(found)} of {len(result.warps)} recordings"
-                     + (f", {moving} with a moving error, the others by a constant" if self.clock == "retimed" else ""))
+            how = "" if self.clock == "offset" else f", {moving} with a moving error, the others by a constant"
+            self.say(f"clock {self.clock}, set by {', '.join(result.evidence) or 'nothing'}: {len(found)} of "
+                     f"{len(result.warps)} recordings{how}")
         return result
 
     def selected(self, asked: Sequence[str], known: Sequence[str],
@@ -291,8 +292,9 @@ OPTIONS: dict[str, Callable] = {
                          help="Seed of everything random."),
     "clock": click.option("--clock", type=click.Choice(CLOCKS), default=AS_RECORDED,
                           show_default=True,
-                          help="Take the constant or the moving time error out of the vehicle's streams first (uses "
-                               "the motion capture of the whole flight; every row says so)."),
+                          help="Take a time error out of the vehicle's streams first: the constant one (offset), the "
+                               "moving one by streams that are not judged (retimed), or by the logged position too "
+                               "(joint). Uses the motion capture of the whole flight; rows say which streams voted."),
     "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
     "quiet": click.option("--quiet", is_flag=True, help="Nothing but errors."),
 }

@@ -20,7 +20,7 @@ PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 
 @click.command()
 @shared_options("clock")
-@click.option("--clock", "clock_name", type=click.Choice(CLOCKS),
+@click.option("--clock", "clock_name", type=click.Choice(CLOCKS[:-1]),
               help="Clean rows of all tasks on this clock. Default: as recorded, and Task 1, dead reckoning and the "
                    "logged estimates re-timed too, every row with its clock. The published protocols are always as "
                    "recorded.")

@@ -10,6 +10,7 @@ import click
 
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
+from ..retiming.votes import evidence_of
 from .methods import load_methods
 from .options import PATH, Options, shared_options
 from .show import data_word, sessions_text, show_left_out, show_ratios
@@ -60,10 +61,12 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    from ..protocols.task1 import JUDGED
+
     predictors = load_methods("predictors", (*DEFAULT_METHODS, *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
-    flights, audits = options.on_clock(flights, audits)
+    flights, audits = options.on_clock(flights, audits, JUDGED)
     parts = None
     if train:
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
@@ -121,7 +124,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
              for predictor in predictors]
     answers = options.run(asked, "commands").values
     for row in rows:
-        row["clock"] = options.clock
+        row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
         if row["model"] in fits:
             result = fits[row["model"]][1]["result"]
             row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],

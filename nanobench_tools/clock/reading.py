@@ -14,7 +14,8 @@ class ClockReading:
 
     ci95_s: interval of the constant offset, None when there is none; identifiable False (offset nan) with the reason
     in words; wander_sd_s: standard deviation of what a constant leaves of the time error, nan when unknown; warp:
-    (t_s, offset_s, sd_s) of an error that moves, empty when it was not estimated.
+    (t_s, offset_s, sd_s) of an error that moves, empty when it was not estimated; evidence: the kinds of streams that
+    had a vote in it.
     """
 
     offset_s: float
@@ -23,6 +24,7 @@ class ClockReading:
     reason: str
     wander_sd_s: float = math.nan
     warp: tuple[tuple[float, float, float], ...] = ()
+    evidence: tuple[str, ...] = ()
 
     @classmethod
     def unknown(cls, reason: str) -> ClockReading:
@@ -42,6 +44,7 @@ class ClockReading:
             "reason": self.reason,
             "wander_sd_s": number(self.wander_sd_s),
             "warp": [list(point) for point in self.warp],
+            "clock_evidence": list(self.evidence),
         }
 
     @classmethod
@@ -58,4 +61,5 @@ class ClockReading:
             body.get("reason", ""),
             number(body["wander_sd_s"]),
             tuple(tuple(point) for point in body["warp"]),
+            tuple(body.get("clock_evidence", ())),
         )

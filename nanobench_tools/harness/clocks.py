@@ -10,6 +10,7 @@ from typing import Any
 from ..audit import Audit
 from ..flight import Flight
 from ..retiming.apply import apply_warp, find_warp
+from ..retiming.votes import AS_RECORDED, evidence_of, voters
 from ..retiming.warp import ClockWarp
 from .items import make_item
 from .progress import Progress
@@ -26,21 +27,29 @@ class OnClock:
     warps: dict[str, ClockWarp | None]
     failed: list[dict[str, str]]
 
+    @property
+    def evidence(self) -> list[str]:
+        """The kinds of streams that had a vote in any of the warps."""
+        return evidence_of(self.flights)
 
-def warp_item(flight: Flight, clock: str, judges_estimator: bool) -> dict[str, Any]:
+
+def warp_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
     """One warp as JSON; empty when there is none."""
-    warp = find_warp(flight, clock, judges_estimator)
+    warp = find_warp(flight, clock, judged)
     return {} if warp is None else warp.to_json()
 
 
-def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judges_estimator: bool = False,
+def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
              progress: Progress | None = None) -> OnClock:
-    """``flights`` (those with an audit) and their audits on ``clock``: ``as-recorded``, ``offset`` or ``retimed``."""
+    """``flights`` (those with an audit) and their audits on ``clock`` (``retiming.votes.CLOCKS``), where
+    ``judged`` logged estimates are judged."""
+    voices = tuple(sorted(judged))
+    voters(clock, voices)  # an impossible choice is said before anything is computed
     audited = [f for f in flights if f.name in audits]
-    if clock == "as-recorded":
+    if clock == AS_RECORDED:
         return OnClock(audited, dict(audits), {f.name: None for f in audited}, [])
-    items = [make_item(warp_item, {"flight": f, "clock": clock, "judges_estimator": judges_estimator},
+    items = [make_item(warp_item, {"flight": f, "clock": clock, "judged": voices},
                        f"{clock} {f.name}") for f in audited]
     result = run_items(items, store_dir, jobs, scheduler, progress, clock)
     warps: dict[str, ClockWarp | None] = {}

@@ -29,6 +29,8 @@ from .windows import HORIZON, TRUTHS, cut_windows
 NEEDED = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),
           "attitude_qw": ("qx", "qy", "qz", "qw")}
 STREAMS = tuple(NEEDED)
+JUDGED = ("attitude",)
+"""The logged attitude is a truth of this task, so it has no vote in the clock (``retiming.votes``)."""
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
 """Families of the training split."""
 

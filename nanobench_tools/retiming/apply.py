@@ -1,7 +1,8 @@
-"""The three clocks every protocol can be run with: as recorded, constant offset removed, moving error removed."""
+"""The clocks every protocol can be run with: as recorded, constant offset removed, moving error removed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -12,34 +13,31 @@ from ..content.context import Context
 from ..errors import InputError
 from ..flight import Flight, Stream
 from .confirm import believed
-from .evidence import KINDS
+from .votes import voters
 from .warp import ClockWarp, retime
 
-INERTIAL = ("gyro", "acceleration")
-"""Evidence for judging the estimator: its own position and velocity must not have set the clock that judges them."""
 
-
-def find_warp(flight: Flight, clock: str, judges_estimator: bool = False) -> ClockWarp | None:
-    """What to take out of the stamps of ``flight`` for ``clock`` (``offset`` or ``retimed``); None when it cannot be
-    identified.
+def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWarp | None:
+    """What to take out of the stamps of ``flight`` for ``clock`` (``votes.CLOCKS``) where ``judged`` (of
+    ``votes.ESTIMATES``) are judged on it; None when it cannot be identified.
 
     Uses the motion capture of the whole flight: right for asking what limits a method, never for an online claim.
-    ``judges_estimator``: read the clock from gyro and accelerometer (and from how the estimator's position advances
-    against its own velocity, which needs no motion capture), confirmed by the attitude.
+    UsageError where the clock may not judge them.
     """
+    kinds = voters(clock, judged)
     context = Context(flight)
     if clock == "offset":
         reading = read_clocks(context).get("imu")
         if reading is None or not reading.identifiable:
             return None
         none = np.zeros(0)
-        return ClockWarp(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro")
-    return believed(context, INERTIAL if judges_estimator else tuple(KINDS))
+        return ClockWarp(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro", kinds)
+    return believed(context, kinds)
 
 
-def retimed(flight: Flight) -> Flight:
+def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
     """``Flight.retimed``: stamps moved, nothing resampled."""
-    warp = find_warp(flight, "retimed")
+    warp = find_warp(flight, clock, judged)
     if warp is None:
         reading = read_clocks(Context(flight)).get("imu")
         why = "it has no imu stream" if reading is None else reading.reason

@@ -110,3 +110,48 @@ def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.n
                 z = (measured[s, k] - predicted[g, k]) / sigma[k]
                 squared += z * z
             log_likelihood[row[s], j] -= 0.5 * weight * degrees * math.log1p(squared / degrees)
+
+
+@nb.njit(cache=True, fastmath=True)
+def log_evidence(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int) -> float:
+    """Logarithm of the sum over all paths of what ``posterior`` weighs them with, the first row's states alike."""
+    n, m = log_likelihood.shape
+    width = log_transition.shape[1]
+    low = width - 1 - up
+    alpha, before = np.empty(m), np.empty(m)
+    weight = np.empty(m)
+    _normalised(log_likelihood[0], alpha)
+    total = _log_sum(log_likelihood[0]) - math.log(m)
+    for i in range(1, n):
+        before[:] = alpha
+        alpha[:] = 0.0
+        top = log_transition[i].max()
+        for c in range(width):
+            step = math.exp(log_transition[i, c] - top)
+            shift = c - low
+            if shift >= 0:
+                for j in range(shift, m):
+                    alpha[j] += before[j - shift] * step
+            else:
+                for j in range(m + shift):
+                    alpha[j] += before[j - shift] * step
+        _normalised(log_likelihood[i], weight)
+        scale = 0.0
+        for j in range(m):
+            alpha[j] *= weight[j]
+            scale += alpha[j]
+        if scale <= 0.0:
+            return -np.inf
+        for j in range(m):
+            alpha[j] /= scale
+        total += math.log(scale) + top + _log_sum(log_likelihood[i])
+    return total
+
+
+@nb.njit(cache=True, fastmath=True)
+def _log_sum(log_weight: np.ndarray) -> float:
+    top = log_weight.max()
+    total = 0.0
+    for j in range(len(log_weight)):
+        total += math.exp(log_weight[j] - top)
+    return top + math.log(total)

@@ -1,7 +1,9 @@
-"""A moving time error is believed only if streams that did not set it confirm it."""
+"""Whether a moving time error is believed: by how much likelier it makes the streams that voted, or by a stream that
+did not."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +20,7 @@ from .warp import ClockWarp
 BLOCK_S = 1.0
 """The time error and the noise of the streams have forgotten their past after a second: blocks are independent."""
 
-JUDGES = {"estimator": (("gyro",), ("acceleration",)), "inertial": (("attitude", "velocity"), ("position",))}
-"""Streams that may judge a clock set by the group; the first of them that the flight has. Accelerations show time so
-weakly, and positions are so much what the inertial clock is wanted for, that they come last."""
+ESTIMATED, SENSED = ("attitude", "velocity", "position"), ("gyro", "acceleration")
 
 
 def gain_on(context: Context, warp: ClockWarp, kind: str) -> tuple[float, float]:
@@ -51,52 +51,55 @@ def evidence_gain(judged: Evidence, constant_s: float, delay_s: np.ndarray) -> t
 
 
 def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWarp | None:
-    """The warp of the evidence ``kinds`` if streams that did not set it confirm it, else the constant offset of the
-    gyro with the reason; None where not even that is identifiable. Where the firmware's ticks were logged the delay is
+    """The warp of the evidence ``kinds`` where it is shown that something moves, else the constant offset of the gyro
+    with the reason; None where not even that is identifiable. Where the firmware's ticks were logged the delay is
     measured, and nothing has to be inferred.
 
-    The clock read from one group of streams must make streams outside of the group agree better with the motion
-    capture (``gain_on``) by more than twice the standard error, all of them taken together.
+    Without the estimated position: a moving error has to explain the voting streams better than every constant does,
+    its freedom counted (``ClockWarp.log_ratio`` above zero). No other stream is looked at.
+    With it that does not suffice, as an error of the estimate looks like time along the track. The clock of the
+    estimates alone must then make the gyro, which did not set it, agree better with the motion capture (``gain_on``)
+    by more than twice the standard error.
     """
     measured = warp_from_ticks(context)
     if measured is not None:
         return measured
     reading = read_clocks(context).get("imu")
-    found = {e.kind.name for e in collect(context, tuple(KINDS), -np.inf, np.inf)}
-    have = tuple(k for k in kinds if k in found)
-    trial, source = None, have
-    judges: tuple[str, ...] = ()
-    for group, choices in JUDGES.items():
-        source = tuple(k for k in have if KINDS[k].group == group)
-        judges = next((there for there in (tuple(k for k in names if k in found) for names in choices) if there), ())
-        if source and judges:
-            trial = infer(context, source)
-            break
-    if trial is None:
-        return _constant(reading, trial, "no second stream that could confirm a moving error")
-    names = ", ".join(source)
-    gains = {judge: gain_on(context, trial, judge) for judge in judges}
-    gain, error = _together(gains)
-    told = " and ".join(f"{judge} {-100 * g:.0f} % +- {196 * e:.0f}" for judge, (g, e) in gains.items())
-    said = f"the clock from {names} changes the residual of what it never saw: {told}"
-    if not gain > 2.0 * error:
-        return _constant(reading, trial, f"no moving error confirmed: {said}")
-    every = trial if set(have) == set(source) else infer(context, have, begin=trial)
+    found = {e.kind.name for e in collect(context, kinds, -np.inf, np.inf)}
+    have = tuple(kind for kind in kinds if kind in found)
+    every, why = _confirmed(context, have) if "position" in have else _likelier(context, have)
     if every is None:
-        return None
-    apart = _apart(every)
-    if apart:
-        return _constant(reading, trial, f"the streams do not share one clock: {apart}")
-    return replace(every, reason=f"moves by {1e3 * every.wander_sd_s:.1f} ms (SD); {said}")
+        return _constant(reading, (), why)
+    if not every.moving:
+        return _constant(reading, every.time_s, why)
+    if apart := _apart(every):
+        return _constant(reading, every.time_s, f"the streams do not share one clock: {apart}")
+    return replace(every, reason=f"moves by {1e3 * every.wander_sd_s:.1f} ms (SD); {why}")
 
 
-def _together(gains: dict[str, tuple[float, float]]) -> tuple[float, float]:
-    """Mean of the judges' gains weighted by their certainty, and its standard error."""
-    weight = np.array([1.0 / max(error, 1e-6) ** 2 for _, error in gains.values()])
-    gain = np.array([g for g, _ in gains.values()])
-    if not weight.sum() > 0.0:
-        return 0.0, float("inf")
-    return float(gain @ weight / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
+def _likelier(context: Context, have: tuple[str, ...]) -> tuple[ClockWarp | None, str]:
+    """The warp of ``have``, moving where it is likelier so than constant, and why."""
+    warp = infer(context, have) if set(have) & set(SENSED) else None
+    if warp is None:
+        return None, "no sensor that the motion capture predicts"
+    said = (f"{', '.join(have)} are likelier with a moving than with a constant clock by exp({warp.log_ratio:.0f})")
+    return (warp, said) if warp.log_ratio > 0.0 else (replace(warp, moving=False), f"no moving error shown: {said}")
+
+
+def _confirmed(context: Context, have: tuple[str, ...]) -> tuple[ClockWarp | None, str]:
+    """The warp of ``have``, moving where a stream that did not set the trial confirms it, and why."""
+    source = tuple(kind for kind in have if kind in ESTIMATED)
+    judges = tuple(kind for kind in have if kind in SENSED)[:1]
+    trial = infer(context, source) if judges else None
+    if trial is None:
+        return None, "no second stream that could confirm a moving error"
+    gain, error = gain_on(context, trial, judges[0])
+    said = (f"the clock from {', '.join(source)} changes the residual of what it never saw: {judges[0]} "
+            f"{-100 * gain:.0f} % +- {196 * error:.0f}")
+    if not gain > 2.0 * error:
+        return replace(trial, moving=False), f"no moving error confirmed: {said}"
+    every = infer(context, have, begin=trial)
+    return every, said
 
 
 def _apart(warp: ClockWarp) -> str:
@@ -110,10 +113,10 @@ def _apart(warp: ClockWarp) -> str:
     return ""
 
 
-def _constant(reading: ClockReading | None, trial: ClockWarp | None, reason: str) -> ClockWarp | None:
+def _constant(reading: ClockReading | None, rows_s: Sequence[float] | np.ndarray, reason: str) -> ClockWarp | None:
     if reading is None or not reading.identifiable:
         return None
-    rows_s = np.zeros(0) if trial is None else trial.time_s
+    time_s = np.asarray(rows_s, float)
     sd = (reading.ci95_s[1] - reading.ci95_s[0]) / 3.92 if reading.ci95_s else float("inf")
-    return ClockWarp(rows_s, np.full(len(rows_s), reading.offset_s), np.full(len(rows_s), sd), reading.offset_s, 0.0,
-                     False, {}, f"{reason}; the constant is used")
+    return ClockWarp(time_s, np.full(len(time_s), reading.offset_s), np.full(len(time_s), sd), reading.offset_s, 0.0,
+                     False, {}, f"{reason}; the constant is used", ("gyro",))

@@ -15,9 +15,11 @@ from scipy.ndimage import uniform_filter1d
 from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..content.truth import truth_of
-from .chain import add_student_evidence, posterior
-from .delivery import CELL_S, log_step_prior, log_steps_from_odometry
+from ..settings import number
+from .chain import add_student_evidence, log_evidence, posterior
+from .delivery import CELL_S, log_step_prior
 from .evidence import ALIKE_S, KINDS, Evidence, collect
+from .steps import log_likelihood_of_steps
 from .warp import ClockWarp, wander_of
 
 ROW_S = 0.01
@@ -34,18 +36,18 @@ ANCHORS = ("gyro", "attitude", "velocity", "position", "acceleration")
 SLOWEST_M_S = 0.2
 """Slower than this a vehicle shows no time error through its position."""
 
-INERTIAL_INFLATION = 1.5
-"""The posterior of a clock from gyro and accelerometer alone is too sure by this factor on practice flights."""
+INFLATION = number("retiming.infer.inflation")
+"""The posterior of a clock without the position is too sure by this factor."""
 
-GAP_S = 0.1
 PASSES = 4
 
 
-def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: bool = True, causal: bool = False,
+def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool = False,
           begin: ClockWarp | None = None) -> ClockWarp | None:
     """The warp that the streams ``kinds`` show, believed as it is; None without motion capture, flight or evidence.
 
-    ``odometry``: also use how far the estimator's position moves against its velocity (needs no motion capture).
+    No other stream has a vote. Two of them also vote on how the delay moves where one is the other's rate
+    (``steps.STEP_KINDS``, needs no motion capture).
     ``causal``: the value at t uses nothing of the flight later than t + 0.06 s (what the derivatives of the poses
     need); noise and lags are then the typical ones, because learning them takes the whole flight, and streams whose
     slow part has to be removed are left out.
@@ -61,21 +63,21 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), odometry: boo
     rows_s = np.arange(start, min(end, max(float(e.time_s[-1]) for e in evidence)), ROW_S)
     if len(rows_s) < 100:
         return None
+    voting = tuple(e.kind.name for e in evidence)
+
     def likely(steps_s: np.ndarray) -> np.ndarray | None:
-        return _odometry(context, rows_s, steps_s, causal) if odometry else None
+        return log_likelihood_of_steps(context, voting, rows_s, steps_s, causal)
 
     if causal:
-        delay, sd = filter_delay(evidence, rows_s, likely)
+        delay, sd, ratio = filter_delay(evidence, rows_s, likely)
     else:
-        delay, sd = smooth_delay(evidence, rows_s, likely, begin)
-    leading = {e.kind.group for e in evidence}
-    sd = np.hypot(sd * (INERTIAL_INFLATION if leading == {"inertial"} else 1.0),
+        delay, sd, ratio = smooth_delay(evidence, rows_s, likely, begin)
+    sd = np.hypot(sd * (1.0 if "position" in voting else INFLATION),
                   _slow_error_s(context, evidence, rows_s, delay))
     moving = _speed(context, rows_s) > SLOWEST_M_S
     seen = moving if moving.any() else np.ones(len(rows_s), bool)
     return ClockWarp(rows_s, delay, sd, float(np.median(delay[seen])), wander_of(rows_s[seen], delay[seen]), True,
-                     {e.kind.name: e.lag_s for e in evidence},
-                     "time error from " + ", ".join(e.kind.name for e in evidence))
+                     {e.kind.name: e.lag_s for e in evidence}, "time error from " + ", ".join(voting), voting, ratio)
 
 
 Steps = Callable[[np.ndarray], np.ndarray | None]
@@ -85,12 +87,13 @@ Steps = Callable[[np.ndarray], np.ndarray | None]
 @dataclass(frozen=True)
 class Grid:
     """The delays sought, ``stride`` cells apart, and how they may move: log_transition (n, b) and ``up`` as in
-    ``chain.posterior``."""
+    ``chain.posterior``; log_prior (b,): its part that holds without evidence."""
 
     stride: int
     first: int
     states_s: np.ndarray
     log_transition: np.ndarray
+    log_prior: np.ndarray
     up: int
 
     @classmethod
@@ -99,32 +102,34 @@ class Grid:
         steps_s, prior, up = log_step_prior(ROW_S, stride * CELL_S)
         known = likely(steps_s)
         moves = np.tile(prior, (len(rows_s), 1)) if known is None else known + prior
-        return cls(stride, first, np.arange(first, last + 1) * stride * CELL_S, moves, up)
+        return cls(stride, first, np.arange(first, last + 1) * stride * CELL_S, moves, prior, up)
 
 
 def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps,
-                 begin: ClockWarp | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) posterior mean and standard deviation of the delay [s] at ``rows_s``; learns lag, noise and weight of every
-    member of ``evidence`` on the way, in place: on a coarse grid, but for the last pass."""
+                 begin: ClockWarp | None = None) -> tuple[np.ndarray, np.ndarray, float]:
+    """(n,) posterior mean and standard deviation of the delay [s] at ``rows_s``, and the logarithm of how much likelier
+    a moving delay makes the evidence than a constant one; learns lag, noise and weight of every member of
+    ``evidence`` on the way, in place: on a coarse grid, but for the last pass."""
     # lags are learnt against a delay that the stream itself did not vote for, else they are drawn towards the old one
     leading = [e for e in evidence if e.kind.group == "estimator"] or evidence
     delay = np.zeros(len(rows_s)) if begin is None else begin.at(rows_s)
-    sd = np.zeros(len(rows_s))
+    sd, ratio = np.zeros(len(rows_s)), float("nan")
     first = 0 if begin is None else PASSES // 2
     coarse, fine = Grid.of(rows_s, likely, 2), Grid.of(rows_s, likely, 1)
-    for number in range(first, PASSES):
+    for turn in range(first, PASSES):
         for e in evidence:
-            e.learn_lag(np.interp(e.time_s, rows_s, delay), near=number > max(first, 1))
+            e.learn_lag(np.interp(e.time_s, rows_s, delay), near=turn > max(first, 1))
         _gauge(evidence, delay)
-        voting = evidence if number == PASSES - 1 else leading
-        if number:  # under the first constant the residual is the wander itself, not the noise
+        voting = evidence if turn == PASSES - 1 else leading
+        if turn:  # under the first constant the residual is the wander itself, not the noise
             for e in voting:
                 e.learn_noise(np.interp(e.time_s, rows_s, delay))
-        delay, sd = _posterior(voting, rows_s, fine if number == PASSES - 1 else coarse, delay, False)
-    return delay, sd
+        last = turn == PASSES - 1
+        delay, sd, ratio = _posterior(voting, rows_s, fine if last else coarse, delay, False, compare=last)
+    return delay, sd, ratio
 
 
-def filter_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps) -> tuple[np.ndarray, np.ndarray]:
+def filter_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps) -> tuple[np.ndarray, np.ndarray, float]:
     """As ``smooth_delay``, but each row uses only what came before it, with typical lags and noise."""
     for e in evidence:
         e.lag_s = e.kind.typical_lag_s
@@ -134,14 +139,23 @@ def filter_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps) ->
 
 
 def _posterior(evidence: list[Evidence], rows_s: np.ndarray, grid: Grid, delay: np.ndarray,
-               causal: bool) -> tuple[np.ndarray, np.ndarray]:
+               causal: bool, compare: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
     likelihood = np.empty((len(rows_s), len(grid.states_s)))
     likelihood[:] = -0.5 * PRIOR_WEIGHT * ((grid.states_s - np.median(delay)) / PRIOR_SD_S) ** 2
     for e in evidence:
         _vote(likelihood, e, rows_s, np.interp(e.time_s, rows_s, delay), grid)
     p = posterior(likelihood, grid.log_transition, grid.up, causal)
     mean = p @ grid.states_s
-    return mean, np.sqrt(np.maximum(p @ grid.states_s**2 - mean**2, 0.0) + (grid.stride * CELL_S) ** 2 / 12.0)
+    sd = np.sqrt(np.maximum(p @ grid.states_s**2 - mean**2, 0.0) + (grid.stride * CELL_S) ** 2 / 12.0)
+    return mean, sd, _log_ratio(likelihood, grid) if compare else float("nan")
+
+
+def _log_ratio(likelihood: np.ndarray, grid: Grid) -> float:
+    """Logarithm of how much likelier all paths together are than all constants together."""
+    moving = log_evidence(likelihood, grid.log_transition, grid.up)
+    stay = grid.log_transition.shape[1] - 1 - grid.up
+    constants = np.logaddexp.reduce(likelihood.sum(axis=0)) - np.log(likelihood.shape[1])
+    return moving - float(constants + (grid.log_transition[1:, stay] - grid.log_prior[stay]).sum())
 
 
 def _gauge(evidence: list[Evidence], delay: np.ndarray) -> None:
@@ -160,18 +174,6 @@ def _vote(likelihood: np.ndarray, e: Evidence, rows_s: np.ndarray, delay_s: np.n
     add_student_evidence(likelihood, row[inside], e.cells()[inside], e.predicted,
                          np.ascontiguousarray(e.detrended(delay_s)[inside]), e.sigma, e.weight * per_row,
                          grid.first, grid.stride)
-
-
-def _odometry(context: Context, rows_s: np.ndarray, steps_s: np.ndarray, causal: bool) -> np.ndarray | None:
-    flight = context.flight
-    if "estimator" not in flight or not {"x", "y", "z", "vx", "vy", "vz"} <= set(flight["estimator"].quantities):
-        return None
-    s = flight["estimator"]
-    known = log_steps_from_odometry(steps_s, rows_s, s.interpolate(("x", "y", "z"), rows_s),
-                                    s.interpolate(("vx", "vy", "vz"), rows_s), causal)
-    after = np.clip(np.searchsorted(s.time_s, rows_s), 1, len(s) - 1)
-    known[s.time_s[after] - s.time_s[after - 1] > GAP_S] = 0.0  # rows drawn across a hole tell nothing of time
-    return known
 
 
 def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:

@@ -139,7 +139,7 @@ def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) ->
     if len(parts) < len(quantities):
         return None
     rows_s = np.arange(parts[0].time_s[0], parts[0].time_s[-1], ROW_S)
-    delay, sd = smooth_delay(all_of(quantities), rows_s, lambda steps_s: None)
+    delay, sd, _ = smooth_delay(all_of(quantities), rows_s, lambda steps_s: None)
     constant = float(np.median(delay))
     gains = []
     for judge in range(len(quantities) if len(quantities) > 1 else 0):

@@ -20,7 +20,7 @@ def clocks_with_warp(context: Context) -> dict[str, ClockReading]:
     if warp is None or not warp.moving:
         return readings
     points = warp.points()
-    moving = {name: replace(reading, wander_sd_s=warp.wander_sd_s, warp=points)
+    moving = {name: replace(reading, wander_sd_s=warp.wander_sd_s, warp=points, evidence=warp.evidence)
               for name, reading in readings.items() if shares_clock(name, reading)}
     return {**readings, **moving}
 

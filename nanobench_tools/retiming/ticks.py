@@ -69,7 +69,7 @@ def warp_from_ticks(context: Context) -> ClockWarp | None:
     sd = np.full(len(time_s), np.hypot(resolution / np.sqrt(12.0), doubt))
     return ClockWarp(time_s, delay + constant, sd, float(np.median(delay)) + constant, wander, wander > MOVES_S,
                      {}, f"measured from the ticks of {len(measured)} streams: delay moves by {1e3 * wander:.1f} ms "
-                         f"(SD); {told}")
+                         f"(SD); {told}", ("tick", "gyro") if gyro else ("tick",))
 
 
 def _delay_of(stream: Stream) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

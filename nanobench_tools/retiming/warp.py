@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,9 @@ class ClockWarp:
     time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
     constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about a line; moving:
     whether a moving error was found (else offset_s is the constant everywhere); lags_s: each stream's own constant lag
-    behind the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence.
+    behind the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence;
+    evidence: the kinds of streams that had a vote; log_ratio: logarithm of how much likelier they are with a moving
+    clock than with a constant one, nan where that was not asked.
     """
 
     time_s: np.ndarray
@@ -29,19 +32,23 @@ class ClockWarp:
     moving: bool
     lags_s: Mapping[str, float]
     reason: str
+    evidence: tuple[str, ...] = ()
+    log_ratio: float = math.nan
 
     def to_json(self) -> dict[str, Any]:
         """All fields as plain lists and numbers."""
         return {"time_s": self.time_s.tolist(), "offset_s": self.offset_s.tolist(), "sd_s": self.sd_s.tolist(),
                 "constant_s": self.constant_s, "wander_sd_s": self.wander_sd_s, "moving": self.moving,
-                "lags_s": dict(self.lags_s), "reason": self.reason}
+                "lags_s": dict(self.lags_s), "reason": self.reason, "evidence": list(self.evidence),
+                "log_ratio": self.log_ratio if math.isfinite(self.log_ratio) else None}
 
     @classmethod
     def from_json(cls, body: Mapping[str, Any]) -> ClockWarp:
         """The inverse of ``to_json``."""
         time_s, offset_s, sd_s = (np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s"))
+        ratio = math.nan if body["log_ratio"] is None else body["log_ratio"]
         return cls(time_s, offset_s, sd_s, body["constant_s"], body["wander_sd_s"], body["moving"], body["lags_s"],
-                   body["reason"])
+                   body["reason"], tuple(body["evidence"]), ratio)
 
     def points(self, tolerance_s: float = 0.001) -> tuple[tuple[float, float, float], ...]:
         """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
@@ -88,4 +95,5 @@ def retime(flight: Flight, warp: ClockWarp, keep: tuple[str, ...] = ("mocap",)) 
     moved = {name: s if name in keep else retime_stream(s, warp) for name, s in flight.streams.items()}
     note = f"re-timed: {warp.reason}"
     return replace(flight, streams=moved,
-                   provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note)))
+                   provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note),
+                                      clock_evidence=warp.evidence))

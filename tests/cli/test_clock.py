@@ -19,7 +19,7 @@ def test_each_clock_removes_what_it_says(nanobench, wandering, tmp_path):
     offset, given = scores(nanobench, wandering, tmp_path / "b.json", "offset")
     assert "constant offset" in given
     retimed, given = scores(nanobench, wandering, tmp_path / "c.json", "retimed")
-    assert "gyro and accelerometer" in given
+    assert "gyro, acceleration, attitude against motion capture (attitude: gyro, acceleration)" in given
     assert recorded["delay_s"] - offset["delay_s"] == pytest.approx(0.04, abs=0.015)
     moving = "along_track_delay_removed_rmse_m"
     assert offset[moving] == pytest.approx(recorded[moving], rel=0.15)  # a constant cannot remove what moves
@@ -31,7 +31,25 @@ def test_rows_of_task_2_say_their_clock(nanobench, wandering, tmp_path):
     code, _, err = nanobench("control", "--data", wandering, "--protocol", "clean", "--clock", "retimed", "--json", out,
                              "--jobs", 1, "--quiet")
     assert code == 0, err
-    assert {row["clock"] for row in json.loads(out.read_text())["rows"]} == {"retimed"}
+    rows = json.loads(out.read_text())["rows"]
+    assert {row["clock"] for row in rows} == {"retimed"}
+    assert {tuple(row["clock_evidence"]) for row in rows} == {("gyro", "acceleration", "attitude")}
+
+
+def test_the_joint_clock_judges_no_logged_estimate(nanobench, wandering, tmp_path):
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "clean", "--method", "onboard_ekf",
+                             "--clock", "joint")
+    assert (code, err.strip().count("\n")) == (2, 0) or "cannot judge" in err.splitlines()[-1]
+    code, _, err = nanobench("sysid", "--data", wandering, "--clock", "joint", "--fit", "none")
+    assert code == 2
+    assert "cannot judge the logged attitude" in err
+    out = tmp_path / "j.json"
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--method", "drag_ekf",
+                             "--clock", "joint", "--json", out, "--jobs", 1)
+    assert code == 0, err
+    row = json.loads(out.read_text())["rows"][0]
+    assert set(row["clock_evidence"]) == {"gyro", "acceleration", "attitude", "velocity", "position"}
+    assert "helped to set this clock" in row["given"]
 
 
 def test_the_published_table_is_never_retimed(nanobench, wandering):
@@ -60,8 +78,11 @@ def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nan
     assert code == 0, err
     verb = json.loads((tmp_path / "b.json").read_text())
     reckoned = [r for r in body["rows"] if (r["protocol"], r["method"]) == ("blackout", "error_state_ekf")]
-    assert [r for r in reckoned if r["clock"] == "retimed"] == verb["rows"]
-    assert {r["clock"] for r in reckoned} == {w["clock"] for w in body["windows"]} == {"as-recorded", "retimed"}
+    plain = [[{k: v for k, v in r.items() if "ratio" not in k} for r in rows if r["clock"] == "retimed"]
+             for rows in (reckoned, verb["rows"])]  # the main job has more rows to compare with
+    assert plain[0] == plain[1]
+    assert {r["clock"] for r in reckoned} == {"as-recorded", "retimed"}
+    assert {w["clock"] for w in body["windows"]} == {"as-recorded", "offset", "retimed", "joint"}
     page = (tmp_path / "all" / "report.html").read_text()
     assert "Dead reckoning:" in page
     assert "constant offset removed, re-timed" in page

@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from nanobench_tools.retiming.chain import add_student_evidence, posterior
-from nanobench_tools.retiming.delivery import CELL_S, log_step_prior, log_steps_from_odometry
+from nanobench_tools.retiming.chain import add_student_evidence, log_evidence, posterior
+from nanobench_tools.retiming.delivery import CELL_S, log_step_prior
+from nanobench_tools.retiming.steps import log_steps
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -25,6 +26,7 @@ def test_posterior_equals_the_sum_over_all_paths(seed):
             filtered[length - 1, path[-1]] += weight
             if length == n:
                 smoothed[range(n), path] += weight
+    assert log_evidence(likelihood, transition, up) == pytest.approx(np.log(smoothed[0].sum() / m), abs=1e-12)
     for table, causal in ((smoothed, False), (filtered, True)):
         expected = table / table.sum(axis=1, keepdims=True)
         np.testing.assert_allclose(posterior(likelihood, transition, up, causal), expected, atol=1e-12)
@@ -64,7 +66,8 @@ def test_odometry_reads_how_far_firmware_time_advanced():
     velocity = np.tile([0.6, -0.3, 0.2], (200, 1))
     position = (t - late)[:, None] * velocity + rng.normal(0.0, 1e-5, (200, 3))
     steps, _, _ = log_step_prior(0.01)
-    best = steps[np.argmax(log_steps_from_odometry(steps, t, position, velocity), axis=1)]
+    likely = log_steps(steps, t, np.diff(position, axis=0), velocity[1:], 0.15, 0.5)
+    best = steps[np.argmax(likely, axis=1)]
     expected = np.concatenate(([steps[0]], np.clip(np.diff(late), steps[0], steps[-1])))
     np.testing.assert_allclose(best[1:][np.abs(np.diff(late)) < 0.0101], expected[1:][np.abs(np.diff(late)) < 0.0101],
                                atol=CELL_S)
@@ -73,4 +76,4 @@ def test_odometry_reads_how_far_firmware_time_advanced():
 def test_odometry_says_nothing_of_a_vehicle_that_hovers():
     steps, _, _ = log_step_prior(0.01)
     t = np.arange(100) * 0.01
-    assert not log_steps_from_odometry(steps, t, np.zeros((100, 3)), np.full((100, 3), 0.01)).any()
+    assert not log_steps(steps, t, np.zeros((99, 3)), np.full((99, 3), 0.01), 0.15, 0.5).any()

@@ -84,7 +84,7 @@ def test_retiming_brings_the_estimate_closer_without_having_seen_it(flown):
         residuals = (p - truth.interpolate(("px", "py", "pz"), t - lag) for lag in np.arange(-0.04, 0.08, 0.002))
         return min(np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in residuals)
 
-    warp = find_warp(flight, "retimed", judges_estimator=True)
+    warp = find_warp(flight, "retimed", judged=("position", "velocity"))
     assert warp.moving
     assert error(apply_warp(flight, warp)) < 0.5 * error(flight)
 

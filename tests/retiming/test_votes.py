@@ -1,0 +1,95 @@
+"""Who may set the clock that something is judged by, and what such a clock leaves and takes out."""
+
+import numpy as np
+import pytest
+
+from nanobench_tools.content.context import Context
+from nanobench_tools.errors import UsageError
+from nanobench_tools.protocols.selection import distinct
+from nanobench_tools.retiming import nulls
+from nanobench_tools.retiming.apply import find_warp
+from nanobench_tools.retiming.infer import infer
+from nanobench_tools.retiming.votes import CLOCKS, ESTIMATES, evidence_of, voters, votes
+from nanobench_tools.retiming.warp import retime
+from nanobench_tools.sources import load_recordings
+
+
+@pytest.mark.parametrize("judged", [(), ("position",), ("position", "velocity"), ("attitude",), ESTIMATES])
+def test_nothing_that_is_judged_has_a_vote(judged):
+    for clock in CLOCKS[:-1]:
+        assert not set(voters(clock, judged)) & set(judged)
+    assert not {"position", "velocity"} & set(voters("retimed"))
+
+
+def test_joint_hears_all_and_judges_no_estimate():
+    assert set(ESTIMATES) < set(voters("joint"))
+    with pytest.raises(UsageError, match="joint cannot judge the logged position"):
+        voters("joint", ("position",))
+
+
+def test_a_row_says_who_voted():
+    assert votes("as-recorded", ()) == ""
+    assert "gyro, acceleration, attitude" in votes("retimed", voters("retimed"))
+    assert "position helped" in votes("joint", voters("joint"))
+
+
+@pytest.fixture(scope="module")
+def flight(crowd):
+    return nulls.living(crowd.log("fast figure_eight", wander_sd_s=0.02)[0])
+
+
+def test_a_retimed_flight_carries_its_voters(flight):
+    assert evidence_of([flight]) == []
+    for clock in ("offset", "retimed", "joint"):
+        warp = find_warp(flight, clock)
+        assert warp.moving or clock == "offset"
+        assert evidence_of([retime(flight, warp)]) == list(voters(clock))
+
+
+@pytest.mark.parametrize("velocity", [False, True])
+def test_an_error_of_the_estimate_changes_nothing_of_the_clock_that_judges_it(flight, velocity):
+    after, error = nulls.with_track_error(flight, 1.0, 0.03, 3, velocity)
+    assert np.std(error) > 0.005
+    before, warp = (find_warp(f, "retimed", ("position", "velocity")) for f in (flight, after))
+    np.testing.assert_array_equal(warp.offset_s, before.offset_s)
+    assert nulls.kept([nulls.track_errors(flight, after, error, before, warp)]) > 0.9
+
+
+def test_the_joint_clock_takes_such_an_error_for_time(flight):
+    after, error = nulls.with_track_error(flight, 1.0, 0.03, 3)
+    errors = nulls.track_errors(flight, after, error, infer(Context(flight)), infer(Context(after)))
+    assert nulls.kept([errors]) < 0.5
+
+
+def test_a_wander_put_into_the_stamps_is_taken_out(flight):
+    after, clock = nulls.with_wander(flight, 0.02, 7)
+    before, warp = (find_warp(f, "retimed", ("position", "velocity")) for f in (flight, after))
+    assert warp.moving
+    assert nulls.removed([nulls.wander_errors(flight, clock, before, warp)]) > 0.7
+
+
+def test_shares_of_hand_worked_errors():
+    injected = np.array([1.0, -1.0, 2.0, -2.0])
+    untouched, half = nulls.Errors.of(injected, injected), nulls.Errors.of(injected, 0.5 * injected + 3.0)
+    assert (nulls.kept([untouched]), nulls.removed([untouched])) == (pytest.approx(1.0), pytest.approx(0.0))
+    assert (nulls.kept([half]), nulls.removed([half])) == (pytest.approx(0.25), pytest.approx(0.75))
+
+
+@pytest.mark.real
+def test_real_flights_keep_errors_of_the_estimate_and_lose_those_of_the_stamps(real_data):
+    """Every twentieth flight; benchmarks/clock_proof.py has them all."""
+    files = sorted((real_data / "nanobench").rglob("*circle_fast_rep2*.csv*")) + sorted(
+        (real_data / "nanobench").rglob("*star_medium_rep2*.csv*")) + sorted(
+        (real_data / "nanobench").rglob("*trefoil_medium_rep14*.csv*"))
+    flights = [nulls.living(f) for f in distinct(load_recordings(files).flights)[0]]
+    assert len(flights) >= 3
+    survived, gone = [], []
+    for i, flown in enumerate(flights):
+        before = find_warp(flown, "retimed", ("position", "velocity"))
+        after, error = nulls.with_track_error(flown, nulls.RANDOM, 0.03, i, True)
+        survived.append(nulls.track_errors(flown, after, error, before,
+                                           find_warp(after, "retimed", ("position", "velocity"))))
+        late, clock = nulls.with_wander(flown, 0.02, i)
+        gone.append(nulls.wander_errors(flown, clock, before, find_warp(late, "retimed", ("position", "velocity"))))
+    assert nulls.kept(survived) > 0.9
+    assert nulls.removed(gone) > 0.7
