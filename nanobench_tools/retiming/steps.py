@@ -18,12 +18,12 @@ from .. import so3
 from ..content.context import Context
 from ..content.rows import usable_streams
 from ..flight import Stream
-from ..settings import number
+from ..settings import count, number
 from .delivery import CELL_S
 from .evidence import KINDS
 
-FEWEST_ROWS = 50
-GAP_S = 0.1
+FEWEST_ROWS = count("retiming.steps.fewest_rows")
+GAP_S = number("retiming.steps.gap_s")
 """Rows drawn across a hole this long tell nothing of time."""
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -121,9 +121,9 @@ def log_steps(steps_s: np.ndarray, time_s: np.ndarray, increments: np.ndarray, r
     moving = speed > slowest
     if moving.sum() < FEWEST_ROWS:
         return result
-    advance = np.sum(increments * r, axis=1) / np.maximum(speed, 1e-3) ** 2
+    advance = np.sum(increments * r, axis=1) / np.maximum(speed, slowest) ** 2
     across = np.linalg.norm(increments - advance[:, None] * r, axis=1)[moving]
-    sigma = np.median(across) / 1.1774  # median of a Rayleigh variable
+    sigma = np.median(across) / np.sqrt(2.0 * np.log(2.0))  # median of a Rayleigh variable
     sigma_s = np.hypot(sigma / np.maximum(speed, slowest), CELL_S / np.sqrt(12.0))
     z = (steps_s[None, :] - (dt[:, 0] - advance)[:, None]) / sigma_s[:, None]
     result[1:] = np.where(moving[:, None], -3.0 * weight * np.log1p(z * z / 6.0), 0.0)

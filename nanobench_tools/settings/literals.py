@@ -30,7 +30,7 @@ KINDS = {
     "numerics": "step, tolerance or number of draws of a calculation: a finer one changes no result that is shown",
     "program": "time a program waits, size of what it keeps, speed",
     "shown": "layout and choice of what a page or table shows",
-    "task": "what a protocol gives and scores (DESIGN, section 8)",
+    "task": "what a protocol gives and scores",
     "safety": "limit for the safety of a flight",
     "search": "start and range of a search; data decide what it finds",
     "made": "what made-up flights and cases are made of",
