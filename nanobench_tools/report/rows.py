@@ -33,6 +33,7 @@ SYSID_METRICS = ("position_mae_m", "velocity_mae_m_s", "attitude_mae_rad", "rate
 DATA = Column("data", "Data")
 AS_RECORDED = "as-recorded"
 CLOCK = Column("clock", "Clock")
+VOTES = Column("clock_evidence", "Clock set by")
 SESSIONS = Column("sessions", "Sessions", "count")
 WHY = Column("ci_why", "Interval missing or not to be trusted", aside=True)
 CLOCK_METRICS = ("ate_rmse_m", "along_track_rmse_m", "along_track_delay_removed_rmse_m", "across_track_rmse_m",
@@ -339,7 +340,7 @@ def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
     scores = tuple(_score_column(metric) for metric in CLOCK_METRICS)
     columns = (Column("group", "Flights"), Column("step", "Position estimate"), Column("n", "n", "count"), SESSIONS,
                WHY, *scores,
-               Column("n_moving", "Moving error", "count"), CLOCK, DATA)
+               Column("n_moving", "Moving error", "count"), CLOCK, VOTES, DATA)
     steps = ((PUBLISHED, AS_RECORDED, "by the published protocol" if synthetic else "as published"), *STEPS)
     lines: list[tuple[Cell, ...]] = []
     for group in ("all", *(f"{speed}/trefoil" for speed in SPEEDS)):
@@ -351,10 +352,10 @@ def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
             why = {**row, "reason": NO_SUCH} if row.get("protocol") == PUBLISHED else row
             moving = _count(row.get("n_moving")) if clock == "retimed" else None
             lines.append((name, step, _count(row.get("n")), *_sessions(row), *_scores(row.get("metrics"), why, scores),
-                          moving, clock, data_label(synthetic)))
+                          moving, clock, ", ".join(row.get("clock_evidence") or []), data_label(synthetic)))
     who = "the onboard EKF" if method == "onboard_ekf" else method
     first = "by the published protocol" if synthetic else "as published"
-    note = ("Mean ± SD over flights and 95 % interval of the mean. Moving error: flights in which one was confirmed; "
+    note = ("Mean ± SD over flights and 95 % interval of the mean. Moving error: flights in which one was shown; "
             "of the others the constant was removed, or nothing where not even that shows. Delay: the one that fits "
             "the estimated positions best; with it removed, along track holds what moves. Offset and re-timed use the "
             "motion capture of the whole flight.")

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..metrics.statistics import excludes_one
 from ..protocols.compare import verdict
+from ..retiming.votes import CLOCKS
 from .audits import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
 from .rows import AS_RECORDED, BLACKOUT, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock, one_truth
@@ -201,8 +202,21 @@ def _retimed_blackout(rows: Sequence[Mapping[str, Any]]) -> Words:
                   for h, metric in ends if (a := _mean(before.get(metric))) and (b := _mean(after.get(metric)))]
         if course:
             points.append(f"{method}: {', '.join(course)}.")
+        if clock == "joint":
+            points.append(f"{method} on every clock, 5 s later: {_bracket(mine, method)}. Streams that voted in the "
+                          f"joint clock: {', '.join(row.get('clock_evidence') or [])}.")
     return ["Dead reckoning: poses up to a moment and none afterwards; how far off the vehicle is then said to be, "
             "mean over flights, before and after the moving error of the clock is taken out:", points] if points else []
+
+
+def _bracket(rows: Mapping[tuple[Any, str], Mapping[str, Any]], method: Any) -> str:
+    """The mean error of one method 5 s after the last pose on each clock, from least to most taken out."""
+    metric, found = "end_error_5s_m", []
+    for clock in CLOCKS:
+        value = _mean((rows.get((method, clock), {}).get("metrics") or {}).get(metric))
+        if value is not None:
+            found.append(f"{_show(metric, value)} {clock.replace('-', ' ')}")
+    return ", ".join(found)
 
 
 def _on_clock(row: Mapping[str, Any], metric: str) -> str:
@@ -247,14 +261,20 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
                        if delay else [])]]
     moving = number(after.get("n_moving"))
     if moving is not None:
-        lines.append(f"A moving error was confirmed in {moving:.0f} of {after.get('n')} flights. Gyro and "
-                     "accelerometer set this clock, against the motion capture, and so did how fast the estimated "
-                     "position advances, without it; the estimated attitude and velocity had to confirm it. Where the "
-                     "estimated position lies was never compared with the motion capture to set the clock, so it can "
-                     "judge.")
+        lines.append(f"A moving error was shown in {moving:.0f} of {after.get('n')} flights. {_voters(after)}")
     lines.append("This answers off-line what limits the estimate: it takes the motion capture of the whole flight. It "
                  "is no claim of what could be known in flight, and the published rows are never re-timed.")
     return lines
+
+
+def _voters(row: Mapping[str, Any]) -> str:
+    """Which streams set the clock of a re-timed row, and that nothing judged is among them."""
+    places, turns = (", ".join(row.get(key) or []) for key in ("clock_evidence", "clock_evidence_attitude"))
+    if not places:
+        return "Which streams set this clock is not in the result file."
+    attitude = f" Attitudes are judged on a clock from {turns}." if turns else ""
+    return (f"This clock was set by {places} against the motion capture. The estimated position and velocity had no "
+            f"vote, so they can be judged on it.{attitude} What is left holds the clock's own error, too.")
 
 
 def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:

@@ -100,6 +100,7 @@ def make_results(flights) -> dict[str, dict]:
                           for name in names}}
     for clock, ate in (("offset", 0.020), ("retimed", 0.009)):
         estimate_rows.append({**estimate_rows[2], "clock": clock, "n_moving": 2 if clock == "retimed" else 0,
+                              "clock_evidence": ["gyro"] if clock == "offset" else ["gyro", "attitude"],
                               "metrics": {"ate_rmse_m": summary(ate, 0.002, 0.9 * ate, 1.1 * ate),
                                           "along_track_delay_removed_rmse_m": summary(ate)},
                               "clock_ratio": {"ate_rmse_m": ate / 0.021}, "clock_ratio_to": "as-recorded",

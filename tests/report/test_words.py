@@ -72,7 +72,7 @@ def test_task3_says_what_is_a_clock_and_which_streams_told(results):
     assert "largely a clock and not the estimator" in text
     assert ("ATE: 21.0 mm as recorded, 20.0 mm less a constant offset, 9.0 mm re-timed (57 % less, ratio 0.39 .. 0.47)."
             in text)
-    assert "confirmed in 2 of 2 flights" in text
+    assert "shown in 2 of 2 flights. This clock was set by gyro, attitude against the motion capture." in text
     assert "no claim of what could be known in flight" in text
     changed = copy.deepcopy(results)
     changed["estimate"]["rows"][-1]["metrics"]["ate_rmse_m"]["mean"] = 0.0205
@@ -115,3 +115,12 @@ def test_task1_says_which_models_cannot_be_told_apart(results):
     other["sysid"]["rows"] = [*rows, more[2]]
     assert "at h = 50: every other model differs from physics." in flat(words.task1(other))
     assert "differs" not in flat(words.task1(results))
+
+
+def test_dead_reckoning_is_shown_on_every_clock(results):
+    rows = [{"protocol": "blackout", "method": "drag", "group": "all", "clock": clock, "n": 2,
+             "clock_evidence": ["gyro", "position"], "metrics": {"end_error_5s_m": {"mean": value}}}
+            for clock, value in (("as-recorded", 0.3), ("offset", 0.29), ("retimed", 0.25), ("joint", 0.21))]
+    said = flat(words.task3({**results, "estimate": {"rows": rows}}))
+    assert "drag on every clock, 5 s later: 0.300 m as recorded, 0.290 m offset, 0.250 m retimed, 0.210 m joint" in said
+    assert "voted in the joint clock: gyro, position" in said
