@@ -41,9 +41,10 @@ def cases_of(flights: Sequence[Flight]) -> list[Case]:
 
 
 def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin: int | None = None,
-        most: int = MOST_WINDOWS) -> list[Cut]:
-    """Windows of every case, every ``thin``-th (by default so that there are about ``most``)."""
-    found = [(case, cut_windows(case.flight, case.spans, truth, past)) for case in cases]
+        most: int = MOST_WINDOWS, start: str = "centred") -> list[Cut]:
+    """Windows of every case, every ``thin``-th (by default so that there are about ``most``); ``start``: as of
+    ``cut_windows``."""
+    found = [(case, cut_windows(case.flight, case.spans, truth, past, start, case.recorded)) for case in cases]
     whole = [(case, both) for case, both in found if both is not None]
     thin = thin or max(1, round(sum(len(both[0]) for _, both in whole) / most))
     return [Cut(case.flight.name, _rows(windows, slice(number % thin, None, thin)),

@@ -125,7 +125,7 @@ class GreyBox:
         if self.adapt == "none":
             return GreyBoxPredictor(self.name, self.model_.as_dict(), self.vehicle, parameters=self.parameters_)
         nuisances = nuisances_of(self.adapt)
-        problem = replace(solution.problem, nuisances=(), model=solution.model)
+        problem = replace(solution.problem, nuisances=(), model=solution.model, data=self.data_)
         shared = solution.model.values
         scale = usual_errors(problem, shared, np.zeros((len(problem.data.names), 0)))
         made = GreyBoxPredictor(self.name, solution.model.as_dict(), self.vehicle, self.adapt, scale=scale,

@@ -43,7 +43,8 @@ def horizon_figure(rows: Sequence[Mapping[str, Any]]) -> Any:
     """Mean error against the horizon of every row of group ``all``, onboard truth."""
     go, make_subplots = plotly()
     figure = make_subplots(4, 1, subplot_titles=TITLES, vertical_spacing=0.06)
-    mine = [r for r in rows if (r["group"], r["truth"]) == ("all", "onboard") and not r.get("trouble")
+    mine = [r for r in rows if (r["group"], r["truth"], r.get("start", "centred")) == ("all", "onboard", "centred")
+            and not r.get("trouble")
             and (r["model"] in SHOWN or not r["model"].startswith(("fit_", "published_")))]
     seconds = 0.01 * np.arange(1, 51)
     for i, row in enumerate(mine):

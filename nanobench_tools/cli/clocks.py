@@ -134,7 +134,8 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     def on(clock: str, simulator: str) -> dict[str, Any]:
         options = replace(given.options, clock=clock)
         flights = given.flights if alone or clock == AS_RECORDED else distinct(given.flights)[0]
-        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits, JUDGED), simulator=simulator)
+        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits, JUDGED), simulator=simulator,
+                                  recorded=None if clock == AS_RECORDED else flights)
         return found[clock]
 
     files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}

@@ -12,16 +12,20 @@ from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from ..retiming.votes import evidence_of
 from .methods import load_methods
-from .options import PATH, Options, shared_options
+from .options import AS_RECORDED, PATH, Options, shared_options
 from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, choose, exported, fitted
+from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
-    from ..protocols.task1 import Case, Split
+    from ..protocols.task1 import Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
+STARTS_SAID = ("Starts: centred, the stored velocity, of poses 50 ms ahead too, and rows that the recorder drew up "
+               "to the next packet; past, a velocity of poses up to the start, and gyro and onboard attitude of the "
+               "newest row that surely had come, on the clock they were recorded on.")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
          ("rate_mae_rad_s", "rate rad/s"))
 
@@ -66,6 +70,7 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     predictors = load_methods("predictors", (*DEFAULT_METHODS, *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
+    recorded = None if options.clock == AS_RECORDED else flights
     flights, audits = options.on_clock(flights, audits, JUDGED)
     parts = None
     if train:
@@ -77,23 +82,27 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
 
         parts = family_parts(flights, train_family)
     return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
-                                              epochs=epochs if learned else None, published=learned != "own"))
+                                              epochs=epochs if learned else None, published=learned != "own",
+                                              recorded=recorded))
 
 
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
                mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None,
-               published: bool = True) -> dict[str, Any]:
+               published: bool = True, recorded: Sequence[Flight] | None = None) -> dict[str, Any]:
     """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
-    learned rows, None for no such rows; ``published``: the published ones too."""
+    learned rows, None for no such rows; ``published``: the published ones too; ``recorded``: the flights on the clock
+    they were recorded on, where ``flights`` have another."""
     from ..harness import make_item
     from ..protocols import compare, response, task1
     from ..protocols.sessions import parameters_note
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
+    if recorded is not None:
+        chosen = chosen.as_recorded(recorded)
     fits = fitted(options, chosen.train, wanted, mass_kg)
     choice = choose(options, chosen.train, predictors, fits, mass_kg)
     written = exported(options, fits, choice.exported, simulator)
@@ -105,20 +114,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
         learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, mass_kg,
                                      published)
         predictors = [*predictors, *learned]
-    work = [(predictor, truth, case) for predictor in predictors for truth in task1.TRUTHS for case in chosen.test]
-    items = [make_item(task1.score, {"case": case, "predictor": predictor, "truth": truth},
-                       f"{predictor.name} {truth} {case.flight.name}", file=case.flight.provenance.path)
-             for predictor, truth, case in work]
-    values = options.run(items, "sysid").values
-    rows: list[dict[str, Any]] = []
-    scored: dict[tuple[str, str], list[tuple[Case, Any]]] = {}
-    for predictor in predictors:
-        for truth in task1.TRUTHS:
-            mine = [(case, values[item.key]) for (p, t, case), item in zip(work, items, strict=True)
-                    if p is predictor and t == truth and item.key in values]
-            rows += task1.tabulate(predictor, truth, mine, options.seed, options.sessions)
-            scored[predictor.name, truth] = mine
-    compare.predictions(rows, scored, choice.best, options.sessions, options.seed)
+    rows, scored = rows_of(options, predictors, fits, chosen.test, choice.best)
     asked = [make_item(response.command_response, {"cases": response.few(chosen.test), "predictor": predictor},
                        f"{predictor.name}, answer to commands", file=chosen.test[0].flight.provenance.path)
              for predictor in predictors]
@@ -134,7 +130,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     for predictor, item in zip(predictors, asked, strict=True):
         if item.key in answers:
             for row in rows:
-                if (row["model"], row["group"]) == (predictor.name, "all"):
+                if (row["model"], row["group"], row["start"]) == (predictor.name, "all", "centred"):
                     row["command_response"] = answers[item.key]
     if learned:
         from .sysid_learned import draw
@@ -190,24 +186,25 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     title = (f"Task 1: {data_word(options)} data, clock {options.clock}, mean error after 1, 10, 50 steps of 10 ms "
              "and sum over 1..50 \\[95 % interval of the sum]")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("model", "information", "truth", "group", "windows", "flights", "sessions"):
+    for head in ("model", "information", "truth", "start", "group", "windows", "flights", "sessions"):
         table.add_column(head, no_wrap=head != "model")
     for _, heading in SHOWN:
         table.add_column(heading, justify="right")
     for row in rows:
-        if row["group"] not in ("all", "seen", "unseen"):
+        if row["group"] not in (("all", "seen", "unseen") if row["start"] == "centred" else ("all",)):
             continue
         name = row["model"] + (" (no result)" if row.get("trouble") else "")
-        labels = [name, row["information"], row["truth"], row["group"]]
+        labels = [name, row["information"], row["truth"], row["start"], row["group"]]
         counts = (str(row["n_windows"]), str(row["n_flights"]), sessions_text(row))
         table.add_row(*map(escape, labels), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
         if published := row.get("published"):
-            table.add_row(escape(row["model"]), "", "", "(published)", "", "", "",
+            table.add_row(escape(row["model"]), "", "", "", "(published)", "", "", "",
                           *(_cell(published[m], {}) for m, _ in SHOWN))
     options.show(table)
     options.show(interval_note(rows))
     show_ratios(options, [(f"{row['model']}, {row['truth']}", row) for row in rows if row["group"] == "all"],
                 [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
+    options.show(STARTS_SAID)
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 

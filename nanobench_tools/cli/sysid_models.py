@@ -38,7 +38,8 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float)
     from identification.greybox.study import SHORT, alike, fit_together, predictor_of, rungs
 
     chosen = rungs(None if wanted == "all" else SHORT)
-    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, "seed": options.seed, "mass_kg": mass_kg},
+    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, "seed": options.seed, "mass_kg": mass_kg,
+                                      "backward": True},
                        f"fit {' and '.join(rung.name for rung in lot)}", file=train[0].flight.provenance.path)
              for lot in alike(chosen)]
     values = options.run(items, "fit").values

@@ -142,7 +142,7 @@ def prediction_clocks(body: Mapping[str, Any], recorded: str, labels: Mapping[st
     for row in body["rows"]:
         ours, theirs = (found.get((row["model"], row["truth"], clock), {}) for clock in (row["clock"], recorded))
         names = [name for name, one in ours.items() if name in theirs and row["group"] in one["groups"]]
-        if row["clock"] == recorded or not names:
+        if row["clock"] == recorded or row.get("start", "centred") != "centred" or not names:
             continue
         a, b = (np.array([[of[name]["metrics"][m][h] * theirs[name]["n_windows"] for m in QUANTITIES for h in KEYS]
                           for name in names]) for of in (ours, theirs))

@@ -7,7 +7,7 @@ h = 1..50. Windows are pooled; intervals come from drawing flights.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -43,11 +43,13 @@ UNIT_WITHIN = 1e-3
 
 @dataclass(frozen=True)
 class Case:
-    """One flight as the task uses it: the clean airborne spans, and the groups it counts in."""
+    """One flight as the task uses it: the clean airborne spans, and the groups it counts in. recorded: the same with
+    its streams on the clock they were recorded on, where ``flight`` has another; starts that look back only take it."""
 
     flight: Flight
     spans: tuple[Span, ...]
     groups: tuple[str, ...]
+    recorded: Flight | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,13 @@ class Split:
     test: list[Case]
     note: str
     left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def as_recorded(self, flights: Sequence[Flight]) -> Split:
+        """The same with ``recorded`` of every case: its flight, by name, before its streams were moved."""
+        by_name = {flight.name: flight for flight in flights}
+        train, test = ([replace(case, recorded=by_name.get(case.flight.name)) for case in cases]
+                       for cases in (self.train, self.test))
+        return replace(self, train=train, test=test)
 
 
 def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
@@ -138,15 +147,17 @@ def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str
     return cases
 
 
-def score(case: Case, predictor: Predictor, truth: str) -> dict[str, Any]:
+def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") -> dict[str, Any]:
     """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}, battery: {group: {windows, sums}}} of
-    one predictor on one flight. The streams before the start are given to predictors of class ``past`` alone.
+    one predictor on one flight; ``start``: as of ``cut_windows``. The streams before the start are given to predictors
+    of class ``past`` alone.
 
     Raises InputError that names predictor and flight when the prediction has the wrong shape, is not
     finite, or holds quaternions that are not of unit length.
     """
     place = case.flight.provenance.path
-    cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past")
+    cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past", start=start,
+                      recorded=case.recorded)
     if cut is None:
         return {"windows": 0, "sums": {name: [0.0] * HORIZON for name in QUANTITIES}, "battery": {}}
     windows, true = cut

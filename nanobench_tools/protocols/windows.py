@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from .. import so3
+from ..errors import UsageError
 from ..flight import Flight, Span, Stream, mask_of
 from ..methods import Past, Prediction, Windows
-from ..metrics.association import associate
+from ..metrics.association import SAME_STAMP_S, associate
 from ..metrics.prediction import window_starts
 from ..settings import number
+from . import backward
+from .backward import CENTRED_ROWS
 
 RATE_HZ = 100.0
 HORIZON = 50
@@ -23,6 +28,10 @@ PAST_ALL = 250
 LOST_FRAME = number("tasks.windows.lost_frame")
 """Rows further apart than this many steps have a frame missing between them: windows end there."""
 
+STARTS = ("centred", "past")
+"""As published: what is stored at the start, which knows some of the 50 ms after it; and with the past alone."""
+
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
 FORCE = ("acc_x", "acc_y", "acc_z")
 
 TRUTHS = {"onboard": "attitude_qw", "mocap": "mocap"}
@@ -62,15 +71,22 @@ def _rotations_at(stream: Stream, time_s: np.ndarray) -> np.ndarray:
     return so3.interpolate(stream.time_s, quaternion, time_s)
 
 
-def cut_windows(flight: Flight, spans: Sequence[Span], truth: str,
-                past: bool = False) -> tuple[Windows, Prediction] | None:
+def cut_windows(flight: Flight, spans: Sequence[Span], truth: str, past: bool = False, start: str = "centred",
+                recorded: Flight | None = None) -> tuple[Windows, Prediction] | None:
     """(what a predictor gets, what came) for all windows of a flight; None when no window fits.
 
     Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS); inputs:
     logged PWM and battery of the window and of the PAST rows before it, the first row of its stretch repeated where
     there are fewer. The truth of the rate is the gyro, of the attitude the same stream as the start. ``past`` adds all
     streams over the PAST_ALL rows before the start.
+
+    start (one of STARTS): ``centred``, the stored rows; ``past``, only what had come by then: velocity from poses up
+    to the start, gyro and onboard attitude from their newest whole row, on the clock of ``recorded`` (where the
+    streams of ``flight`` were moved by a clock that was found from the whole of it). What comes, and the inputs, are
+    the same.
     """
+    if start not in STARTS:
+        raise UsageError(f"start is {start!r}; it can be {', '.join(STARTS)}")
     time_s, lengths = rows_at_100_hz(flight, spans)
     starts = window_starts(lengths, HORIZON, EVERY)
     if not len(starts):
@@ -80,7 +96,7 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str,
     velocity = np.asarray(found.velocity_m_s)
     quaternion = found.quaternion if truth == "mocap" else _rotations_at(flight[TRUTHS[truth]], time_s)
     quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
-    rate = flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), time_s)
+    rate = flight["imu"].interpolate(GYRO, time_s)
     motor = flight["motor"].interpolate(("m1", "m2", "m3", "m4"), time_s)
     battery = flight["battery"].interpolate("vbat", time_s)
     ahead = starts[:, None] + np.arange(HORIZON + 1)
@@ -96,4 +112,40 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str,
                           motor[rows], battery[rows], np.minimum(starts - first, PAST_ALL))
     windows = Windows(found.position_m[starts], velocity[starts], quaternion[starts], rate[starts], motor[inputs],
                       battery[inputs], RATE_HZ, motor[before], battery[before], all_before)
+    if start == "past":
+        rows = np.maximum(starts[:, None] + np.arange(-PAST_ALL, 0), first[:, None])
+        windows = looking_back(windows, flight if recorded is None else recorded, time_s[starts], time_s[rows], truth)
     return windows, Prediction(found.position_m[after], velocity[after], quaternion[after], rate[after])
+
+
+def looking_back(windows: Windows, flight: Flight, at_s: np.ndarray, before_s: np.ndarray, truth: str) -> Windows:
+    """``windows`` that start at ``at_s`` (n,) s, their past rows at ``before_s`` (n, PAST_ALL), with what had come by
+    then of ``flight``, its streams on the clock they were recorded on. Rows of ``past`` that had not come hold the
+    newest that had."""
+    mocap, imu, attitude = flight["mocap"], flight["imu"], flight[TRUTHS[truth]]
+    back = CENTRED_ROWS - 1
+    pose = np.maximum(np.searchsorted(mocap.time_s, at_s + SAME_STAMP_S, side="right") - 1, 0)
+    velocity = backward.velocity(mocap.time_s, mocap["px", "py", "pz"], pose, back)
+    known = backward.newest(flight, imu, at_s)
+    rate = imu[GYRO][known]
+    changes: dict[str, Any] = {"velocity_m_s": velocity[:, -1], "rate_rad_s": rate}
+    if truth != "mocap":
+        seen = backward.newest(flight, attitude, at_s)
+        turned = so3.exp(rate * (at_s - attitude.time_s[seen])[:, None])
+        quaternion = so3.multiply(attitude["qx", "qy", "qz", "qw"][seen], turned)
+        changes["quaternion"] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    if windows.past is None:
+        return replace(windows, **changes)
+    past = windows.past
+    then_s = np.minimum(before_s, imu.time_s[known][:, None])
+    flown = np.arange(-back, 0) >= -past.rows[:, None]
+    streams: dict[str, Any] = {"rate_rad_s": imu.interpolate(GYRO, then_s.ravel()).reshape(*then_s.shape, 3)}
+    if all(name in imu for name in FORCE):
+        streams["specific_force_m_s2"] = imu.interpolate(FORCE, then_s.ravel()).reshape(*then_s.shape, 3)
+    if truth != "mocap":
+        then_s = np.minimum(then_s, attitude.time_s[seen][:, None])
+        held = _rotations_at(attitude, then_s.ravel()).reshape(*then_s.shape, 4)
+        streams["quaternion"] = held / np.linalg.norm(held, axis=-1, keepdims=True)
+    fast = past.velocity_m_s.copy()
+    fast[:, -back:] = np.where(flown[..., None], velocity[:, :-1], fast[:, -back:])
+    return replace(windows, past=replace(past, velocity_m_s=fast, **streams), **changes)

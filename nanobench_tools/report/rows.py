@@ -89,24 +89,26 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         for h in horizons:
             title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
             scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
-    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"), CLOCK, *scores,
-               Column("n_windows", "Windows", "count"), Column("n_flights", "Flights", "count"), SESSIONS, WHY,
+    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"),
+               Column("start", "Start"), CLOCK, *scores, Column("n_windows", "Windows", "count"),
+               Column("n_flights", "Flights", "count"), SESSIONS, WHY,
                Column("information", "Given"), DATA)
     groups = [_text(row.get("group")) for row in rows]
     rank = {group: (_rank(group, TASK1_GROUPS), groups.index(group)) for group in groups}
     first = clock_of(of_one_clock(rows)[0]) if rows else AS_RECORDED
     rows = sorted(rows, key=lambda row: (clock_of(row) != first, rank[_text(row.get("group"))],
-                                         _text(row.get("truth")) != "onboard"))
+                                         _text(row.get("truth")) != "onboard", row.get("start") == "past"))
     lines: list[tuple[Cell, ...]] = []
     main = 0
     for row in rows:
         model, group, truth = (_text(row.get(key)) for key in ("model", "group", "truth"))
         information = _text(row.get("information"))
         if (published := row.get("published")) and clock_of(row) == first:
-            lines.append((f"{model} (published)", "published table", truth, "",
+            lines.append((f"{model} (published)", "published table", truth, "", "",
                           *_horizon_scores(published, {}, horizons, exact=True), None, None, None, "", information,
                           "published"))
-        lines.append((model, group, truth, _text(row.get("clock")), *_horizon_scores(row.get("metrics"), row, horizons),
+        lines.append((model, group, truth, _text(row.get("start")), _text(row.get("clock")),
+                      *_horizon_scores(row.get("metrics"), row, horizons),
                       _count(row.get("n_windows")), _count(row.get("n_flights")), *_sessions(row), information,
                       data_label(synthetic)))
         main = len(lines) if group in ("", *TASK1_GROUPS) and clock_of(row) == first else main
@@ -116,7 +118,7 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
         note += f" Further {further} are in the CSV file."
     table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
                   note, main).without_empty_columns()
-    return _clock_in_place(table)
+    return _clock_in_place(_drop_blank(table, "start"))
 
 
 def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
@@ -192,7 +194,8 @@ def task3_ratios(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
 
 
 def one_truth(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Rows of Task 1 judged by the truth the published table used, or by the only one there is."""
+    """Rows of Task 1 judged by the truth the published table used, or by the only one there is, from its start."""
+    rows = [r for r in rows if r.get("start", "centred") == "centred"]
     truths = list(dict.fromkeys(r.get("truth") for r in rows))
     chosen = "onboard" if "onboard" in truths else (truths or [None])[0]
     return [r for r in rows if r.get("truth") == chosen]

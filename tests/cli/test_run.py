@@ -84,7 +84,8 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
     assert "Task 1, before and after re-timing" in page
     sysid = json.loads((place / "sysid.json").read_text())
     assert {r["clock"] for r in sysid["rows"]} == {"as-recorded", "retimed"}
-    assert len({(r["model"], r["truth"], r["group"], r["clock"]) for r in sysid["rows"]}) == len(sysid["rows"])
+    assert len({(r["model"], r["truth"], r["group"], r["clock"], r["start"])
+                for r in sysid["rows"]}) == len(sysid["rows"])
     assert (sysid["clock"], list(sysid["by_clock"])) == ("as-recorded", ["retimed"])
     files = []
     for found in (sysid, sysid["by_clock"]["retimed"]):  # what is said stands in the file that is named
