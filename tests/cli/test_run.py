@@ -77,7 +77,7 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
     rows = bodies(place)["estimate.json"]["rows"]
     assert {r["clock"] for r in rows if r["protocol"] == "as-published"} == {"as-recorded"}
     assert {r["clock"] for r in rows if r["protocol"] == "clean"} == {"as-recorded", "offset", "retimed"}
-    assert {r["clock"] for r in rows if r["protocol"] == "blackout"} == {"as-recorded", "retimed"}
+    assert {r["clock"] for r in rows if r["protocol"] == "blackout"} == {"as-recorded", "offset", "retimed", "joint"}
     titles = [line for line in out.splitlines() if line.startswith(("Task", "SYNTHETIC"))]
     assert all("SYNTHETIC" in line for line in titles)
     assert "4 SYNTHETIC recordings" in err
