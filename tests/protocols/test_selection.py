@@ -49,6 +49,18 @@ def test_flights_without_motion_capture_are_never_repeats():
     assert not repeats
 
 
+def test_motion_capture_without_positions_repeats_nothing():
+    whole = made_flight("b")
+    mocap = whole["mocap"]
+    left = [n for n, name in enumerate(mocap.columns) if name not in ("px", "py", "pz")]
+    names = {part: tuple(getattr(mocap, part)[n] for n in left) for part in ("columns", "quantities", "unit")}
+    turned = replace(mocap, values=mocap.values[:, left], **names)
+    bare = replace(whole, streams={**whole.streams, "mocap": turned})
+    kept, repeats = distinct([bare, whole])
+    assert len(kept) == 2
+    assert not repeats
+
+
 @pytest.mark.real
 def test_real_copies_and_slices(real):
     flights, _ = real
