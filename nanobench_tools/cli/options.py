@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import OnClock
     from ..protocols.sessions import Sessions
+    from ..retiming.warp import ClockWarp
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 PATH = click.Path(path_type=Path)
@@ -157,11 +158,7 @@ class Options:
                           self.progress)
         self.failed += result.failed
         if self.clock != AS_RECORDED:
-            found = [warp for warp in result.warps.values() if warp is not None]
-            moving = sum(warp.moving for warp in found)
-            how = "" if self.clock == "offset" else f", {moving} with a moving error, the others by a constant"
-            self.say(f"clock {self.clock}, set by {', '.join(result.evidence) or 'nothing'}: {len(found)} of "
-                     f"{len(result.warps)} recordings{how}")
+            self.say(clock_line(self.clock, list(result.warps.values()), result.evidence, judged))
         return result
 
     def selected(self, asked: Sequence[str], known: Sequence[str],
@@ -317,3 +314,15 @@ def shared_options(*leave_out: str) -> Callable[[Callable], Callable]:
         return with_options
 
     return decorate
+
+
+def clock_line(clock: str, warps: Sequence[ClockWarp | None], evidence: Sequence[str], judged: Sequence[str]) -> str:
+    """What ``--clock`` did to the recordings: who voted, how many moved, how many could not be told."""
+    moving = sum(warp is not None and warp.moving for warp in warps)
+    constant = sum(warp is not None and not warp.moving for warp in warps)
+    said = f"clock {clock}" + (f", for judging logged {' and '.join(judged)}" if judged else "")
+    if not moving + constant:
+        return f"{said}: nothing tells the time error of any recording ({len(warps)} as recorded)"
+    parts = [f"{n} {what}" for n, what in ((moving, "with a moving error"), (constant, "with a constant error"),
+                                           (len(warps) - moving - constant, "not told, as recorded")) if n]
+    return f"{said}, set by {', '.join(evidence)}: {' and '.join(parts)} (of {len(warps)})"

@@ -187,7 +187,7 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
              "and sum over 1..50 \\[95 % interval of the sum]")
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("model", "information", "truth", "start", "group", "windows", "flights", "sessions"):
-        table.add_column(head, no_wrap=head != "model")
+        table.add_column(head, no_wrap=head != "model", overflow="fold")  # two names may begin alike
     for _, heading in SHOWN:
         table.add_column(heading, justify="right")
     for row in rows:

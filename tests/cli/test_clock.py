@@ -1,8 +1,11 @@
 """--clock: the same scores as recorded, with the constant offset, and with the moving error taken out."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
+
+from nanobench_tools.cli.options import clock_line
 
 
 def scores(nanobench, folder, out, clock):
@@ -100,3 +103,12 @@ def test_the_main_job_on_one_clock_moves_clean_rows_and_no_published_ones(nanobe
         assert {r["clock"] for r in rows if r["protocol"] in moved} == {"retimed"}
         assert {r["clock"] for r in rows if r["protocol"] not in moved} <= {"as-recorded"}
     assert (tmp_path / "report.html").exists()
+
+
+def test_the_line_of_a_clock_counts_every_recording_once():
+    moving, constant = SimpleNamespace(moving=True), SimpleNamespace(moving=False)
+    assert clock_line("retimed", [moving, constant, None], ["gyro"], ("position", "velocity")) == (
+        "clock retimed, for judging logged position and velocity, set by gyro: 1 with a moving error and "
+        "1 with a constant error and 1 not told, as recorded (of 3)")
+    assert clock_line("joint", [None, None], [], ()) == (
+        "clock joint: nothing tells the time error of any recording (2 as recorded)")
