@@ -10,10 +10,10 @@ import numpy as np
 from .. import so3
 from ..clock.readings import read_clocks
 from ..content.context import Context
-from ..errors import InputError
+from ..errors import InputError, UsageError
 from ..flight import Flight, Stream
 from .confirm import believed
-from .votes import voters
+from .votes import AS_RECORDED, voters
 from .warp import ClockWarp, retime
 
 
@@ -25,6 +25,8 @@ def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWa
     UsageError where the clock may not judge them.
     """
     kinds = voters(clock, judged)
+    if clock == AS_RECORDED:
+        raise UsageError(f"clock {AS_RECORDED} takes nothing out: use the flight as it is")
     context = Context(flight)
     if clock == "offset":
         reading = read_clocks(context).get("imu")

@@ -22,9 +22,15 @@ def voters(clock: str, judged: Iterable[str] = ()) -> tuple[str, ...]:
 
     ``retimed``: gyro and accelerometer, and the logged attitude unless it is judged. Position and velocity never
     vote: they come from one filter, so an error in both would be taken for time. ``joint``: all of them.
-    Raises UsageError for ``joint`` where a logged estimate is judged.
+    One name alone may be given as it is. Raises UsageError for ``joint`` where a logged estimate is judged, and for
+    clocks and estimates there are none of.
     """
-    judged = set(judged)
+    judged = {judged} if isinstance(judged, str) else set(judged)
+    if clock not in CLOCKS:
+        raise UsageError(f"no clock {clock!r}; there are {', '.join(CLOCKS)}")
+    if unknown := sorted(map(str, judged - set(ESTIMATES))):
+        raise UsageError(f"no logged estimate {', '.join(map(repr, unknown))} to judge; there are "
+                         f"{', '.join(ESTIMATES)}")
     if clock == "offset":
         return ("gyro",)
     if clock == "retimed":

@@ -21,6 +21,18 @@ def test_nothing_that_is_judged_has_a_vote(judged):
     assert not {"position", "velocity"} & set(voters("retimed"))
 
 
+def test_names_that_are_none_are_refused_instead_of_judged_by_their_own_vote():
+    assert voters("retimed", "attitude") == voters("retimed", ("attitude",))
+    for clock, judged in (("bogus", ()), (None, ()), ("retimed", ("bogus",)), ("retimed", "att")):
+        with pytest.raises(UsageError, match="there are"):
+            voters(clock, judged)
+
+
+def test_no_warp_is_looked_for_as_recorded():
+    with pytest.raises(UsageError, match="takes nothing out"):
+        find_warp(None, "as-recorded")
+
+
 def test_joint_hears_all_and_judges_no_estimate():
     assert set(ESTIMATES) < set(voters("joint"))
     with pytest.raises(UsageError, match="joint cannot judge the logged position"):
