@@ -126,14 +126,14 @@ class Study:
         return is_flown(self.train)
 
     def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """{model: {name: {value, ci95, unit}}}, intervals by drawing files (pieces of an only file)."""
+        """{model: {name: {value, ci95, unit}}}, intervals by drawing files (pieces of an only file); none of two."""
         return {name: {key: {"value": value, "ci95": self._interval(name, key), "unit": candidate.units[key]}
                        for key, value in self.fits[name].values.items()}
                 for name, candidate in self.candidates.items() if self.fits[name].values}
 
     def _interval(self, name: str, key: str) -> list[float] | None:
         drawn = [d[key] for d in self.draws.get(name, ()) if np.isfinite(d.get(key, np.nan))]
-        if len(drawn) < DRAWS // 2:
+        if len(drawn) < DRAWS // 2 or len(self.train) == 2:  # two files are drawn in three ways only
             return None
         return [float(x) for x in np.percentile(drawn, [2.5, 97.5])]
 

@@ -221,7 +221,12 @@ def _show(options: Options, part: Part) -> None:
                  + ("." if held is None else f" (holds {100 * held:.0f} % of training rows held out in turn)."))
     for given, names in _given(part).items():
         options.show(f"  given {given}: {names}")
-    for name, body in part.found.parameters()[part.best].items():
+    found = part.found.parameters()[part.best]
+    files = len(part.found.train)
+    kind = "training flights" if part.found.flown else "stand series"
+    drawn = {1: " (95 % interval of pieces of the only file)", 2: ", without interval: two files"}
+    options.show("  its parameters" + drawn.get(files, f" (95 % interval of {files} {kind} drawn, sessions not)"))
+    for name, body in found.items():
         interval = body["ci95"]
         options.show(f"  {name} = {body['value']:.5g} {body['unit']}"
                      + (f"  ({interval[0]:.4g} .. {interval[1]:.4g})" if interval else ""))

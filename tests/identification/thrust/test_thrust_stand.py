@@ -31,6 +31,12 @@ def test_intervals_hold_the_truth():
     assert sum(inside) >= 2
 
 
+def test_two_files_give_no_interval():
+    """Drawn from two, a parameter's interval would end at the values of the files alone."""
+    found = study([made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(2)], 0.04, draws=100)
+    assert {body["ci95"] for body in found.parameters()["dc_motor"].values()} == {None}
+
+
 @pytest.mark.parametrize("law", [dc_law, lambda u, v: 0.012 * (u * v) ** 2, lambda u, v: 0.03 * u**1.6 * v**1.1,
                                  lambda u, v: 0.0045 * (0.6 + u * (v + 1.6)) ** 2])
 def test_whatever_the_law_the_choice_holds_on_a_new_file(law):
