@@ -12,12 +12,13 @@ from ..clock.moving import OWN_LAG_S
 from ..clock.reading import ClockReading
 from ..clock.readings import read_clocks
 from ..content.context import Context
+from ..settings import number
 from .evidence import KINDS, Evidence, collect
 from .infer import infer
 from .ticks import warp_from_ticks
 from .warp import ClockWarp
 
-BLOCK_S = 1.0
+BLOCK_S = number("retiming.confirm.block_s")
 """The time error and the noise of the streams have forgotten their past after a second: blocks are independent."""
 
 ESTIMATED, SENSED = ("attitude", "velocity", "position"), ("gyro", "acceleration")

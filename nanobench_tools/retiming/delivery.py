@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..settings import number
+
 CELL_S = 0.0025
 """Grid of the delay; a quarter of a row, and half the finest structure that 100 Hz rows can show."""
 
-LARGEST_FALL_S = 0.12
+LARGEST_FALL_S = number("retiming.delivery.largest_fall_s")
 """Within one row; larger ones are taken in two rows."""
 
-SHARE_HANG, SHARE_BURST, SHARE_RESIDUAL = 0.12, 0.08, 0.8
-SCALE_RESIDUAL_S, SCALE_BURST_S = 0.0012, 0.008
+SHARE_HANG, SHARE_BURST = number("retiming.delivery.share_hang"), number("retiming.delivery.share_burst")
+SHARE_RESIDUAL = 1.0 - SHARE_HANG - SHARE_BURST
+SCALE_RESIDUAL_S = number("retiming.delivery.scale_residual_s")
+SCALE_BURST_S = number("retiming.delivery.scale_burst_s")
 
 
 def log_step_prior(step_s: float, cell_s: float = CELL_S) -> tuple[np.ndarray, np.ndarray, int]:

@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..content.truth import truth_of
-from ..settings import number
+from ..settings import count, number
 from .chain import add_student_evidence, log_evidence, posterior
 from .delivery import CELL_S, log_step_prior
 from .evidence import ALIKE_S, KINDS, Evidence, collect
@@ -23,23 +23,26 @@ from .steps import log_likelihood_of_steps
 from .warp import ClockWarp, wander_of
 
 ROW_S = 0.01
-FIRST_STATE, LAST_STATE = round(-0.25 / CELL_S), round(0.30 / CELL_S)
+EARLIEST_S, LATEST_S = number("retiming.infer.earliest_s"), number("retiming.infer.latest_s")
+FIRST_STATE, LAST_STATE = round(EARLIEST_S / CELL_S), round(LATEST_S / CELL_S)
 """The delay is sought within -250..+300 ms, three times the largest excursion seen on real links."""
 
-PRIOR_SD_S, PRIOR_WEIGHT = 0.05, 1.0 / 30.0
+PRIOR_SD_S, PRIOR_WEIGHT = number("retiming.infer.prior_sd_s"), number("retiming.infer.prior_weight")
 """Where motion shows nothing the delay returns to its median within some 50 ms; one vote per 0.3 s, over which it
 forgets its past."""
 
 ANCHORS = ("gyro", "attitude", "velocity", "position", "acceleration")
 """Delay and lags are known up to a constant: the first of these that is present has its typical lag."""
 
-SLOWEST_M_S = 0.2
+SLOWEST_M_S = number("retiming.infer.slowest_m_s")
 """Slower than this a vehicle shows no time error through its position."""
 
 INFLATION = number("retiming.infer.inflation")
 """The posterior of a clock without the position is too sure by this factor."""
 
-PASSES = 4
+PASSES = count("retiming.infer.passes")
+BESIDE_S = number("retiming.infer.beside_s")
+FEWEST = count("retiming.infer.fewest")
 
 
 def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool = False,
@@ -56,12 +59,12 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool 
     airborne = context.once(airborne_spans)
     if not airborne:
         return None
-    start, end = airborne[0].start_s - 0.3, airborne[-1].end_s + 0.3
+    start, end = airborne[0].start_s - BESIDE_S, airborne[-1].end_s + BESIDE_S
     evidence = [e for e in collect(context, kinds, start, end) if not (causal and e.kind.detrended)]
     if not evidence:
         return None
     rows_s = np.arange(start, min(end, max(float(e.time_s[-1]) for e in evidence)), ROW_S)
-    if len(rows_s) < 100:
+    if len(rows_s) < FEWEST:
         return None
     voting = tuple(e.kind.name for e in evidence)
 
@@ -198,8 +201,8 @@ def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray
     speed = np.linalg.norm(v, axis=1, keepdims=True)
     across = residual - v * np.sum(residual * v, axis=1, keepdims=True) / np.maximum(speed, SLOWEST_M_S) ** 2
     across = across[speed[:, 0] > SLOWEST_M_S]
-    if len(across) < 100:
+    if len(across) < FEWEST:
         return np.zeros(len(rows_s))
     slow = uniform_filter1d(across, max(1, round(ALIKE_S / ROW_S)), axis=0)
-    sigma_m = np.median(np.linalg.norm(slow, axis=1)) / 1.1774  # two components remain: median of a Rayleigh variable
+    sigma_m = np.median(np.linalg.norm(slow, axis=1)) / np.sqrt(2.0 * np.log(2.0))  # two components remain
     return sigma_m / np.maximum(_speed(context, rows_s), SLOWEST_M_S)

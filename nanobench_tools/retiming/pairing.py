@@ -19,11 +19,11 @@ from ..content.context import Context
 from ..content.truth import STEP_S, Truth, truth_of
 from ..errors import InputError
 from ..flight import Flight, Stream
-from ..settings import number
+from ..settings import count, number
 from .confirm import evidence_gain
 from .delivery import CELL_S
 from .evidence import Evidence, Kind
-from .infer import ROW_S, smooth_delay
+from .infer import LATEST_S, ROW_S, smooth_delay
 from .warp import ClockWarp, wander_of
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -44,6 +44,11 @@ flown several times over looks like itself); 0.19-0.57 on the 18."""
 SQUARE_RAD = number("retiming.pairing.square_rad")
 """A tracker's body frame that seems to lie closer than this to the gyro's axes is left as it is: noise alone turns the
 answer by up to 12 degrees."""
+
+NOWHERE = number("retiming.pairing.nowhere")
+FEWEST_KNOWN, FEWEST = count("retiming.pairing.fewest_known"), count("retiming.pairing.fewest")
+START_NOISE, LEAST_NOISE = number("retiming.pairing.start_noise"), number("retiming.pairing.least_noise")
+START_WEIGHT = number("retiming.pairing.start_weight")
 
 
 def with_mocap(flight: Flight, tracked: Flight) -> Flight:
@@ -99,7 +104,7 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
     alike = np.where(enough, correlate(x, y, "full", "fft") / np.sqrt(np.maximum(energy, 1e-12)), -1.0)
     lags = correlation_lags(len(x), len(y), "full")
     best = int(np.argmax(alike))
-    if alike[best] < 0.5 * LIKENESS:
+    if alike[best] < NOWHERE * LIKENESS:
         raise InputError(place, f"the turning rates are alike nowhere (their magnitudes to {alike[best]:.2f} at best)",
                          "give recordings of one flight that turns and overlaps by half")
     rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
@@ -163,15 +168,16 @@ def _evidence(measured: Stream, reference: Stream, quantities: tuple[str, ...]) 
     t, known = reference.time_s[seen], known[seen]
     rising = np.concatenate(([True], np.diff(t) > 0.0))
     t, known = t[rising], known[rising]
-    if len(t) < 20:
+    if len(t) < FEWEST_KNOWN:
         return None
-    good = np.isfinite(values).all(axis=1) & (measured.time_s > t[0] + 0.3) & (measured.time_s < t[-1] - 0.3)
+    good = np.isfinite(values).all(axis=1) & (measured.time_s > t[0] + LATEST_S) & (measured.time_s < t[-1] - LATEST_S)
     stamps = measured.time_s[good]
-    if good.sum() < 100 or np.ptp(stamps) < 2.0 or np.any(np.diff(stamps) < 0.0):
+    if good.sum() < FEWEST or np.ptp(stamps) < 2.0 or np.any(np.diff(stamps) < 0.0):
         return None
     fine = np.arange(t[0], t[-1], CELL_S)
     scale = float(np.std(known)) or 1.0
-    noise = 0.3 * scale
-    kind = Kind(",".join(quantities), "", quantities, noise, 0.01 * scale, False, "inertial", 0.0, noise, 0.3)
+    noise = START_NOISE * scale
+    kind = Kind(",".join(quantities), "", quantities, noise, LEAST_NOISE * scale, False, "inertial", 0.0, noise,
+                START_WEIGHT)
     return Evidence(kind, stamps, np.ascontiguousarray(values[good]), np.ascontiguousarray(CubicSpline(t, known)(fine)),
-                    float(t[0]), 0.0, np.full(len(quantities), kind.start_sigma), 0.3)
+                    float(t[0]), 0.0, np.full(len(quantities), kind.start_sigma), START_WEIGHT)

@@ -14,15 +14,19 @@ from scipy.optimize import linprog
 from ..content.airborne import airborne_spans
 from ..content.context import Context
 from ..flight import Stream
+from ..settings import count, number
 from .evidence import collect
 from .warp import ClockWarp, wander_of
 
 WRAP_S = 2.0**24 / 1000.0
 """The Crazyflie's log packets count milliseconds in 24 bits."""
 
-FEWEST = 20
-MOVES_S = 0.002
+FEWEST = count("retiming.ticks.fewest")
+MOVES_S = number("retiming.ticks.moves_s")
 """A delay that scatters less is no wander: ticks are whole milliseconds."""
+
+LAG_SD_S = number("retiming.ticks.lag_sd_s")
+"""Of the constant that the gyro adds."""
 
 
 def unwrapped(tick_s: np.ndarray) -> np.ndarray:
@@ -63,7 +67,7 @@ def warp_from_ticks(context: Context) -> ClockWarp | None:
     gyro = collect(context, ("gyro",), airborne[0].start_s, airborne[-1].end_s) if airborne else []
     if gyro:
         gyro[0].learn_lag(np.interp(gyro[0].time_s, time_s, delay))
-        constant, doubt = gyro[0].lag_s, 0.002
+        constant, doubt = gyro[0].lag_s, LAG_SD_S
         told = f"the gyro adds {1e3 * constant:.0f} ms"
     wander = wander_of(time_s, delay)
     sd = np.full(len(time_s), np.hypot(resolution / np.sqrt(12.0), doubt))
