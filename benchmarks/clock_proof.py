@@ -100,44 +100,41 @@ def usable(flight: Flight) -> bool:
     """Whether the flight flew, long enough, with everything that is compared."""
     context = Context(flight)
     return (bool(context.once(airborne_spans)) and context.once(truth_of) is not None
-            and {"imu", "estimator", "attitude_qw"} <= set(flight.streams) and fast_rows(flight) > 500)
-
-
-def fast_rows(flight: Flight) -> int:
-    return len(nulls.along_track(flight, None, 0.0)[0])
+            and {"imu", "estimator", "attitude_qw"} <= set(flight.streams)
+            and len(nulls.along_track(context, None, 0.0)[0]) > 500)
 
 
 def score_nulls(flight: Flight, seed: int) -> dict[str, nulls.Errors]:
     """{clock | case: errors} of every null of one flight."""
     flight = nulls.living(flight)
-    warps = {name: infer(Context(flight), kinds) for name, kinds in NULLS.items()}
-    result: dict[str, nulls.Errors] = {}
+    before, result = Context(flight), {}
+    warps = {name: infer(before, kinds) for name, kinds in NULLS.items()}
     for frequency in FREQUENCIES_HZ:
         for both in (False, True):
-            after, error = nulls.with_track_error(flight, frequency, AMPLITUDE_S, seed, both)
+            changed, error = nulls.with_track_error(flight, frequency, AMPLITUDE_S, seed, both)
+            after = Context(changed)
             label = nulls.RANDOM if isinstance(frequency, str) else f"{frequency:g} Hz"
             case = f"{label}, position{' and velocity' * both}"
             for name, kinds in NULLS.items():
-                result[f"{name}|{case}"] = nulls.track_errors(flight, after, error, warps[name],
-                                                              infer(Context(after), kinds))
+                result[f"{name}|{case}"] = nulls.track_errors(before, after, error, warps[name], infer(after, kinds))
     for both in (False, True):
         base = nulls.with_track_error(flight, nulls.RANDOM, AMPLITUDE_S, seed, True)[0] if both else flight
         wandering, clock = nulls.with_wander(base, WANDER_S, seed)
+        steady, late = Context(base), Context(wandering)
         for name, kinds in NULLS.items():
-            before, after = infer(Context(base), kinds), infer(Context(wandering), kinds)
             case = f"wander{', estimate errs too' * both}"
-            result[f"{name}|{case}"] = nulls.wander_errors(flight, clock, before, after)
+            result[f"{name}|{case}"] = nulls.wander_errors(before, clock, infer(steady, kinds), infer(late, kinds))
     return result
 
 
 def score_bracket(flight: Flight) -> dict[str, tuple[float, ...]]:
     """{clock: (RMS error along the track m, whether it moves)}, {gain ...: (gain, error)} of one flight."""
     flight, result = nulls.living(flight), {}
+    context = Context(flight)
     for name, find in BRACKET.items():
         warp = find(flight)
-        along = nulls.along_track(flight, warp, nulls.best_lag_s(flight, warp))[0]
+        along = nulls.along_track(context, warp, nulls.best_lag_s(context, warp))[0]
         result[name] = (float(np.sqrt(np.mean(along**2))), float(warp is not None and warp.moving))
-    context = Context(flight)
     for kinds, judge in ((("position", "velocity"), "gyro"), (("gyro", "acceleration"), "attitude"),
                          (("gyro", "acceleration"), "position"), (voters("retimed"), "position")):
         warp = infer(context, kinds)

@@ -80,9 +80,9 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWa
 
 def _likelier(context: Context, have: tuple[str, ...]) -> tuple[ClockWarp | None, str]:
     """The warp of ``have``, moving where it is likelier so than constant, and why."""
-    warp = infer(context, have) if set(have) & set(SENSED) else None
+    warp = infer(context, have) if "gyro" in have else None  # an accelerometer shows time too weakly to be alone
     if warp is None:
-        return None, "no sensor that the motion capture predicts"
+        return None, "no gyro that the motion capture predicts"
     said = (f"{', '.join(have)} are likelier with a moving than with a constant clock by exp({warp.log_ratio:.0f})")
     return (warp, said) if warp.log_ratio > 0.0 else (replace(warp, moving=False), f"no moving error shown: {said}")
 

@@ -88,10 +88,10 @@ def with_wander(flight: Flight, sd_s: float, seed: int) -> tuple[Flight, ClockEr
     return replace(flight, streams=moved), clock
 
 
-def along_track(flight: Flight, warp: ClockWarp | None, lag_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def along_track(context: Context, warp: ClockWarp | None, lag_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Error of the estimated position along the track [m] (n,), unit vectors of the track (n, 3), rows of the estimator
     (n,): in the air, where it moves, with ``warp`` and the constant ``lag_s`` taken out of the stamps."""
-    context, stream = Context(flight), flight["estimator"]
+    stream = context.flight["estimator"]
     truth, span = _truth(context), context.once(airborne_spans)
     rows = np.flatnonzero((stream.time_s > span[0].start_s + MARGIN_S) & (stream.time_s < span[-1].end_s - MARGIN_S))
     stamps = stream.time_s[rows]
@@ -104,13 +104,13 @@ def along_track(flight: Flight, warp: ClockWarp | None, lag_s: float) -> tuple[n
     return np.sum((error - np.median(error, axis=0))[fast] * u, axis=1), u, rows[fast]
 
 
-def best_lag_s(flight: Flight, warp: ClockWarp | None) -> float:
+def best_lag_s(context: Context, warp: ClockWarp | None) -> float:
     """The constant lag of the estimated position [s] that leaves the least error along the track."""
     lags = np.arange(-0.1, 0.1001, 0.0025)
-    return float(lags[np.argmin([np.mean(along_track(flight, warp, lag)[0] ** 2) for lag in lags])])
+    return float(lags[np.argmin([np.mean(along_track(context, warp, lag)[0] ** 2) for lag in lags])])
 
 
-def track_errors(before: Flight, after: Flight, error_m: np.ndarray, clock_before: ClockWarp | None,
+def track_errors(before: Context, after: Context, error_m: np.ndarray, clock_before: ClockWarp | None,
                  clock_after: ClockWarp | None) -> Errors:
     """What clocks leave of an error (n, 3) that was put into the estimate of ``after``."""
     lag = best_lag_s(before, clock_before)
@@ -120,9 +120,9 @@ def track_errors(before: Flight, after: Flight, error_m: np.ndarray, clock_befor
     return Errors.of(np.sum(error_m[shared] * u[i], axis=1), second[j] - first[i])
 
 
-def wander_errors(flight: Flight, clock: ClockError, warp_before: ClockWarp, warp_after: ClockWarp) -> Errors:
-    """What is left of a wander that was put into the stamps of ``flight``, as metres along the track."""
-    truth = _truth(Context(flight))
+def wander_errors(context: Context, clock: ClockError, warp_before: ClockWarp, warp_after: ClockWarp) -> Errors:
+    """What is left of a wander that was put into the stamps of a flight, as metres along the track."""
+    truth = _truth(context)
     t = warp_after.time_s
     sent = np.arange(t[0] - 1.0, t[-1] + 1.0, 0.001)
     was = np.interp(t, clock.stamp(sent), sent)  # the stamp that this row had before
