@@ -324,5 +324,5 @@ def clock_line(clock: str, warps: Sequence[ClockWarp | None], evidence: Sequence
     if not moving + constant:
         return f"{said}: nothing tells the time error of any recording ({len(warps)} as recorded)"
     parts = [f"{n} {what}" for n, what in ((moving, "with a moving error"), (constant, "with a constant error"),
-                                           (len(warps) - moving - constant, "not told, as recorded")) if n]
+                                           (len(warps) - moving - constant, "as recorded, no clock found")) if n]
     return f"{said}, set by {', '.join(evidence)}: {' and '.join(parts)} (of {len(warps)})"

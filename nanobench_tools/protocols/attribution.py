@@ -1,8 +1,8 @@
 """What the onboard filter's error on recordings comes from: its logged estimate by clock, and its replay with one
 thing changed at a time.
 
-The clock of ``offset`` and ``retimed`` cases must be read without the estimate (gyro and accelerometer), else judging
-the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU with a pose every 10 ms, undelayed.
+The clock of ``offset`` and ``retimed`` cases must be set without the estimated position and velocity
+(``retiming.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU with a pose every 10 ms, undelayed.
 """
 
 from __future__ import annotations

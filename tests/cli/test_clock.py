@@ -109,6 +109,6 @@ def test_the_line_of_a_clock_counts_every_recording_once():
     moving, constant = SimpleNamespace(moving=True), SimpleNamespace(moving=False)
     assert clock_line("retimed", [moving, constant, None], ["gyro"], ("position", "velocity")) == (
         "clock retimed, for judging logged position and velocity, set by gyro: 1 with a moving error and "
-        "1 with a constant error and 1 not told, as recorded (of 3)")
+        "1 with a constant error and 1 as recorded, no clock found (of 3)")
     assert clock_line("joint", [None, None], [], ()) == (
         "clock joint: nothing tells the time error of any recording (2 as recorded)")
