@@ -2,7 +2,8 @@
 thing changed at a time.
 
 The clock of ``offset`` and ``retimed`` cases must be set without the estimated position and velocity
-(``retiming.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU with a pose every 10 ms, undelayed.
+(``retiming.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU
+with a pose every 10 ms, undelayed.
 """
 
 from __future__ import annotations
