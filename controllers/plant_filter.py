@@ -25,7 +25,7 @@ from .plant_senses import TICK_S, Noise, Sensing
 POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
 """What the filter is told of a pose: as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run
 again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
-(``benchmarks/onboard_velocity.py``)."""
+(``benchmarks/studies/onboard_velocity.py``)."""
 LEAD_S = number("control.plant_filter.lead_s")
 """The estimated position is so much less late than the poses: a pose corrects the last prediction, the
 next carries it on."""

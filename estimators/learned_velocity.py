@@ -7,7 +7,7 @@ velocity; how a constant error of the accelerometer moves it is a weight of the 
 state. A network would have a hundred times the numbers for the same flights; here every one can be read.
 
 Weights are in ``learned_velocity.json``, one set for each trajectory type, which was left out of it whole
-(``python benchmarks/learned_velocity.py`` fits them): a flight is never judged by weights that saw its type.
+(``python benchmarks/studies/learned_velocity.py`` fits them): a flight is never judged by weights that saw its type.
 """
 
 from __future__ import annotations

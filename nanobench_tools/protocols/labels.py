@@ -7,7 +7,7 @@ from ..flight import Flight
 UNKNOWN = "unknown"
 
 FILTERS_SEARCHED_ON = ("circle", "trefoil")
-"""Families whose recordings set noise and drag of the inertial filters (``benchmarks/tune_filters.py``)."""
+"""Families whose recordings set noise and drag of the inertial filters (``benchmarks/studies/tune_filters.py``)."""
 OTHER_FAMILIES = "other_families"
 """Group of the flights of all others: they judge the filters and set nothing of them."""
 

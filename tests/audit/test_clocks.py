@@ -88,7 +88,7 @@ def test_offsets_put_into_practice_flights_come_back(flights):
     assert n >= 25
     assert np.median(errors) < 0.002
     assert np.max(errors) < 0.01
-    assert inside >= 0.8 * n  # 95 % in benchmarks/audit_power.py, where there are more
+    assert inside >= 0.8 * n  # 95 % in benchmarks/studies/audit_power.py, where there are more
 
 
 def test_the_whole_link_is_late_or_one_stream_is(flights):

@@ -14,7 +14,7 @@ from estimators import inertial_core
 from nanobench_tools.methods import Estimate
 from nanobench_tools.registry import load
 
-FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "tune_filters.py"
+FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "studies" / "tune_filters.py"
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """The circle: fly a simulated Crazyflie through cflib, record, audit, score - no edit by hand in between.
 
 On the simulation's own clock, so that the numbers are the same on any machine; through sockets and in real time it is
-``test_circle_sockets.py``, with all controllers and hidden effects ``benchmarks/fly_loop.py``.
+``test_circle_sockets.py``, with all controllers and hidden effects ``benchmarks/studies/fly_loop.py``.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def test_shares_of_hand_worked_errors():
 
 @pytest.mark.real
 def test_real_flights_keep_errors_of_the_estimate_and_lose_those_of_the_stamps(real_data):
-    """Every twentieth flight; benchmarks/clock_proof.py has them all."""
+    """Every twentieth flight; benchmarks/studies/clock_proof.py has them all."""
     files = sorted((real_data / "nanobench").rglob("*circle_fast_rep2*.csv*")) + sorted(
         (real_data / "nanobench").rglob("*star_medium_rep2*.csv*")) + sorted(
         (real_data / "nanobench").rglob("*trefoil_medium_rep14*.csv*"))

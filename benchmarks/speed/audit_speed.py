@@ -1,0 +1,66 @@
+"""Cold read and audit of all recordings: seconds, and which part takes them.
+
+python benchmarks/speed/audit_speed.py [--data DIR...] [--jobs 2] [--json FILE]
+
+Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as a
+user's first ``nanobench audit`` does them; then the audits alone, on one core, with the largest named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from nanobench_tools.audit import audit
+from nanobench_tools.sources.discover import default_data, find_recordings, read
+
+
+def cold(recording) -> tuple[str, float, float]:
+    """Name, seconds of reading, seconds of auditing."""
+    start = time.perf_counter()
+    flight = read(recording, cache=False)
+    middle = time.perf_counter()
+    audit(flight)
+    return flight.name, middle - start, time.perf_counter() - middle
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", nargs="*", type=Path)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--json")
+    options = parser.parse_args()
+    data = options.data or default_data()
+    if not data:
+        raise SystemExit("no recordings found: give --data DIR or set NANOBENCH_DATA")
+    start = time.perf_counter()
+    recordings, failed = find_recordings(data)
+    rows = joblib.Parallel(n_jobs=options.jobs)(joblib.delayed(cold)(r) for r in recordings)
+    wall = time.perf_counter() - start
+    reading, auditing = (np.array([row[k] for row in rows]) for k in (1, 2))
+    slowest = max(rows, key=lambda row: row[2])
+    print(f"{len(rows)} recordings, {len(failed)} failed, {options.jobs} jobs: cold read and audit {wall:.1f} s")
+    print(f"  read  median {np.median(reading):.3f} s, sum {reading.sum():.1f} s")
+    print(
+        f"  audit median {np.median(auditing):.3f} s, sum {auditing.sum():.1f} s, "
+        f"slowest {slowest[2]:.3f} s ({slowest[0]})"
+    )
+    if options.json:
+        body = {
+            "recordings": len(rows),
+            "jobs": options.jobs,
+            "wall_s": wall,
+            "read_s": float(reading.sum()),
+            "audit_s": float(auditing.sum()),
+            "audit_median_s": float(np.median(auditing)),
+        }
+        Path(options.json).write_text(json.dumps(body, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

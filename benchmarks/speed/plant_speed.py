@@ -1,0 +1,118 @@
+"""How many times faster than real time closed loops run on the plant, in one process on one core.
+
+    python benchmarks/speed/plant_speed.py [--vehicles 512] [--seconds 1] [--json FILE]
+
+SYNTHETIC: vehicles that hover. Counted is processor time of whole flights (``controllers.plant_flight.fly``): sensing,
+controller with guard, motors, battery, physics at 500 Hz, records; not compilation. ``late``: the estimate is the
+truth, late and with errors; ``onboard``: the firmware's Kalman filter at 1 kHz for every vehicle too, as the gate and
+the simulated rows have it. ``compiled chain`` is the same loop without what the Controller protocol and its guard
+cost: the firmware's own step, mixer and compensation behind the late estimate. The practice plant is stepped by NumPy
+behind the same controller.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from controllers.ensemble import draw, shipped_simulator
+from controllers.plant_filter import Onboard
+from controllers.plant_flight import fly
+from controllers.plant_senses import SUBSTEPS, TICK_S, Late
+from nanobench_tools.firmware import motors, pid
+from nanobench_tools.firmware.onboard import PidCascade, estimates, setpoints
+from nanobench_tools.firmware.records import CONTROL, ESTIMATE, SETPOINT
+from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.practice.flying import STEP_S
+from nanobench_tools.practice.plant import Plant as PracticePlant
+from nanobench_tools.practice.vehicle import draw_vehicles
+
+REQUIRED = 1000.0
+
+
+def hover(n: int) -> Reference:
+    goal = np.tile([0.0, 0.0, 1.0], (n, 1))
+    return Reference(goal, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
+
+
+def whole(n: int, ticks: int, kind: str) -> float:
+    """Processor time [s] of a flight behind the PID cascade."""
+    crowd = draw(shipped_simulator(), n)
+    plant = crowd.plant(np.tile([0.0, 0.0, 1.0], (n, 1)))
+    sensing, rngs, told = crowd.sensing(), crowd.rngs(2), hover(n)
+    senses = Late(plant, sensing, rngs, ticks) if kind == "late" else Onboard(plant, sensing, rngs)
+    before = time.process_time()
+    fly(plant, senses, PidCascade(), lambda tick: told, ticks)
+    return time.process_time() - before
+
+
+def chain(n: int, ticks: int) -> float:
+    """The same with the firmware's compiled steps called directly; the estimate moves at 100 Hz, the gyro at 500
+    Hz."""
+    crowd = draw(shipped_simulator(), n)
+    plant = crowd.plant(np.tile([0.0, 0.0, 1.0], (n, 1)))
+    senses = Late(plant, crowd.sensing(), crowd.rngs(2), ticks)
+    setpoint, estimate, control = np.zeros((1, n), SETPOINT), np.zeros((1, n), ESTIMATE), np.zeros((1, n), CONTROL)
+    setpoints(hover(n), setpoint[0])
+    state, trace, counts = np.zeros(n, pid.STATE), np.zeros((0, n), pid.STATE), np.zeros((n, 4), np.int32)
+    filtered, parameters = np.full(n, 3.6), pid.defaults()
+    before = time.process_time()
+    for tick in range(ticks):
+        position, velocity, quaternion = senses.read(tick)
+        estimates(VehicleState(position, velocity, quaternion, plant.state[10:13].T, plant.battery_V), estimate[0])
+        for sub in range(SUBSTEPS):
+            estimate["gyro_deg_s"][0] = np.degrees(senses.gyro())
+            pid.run_steps(np.array([2 * (tick * SUBSTEPS + sub + 1)]), parameters, state, setpoint, estimate, control,
+                          trace)
+            motors.drive_legacy(2, control[0], plant.battery_V.astype(np.float32), filtered, motors.BUILD, counts)
+            plant.advance(counts / 65535)
+            senses.step()
+    return time.process_time() - before
+
+
+def practice(n: int, ticks: int) -> float:
+    """The NumPy vehicle of the practice flights behind the same controller, without its records and noise."""
+    rngs = [np.random.default_rng(i) for i in range(n)]
+    plant = PracticePlant(draw_vehicles(rngs), np.tile([0.0, 0.0, 0.07], (n, 1)), np.zeros(n))
+    plant.state[2] = 1.0
+    controller, told = PidCascade(), hover(n)
+    controller.reset(n)
+    before = time.process_time()
+    for step in range(ticks * SUBSTEPS):
+        s = plant.state
+        state = VehicleState(s[0:3].T, s[3:6].T, s[6:10].T, s[10:13].T, plant.battery_V)
+        plant.apply(controller.command(STEP_S * step, state, told))
+        plant.step(STEP_S)
+    return time.process_time() - before
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--vehicles", type=int, default=512)
+    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    n, ticks = given.vehicles, max(1, round(given.seconds / TICK_S))
+    kinds = {"compiled chain, late": chain, "late": lambda n, k: whole(n, k, "late"),
+             "onboard": lambda n, k: whole(n, k, "onboard"), "practice plant (NumPy)": practice}
+    found = {}
+    for name, run in kinds.items():
+        run(8, 2)
+        found[name] = n * ticks * TICK_S / min(run(n, ticks) for _ in range(2))
+        print(f"{name:24} {n} vehicles, {ticks * TICK_S:g} s: {found[name]:8.0f} x real time a core", flush=True)
+    ratio = found["compiled chain, late"] / found["practice plant (NumPy)"]
+    print(f"compiled chain over NumPy plant: {ratio:.1f}; required {REQUIRED:g} x real time: "
+          f"{'reached' if found['compiled chain, late'] >= REQUIRED else 'missed'}")
+    if given.json:
+        given.json.write_text(json.dumps({"real_time": found, "ratio": ratio, "vehicles": n}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
