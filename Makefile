@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+FORMER := $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-check nanobench 2>/dev/null || true
 OUT ?= results
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
@@ -14,18 +15,21 @@ help:
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
 	@echo "make clean  remove the virtual environment and results"
 
-# The stamps make an installation happen once per change of what is to be installed.
+# The stamps make an installation happen once per change of what is to be installed. An installation under the former
+# name "nanobench" is taken away: its entry points would be found beside those of today.
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "python3 >= 3.11 is needed; found $$($(PYTHON) --version); set PYTHON=python3.11" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing; apt-get install python3-venv" >&2; rm -rf $(VENV); exit 2; }
 
 $(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
+	@$(FORMER)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,tune]"
 	@touch $@
 
 # evo is the referee of the metrics, allantools of the Allan deviation; their further dependencies are not needed.
 $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
+	@$(FORMER)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,radio,learned,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo allantools
 	@touch $@ $(VENV)/.installed

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.errors import UsageError
+from nanobench_tools.errors import UsageError, how_to_install
 from nanobench_tools.firmware.flatness import body_rates
 from nanobench_tools.firmware.motors import MotorOutput
 from nanobench_tools.firmware.records import WRENCH
@@ -77,7 +77,7 @@ def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarr
     try:
         import control
     except ImportError as error:
-        raise UsageError("controller 'lqr' needs the package control; pip install 'nanobench[control]'") from error
+        raise UsageError(f"controller 'lqr' needs the package control; {how_to_install('control')}") from error
     a, b = model(vehicle)
     system = control.c2d(control.ss(a, b, np.eye(STATES), 0.0), PERIOD_S)
     errors, efforts = weights(gains)

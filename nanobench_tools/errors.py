@@ -2,6 +2,18 @@
 
 from __future__ import annotations
 
+DISTRIBUTION = "nanobench-tools"
+"""What pip installs. The index's ``nanobench`` is somebody else's; the command is called ``nanobench`` all the same."""
+
+
+def how_to_install(extra: str) -> str:
+    """The command that brings an extra, quoted for every shell.
+
+    >>> how_to_install("mpc")
+    'pip install "nanobench-tools[mpc]"'
+    """
+    return f'pip install "{DISTRIBUTION}[{extra}]"'
+
 
 class NanobenchError(Exception):
     """Base of every error that is the input's fault; the command line prints it as one line."""
@@ -32,7 +44,7 @@ class MissingExtraError(NanobenchError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         self.package, self.extra = package, extra
-        super().__init__(f"{package} is not installed; pip install 'nanobench[{extra}]'")
+        super().__init__(f"{package} is not installed; {how_to_install(extra)}")
 
     def __reduce__(self):
         return type(self), (self.package, self.extra)

@@ -8,14 +8,12 @@ Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources`
 from __future__ import annotations
 
 import functools
-import importlib
-import os
-import sys
 import warnings
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from .errors import UsageError
+from .user_folder import check_ours, load_module
 
 GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults", "simulators")
 
@@ -33,18 +31,18 @@ def names(group: str) -> list[str]:
 
 
 def load(group: str, name: str) -> Any:
-    """The object registered as ``name``, or ``module:Class`` from the import path or the working directory."""
+    """The object registered as ``name``, or ``module:Class`` from the import path or the working directory: a user's
+    ``controllers.pid:Pid`` too, beside our ``controllers`` (``user_folder``)."""
     entries = _entries(group)
     if name in entries:
+        check_ours(entries[name].module)
         return entries[name].load()
     if ":" not in name:
         known = ", ".join(entries) or "none"
         raise UsageError(f"unknown name {name!r} among {group}; known: {known}; or give module:Class")
     module, _, attribute = name.partition(":")
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
     try:
-        found = functools.reduce(getattr, attribute.split("."), importlib.import_module(module))
+        found = functools.reduce(getattr, attribute.split("."), load_module(module))
     except ImportError as error:
         raise UsageError(f"{name}: {error}; run from the folder of the module or install it") from error
     except AttributeError as error:

@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable
 
 from controllers.served_vehicle import served
+from nanobench_tools.errors import how_to_install
 from nanobench_tools.radio.crtp import Packet, Port, pack, parse
 from nanobench_tools.radio.pose_datagram import HELLO, unpack
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
@@ -70,7 +71,7 @@ def connecting() -> None:
         from cflib.crazyflie import Crazyflie
         from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
     except ImportError:
-        print("connecting: cflib is not installed; pip install 'nanobench[radio]'")
+        print(f"connecting: cflib is not installed; {how_to_install('radio')}")
         return
     cflib.crtp.init_drivers()
     found = []

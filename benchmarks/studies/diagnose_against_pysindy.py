@@ -1,6 +1,6 @@
 """The diagnosis against sparse regression (pysindy) on the same residual of the same blind cases: names and time.
 
-    pip install 'nanobench[bench]'
+    pip install "nanobench-tools[bench]"
     python benchmarks/studies/diagnose_against_pysindy.py [--cases 12] [--seed 77] [--json FILE]
 
 SYNTHETIC cases of ``nanobench prove`` (kinds but faults of the data, which sparse regression does not look for). Both
@@ -41,6 +41,7 @@ from identification.prove.run import plan
 from identification.prove.score import score_case
 from identification.prove.summary import share
 from nanobench_tools.audit import audit
+from nanobench_tools.errors import how_to_install
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
 
@@ -155,7 +156,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         import pysindy
     except ImportError:
-        print("pysindy is not installed; pip install 'nanobench[bench]'", file=sys.stderr)
+        print(f"pysindy is not installed; {how_to_install('bench')}", file=sys.stderr)
         return 2
     scored: dict[str, list[dict[str, Any]]] = {"nanobench diagnose": [], "pysindy STLSQ": []}
     fixed: list[list[dict[str, Any]]] = [[] for _ in THRESHOLDS]

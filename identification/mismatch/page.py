@@ -12,6 +12,7 @@ import numpy as np
 from nanobench_tools.flight import Fault
 from nanobench_tools.harness.results import plain, write_bytes
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.report.environment import environment
 from nanobench_tools.report.page import _template, breakable, plotly_source, safe_json
 from nanobench_tools.report.quantities import DASH
 from nanobench_tools.version import __version__
@@ -47,15 +48,10 @@ def write_page(verdict: Verdict, recordings: Recordings, path: Path, synthetic: 
 
 def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     """The page as text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
-                              lstrip_blocks=True, undefined=StrictUndefined)
-    environment.globals.update(breakable=breakable, dash=DASH)
     body, drawn = plain(verdict.to_json()), plain(pictures(verdict, recordings))
     held_out = bool(verdict.proof and verdict.proof.held_out)
     real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
-    return environment.get_template("mismatch.html").render(
+    return environment(breakable=breakable, dash=DASH).get_template("mismatch.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, library=plotly_source(),
         css=_template("report.css"), scripts=[_template("draw.js"), _template("mismatch.js")], sections=SECTIONS,
         outcome=OUTCOMES[body["outcome"]], body=body, drawn=drawn, judged=verdict.moments is not None,

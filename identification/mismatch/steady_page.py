@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.report.environment import environment
 from nanobench_tools.report.page import _template
 from nanobench_tools.version import __version__
 
@@ -27,13 +28,9 @@ def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthe
                       dose: Mapping[str, Any] | None = None) -> None:
     """cases {title: verdict of ``steady.compare``}; above them summary: sentences, table: heads and rows, one a case,
     dose {cut_mm, loss_percent}: of cut propellers."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
-                              lstrip_blocks=True, undefined=StrictUndefined)
     drawn = [{"id": f"case-{k}", "title": title, "body": plain(body), **_pictures(plain(body))}
              for k, (title, body) in enumerate(cases.items())]
-    text = environment.get_template("steady.html").render(
+    text = environment().get_template("steady.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, css=_template("report.css"), cases=drawn,
         summary=summary, heads=table[0], rows=table[1], dose=_dose(dose),
         ids={title: f"case-{k}" for k, title in enumerate(cases)}, width=WIDTH, height=HEIGHT, left=LEFT, bottom=BOTTOM)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import MissingExtraError, UsageError
+from ..errors import MissingExtraError, UsageError, how_to_install
 from .diagnose_bound import flexible
 from .options import PATH, Options, shared_options
 from .show import data_word
@@ -235,7 +235,7 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
     if options.out is None:
         return
     if importlib.util.find_spec("plotly") is None:
-        options.say("report.html was not written: its pictures need plotly; pip install 'nanobench[report]'")
+        options.say(f"report.html was not written: its pictures need plotly; {how_to_install('report')}")
         return
     from identification.mismatch.page import write_page
 

@@ -15,6 +15,7 @@ import warnings
 import click
 
 from ..errors import NanobenchError
+from ..user_folder import keep_ours
 from ..version import __version__
 
 VERBS: dict[str, tuple[str, str]] = {
@@ -102,6 +103,7 @@ def main(argv: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     words = sys.argv[1:] if argv is None else list(argv)
     try:
+        keep_ours()
         with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes
             code = cli.invoke(context)
         sys.stdout.flush()

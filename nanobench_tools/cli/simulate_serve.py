@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError, UsageError
+from ..errors import InputError, UsageError, how_to_install
 from .options import PATH, FiniteRange, Options
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _vehicles(options: Options, count: int, given: dict[str, Any]) -> list[Any]:
     try:
         from controllers.served_vehicle import served
     except ImportError as error:
-        raise UsageError(f"the plant is not installed: {error}; pip install 'nanobench[mpc]'") from error
+        raise UsageError(f"the plant is not installed: {error}; {how_to_install('mpc')}") from error
 
     simulator: Path | None = given["simulator"]
     x, y, z, yaw = given["start"] or (0.0, 0.0, 0.0, 0.0)

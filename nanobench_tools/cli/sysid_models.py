@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import NanobenchError
+from ..errors import NanobenchError, how_to_install
 from .convert import SIMULATORS, export_simulators
 from .options import Options
 
@@ -30,7 +30,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float)
     if wanted == "none":
         return {}
     if importlib.util.find_spec("casadi") is None:
-        options.say('no model is fitted: casadi is not installed; pip install "nanobench[identification]"')
+        options.say(f"no model is fitted: casadi is not installed; {how_to_install('identification')}")
         return {}
     if not train:
         options.say("no model is fitted: no training flight can be used")

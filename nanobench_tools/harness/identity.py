@@ -20,11 +20,13 @@ import types
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from importlib import metadata
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .. import user_folder
 from ..version import __version__
 
 PACKAGES = ("nanobench_tools", "estimators", "controllers", "identification")
@@ -58,8 +60,9 @@ def method_identity(method: Any) -> str:
     never answered from the store. A file that a method reads by itself does not count: raise its ``version`` then.
     """
     kind = method if isinstance(method, (type, types.FunctionType, types.BuiltinFunctionType)) else type(method)
-    text = f"{kind.__module__}:{kind.__qualname__} {getattr(method, 'version', '')}"
-    if kind.__module__.partition(".")[0] not in PACKAGES:
+    theirs = user_folder.own_name(kind.__module__)
+    text = f"{theirs[1] if theirs else kind.__module__}:{kind.__qualname__} {getattr(method, 'version', '')}"
+    if theirs or kind.__module__.partition(".")[0] not in PACKAGES:
         text += f" {_source_hash(kind.__module__)}"
     if kind is not method:
         text += f" {_hash(vars(method)) if hasattr(method, '__dict__') else sha256_of(pickle.dumps(method))}"
@@ -129,14 +132,16 @@ def _source_hash(module_name: str) -> str:
         return uuid.uuid4().hex
     digest = hashlib.sha256("\0".join(_distributions()).encode())
     seen: set[str] = set()
-    queue = [module_name.partition(".")[0]]
+    folder, name = user_folder.own_name(module_name) or (None, module_name)
+    queue = [name.partition(".")[0]]
     while queue:
         name = queue.pop()
-        if name in seen or name in PACKAGES or name in sys.stdlib_module_names:
+        inside = folder and user_folder.find_in(folder, name)
+        if name in seen or (name in PACKAGES and not inside) or name in sys.stdlib_module_names:
             continue
         seen.add(name)
         own = len(seen) == 1
-        for path in _files_of(name, installed_too=own) or ([Path(module_file)] if own else []):
+        for path in _files_of(name, own, inside or None) or ([Path(module_file)] if own else []):
             digest.update(path.name.encode())
             if path.suffix == ".py":
                 text = path.read_bytes()
@@ -147,10 +152,11 @@ def _source_hash(module_name: str) -> str:
     return digest.hexdigest()
 
 
-def _files_of(name: str, installed_too: bool) -> list[Path]:
-    """The file of a top-level module or all files of a package; none for what was installed, unless asked."""
+def _files_of(name: str, installed_too: bool, spec: ModuleSpec | None) -> list[Path]:
+    """The file of a top-level module or all files of a package; none for what was installed, unless asked. ``spec``:
+    where it is, if known."""
     try:
-        spec = importlib.util.find_spec(name)
+        spec = spec or importlib.util.find_spec(name)
     except (ImportError, ValueError):
         return []
     places = [*(spec.submodule_search_locations or [])] if spec else []

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from ..flight import Flight
+from ..version import __version__
 from .identity import package_hash
 
-LIBRARIES = ("nanobench", "numpy", "scipy", "pyarrow", "PyYAML", "joblib", "numba", "dask", "distributed")
+LIBRARIES = ("numpy", "scipy", "pyarrow", "PyYAML", "joblib", "numba", "dask", "distributed")
 """Distributions whose version a result may depend on; those not installed are left out."""
 
 STARTED = time.time()
@@ -31,7 +32,7 @@ def manifest(inputs: Iterable[Flight | tuple[str, str]] = (), seed: int | None =
     started = STARTED if started is None else started
     files = [(f.provenance.path, f.provenance.sha256) if isinstance(f, Flight) else f for f in inputs]
     return {
-        "versions": {name: version for name in LIBRARIES if (version := _version(name))},
+        "versions": {"nanobench": __version__} | {name: version for name in LIBRARIES if (version := _version(name))},
         "source_sha256": package_hash(),
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",

@@ -16,6 +16,7 @@ from multiprocessing import resource_tracker
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
+from ..user_folder import are_ours, keep_ours
 from .items import Item, Outcome, Results, execute
 from .store import Store
 
@@ -99,7 +100,7 @@ def _take(jobs: int) -> ProcessPoolExecutor:
         _close()
         _silence_manager()
         _pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
-                                    initargs=(os.getpid(),))
+                                    initargs=(os.getpid(), are_ours()))
         _size = jobs
     return _pool
 
@@ -145,8 +146,10 @@ def _interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(parent: int) -> None:
-    """A worker whose first process is gone (killed) ends by itself."""
+def _start_worker(parent: int, ours: bool) -> None:
+    """A worker has the packages its first process has, and ends by itself when that is gone (killed)."""
+    if ours:
+        keep_ours()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 from ..protocols.compare import verdict
 from ..protocols.sessions import interval_note
 from ..version import __version__
+from .environment import environment
 from .page import _template, breakable, failures, plotly_source, safe_json
 from .quantities import DASH
 
@@ -17,12 +18,7 @@ METRICS = (("roll_pitch_rate_mae_rad_s", "Roll, pitch rate", "rad/s"), ("yaw_rat
 
 def motors_page(body: Mapping[str, Any], synthetic: bool) -> str:
     """The page as text from the content of motors.json (plain JSON values). ``synthetic``: every caption says so."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
-                              lstrip_blocks=True, undefined=StrictUndefined)
-    environment.globals.update(breakable=breakable, dash=DASH)
-    return environment.get_template("motors.html").render(
+    return environment(breakable=breakable, dash=DASH).get_template("motors.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, library=plotly_source(),
         css=_template("report.css"), scripts=[_template("draw.js"), _template("motors.js")],
         words=words(body), lags=[_lag(r, body["lag"]["best"]) for r in body["lag"]["rows"]],

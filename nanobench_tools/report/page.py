@@ -16,6 +16,7 @@ from ..flight import Flight
 from ..version import __version__
 from . import control, estimates, pictures, words
 from .clock_error import typical
+from .environment import environment
 from .quantities import DASH
 from .recording import payload
 from .rows import tables_of
@@ -60,18 +61,13 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
 def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], recordings: Sequence[Mapping[str, Any]],
            entries: Mapping[str, Mapping[str, Any]], label: str) -> str:
     """The page as text. ``label`` stands before every caption, empty for real recordings."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
-                              lstrip_blocks=True, undefined=StrictUndefined)
-    environment.globals.update(view=table_view, breakable=breakable, dash=DASH)
     library = plotly_source()
     overview = {"task1": pictures.task1(results.get("sysid")),
                 "task3": pictures.task3(results.get("estimate"), words.way(bool(label))),
                 **control.pictures(results.get("control")), "blackout": pictures.blackout(results.get("estimate")),
                 **estimates.pictures(results.get("estimate")), "clocks": pictures.clocks(results.get("audit")),
                 "wander": shown_wander(results.get("estimate"), entries, [r["name"] for r in recordings])}
-    return environment.get_template("report.html").render(
+    return environment(view=table_view, breakable=breakable, dash=DASH).get_template("report.html").render(
         label=label, sections=SECTIONS, subtitles=SUBTITLES, version=__version__, library=library,
         css=_template("report.css"), scripts=[_template(name) for name in SCRIPTS],
         none_of_it=words.ABSENT, words={"overview": words.overview(results), "task1": words.task1(results),

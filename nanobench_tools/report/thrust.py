@@ -7,6 +7,7 @@ from typing import Any
 
 from ..protocols.sessions import interval_note
 from ..version import __version__
+from .environment import environment
 from .page import _template, breakable, failures, plotly_source, safe_json
 from .quantities import DASH
 
@@ -16,13 +17,8 @@ KEYS = {"stand": ("rms_N", 1e3, "mN per motor", 2), "flight": ("rms_m_s2", 1.0, 
 
 def thrust_page(body: Mapping[str, Any], synthetic: bool) -> str:
     """The page as text from the content of thrust.json (plain JSON values). ``synthetic``: every caption says so."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(loader=PackageLoader("nanobench_tools.report"), autoescape=True, trim_blocks=True,
-                              lstrip_blocks=True, undefined=StrictUndefined)
-    environment.globals.update(breakable=breakable, dash=DASH)
     parts = [part(kind, body) for kind in SECTIONS if kind in body]
-    return environment.get_template("thrust.html").render(
+    return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=plotly_source(),
         css=_template("report.css"), scripts=[_template("draw.js"), _template("thrust.js")],
         left_out=body.get("left_out") or [], failed=failures({"thrust": body}),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, how_to_install
 from .bag_repair import REPAIRS
 
 SUFFIXES = {b"#ROSBAG V": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
@@ -44,7 +44,7 @@ def read_bag(data: bytes, place: str, wanted: Callable[[str, str], bool]) -> Bag
     try:
         import rosbags.highlevel as _  # noqa: F401
     except ImportError:
-        raise InputError(place, "a ROS bag is read through rosbags", "pip install 'nanobench[rosbag]'") from None
+        raise InputError(place, "a ROS bag is read through rosbags", how_to_install("rosbag")) from None
     suffix = suffix_of(data)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"bag{suffix}"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, how_to_install
 from ..flight import Fault, Flight, Provenance, Stream
 from . import ulog_motors
 from .base import not_numbers, text_fault
@@ -84,7 +84,7 @@ def _parse(data: bytes, place: str) -> Any:
     try:
         from pyulog import ULog
     except ImportError:
-        raise InputError(place, "a PX4 log is read through pyulog", "pip install 'nanobench[ulog]'") from None
+        raise InputError(place, "a PX4 log is read through pyulog", how_to_install("ulog")) from None
     wanted = {t for _, candidates in STREAMS.values() for t in candidates}
     try:
         with _printing, contextlib.redirect_stdout(io.StringIO()):  # it prints what the findings say

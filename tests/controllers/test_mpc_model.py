@@ -184,7 +184,7 @@ def test_a_compiler_that_fails_is_done_without(monkeypatch, tmp_path):
 
 def test_a_missing_package_is_one_line_that_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
-    with pytest.raises(MissingExtraError, match=r"casadi is not installed; pip install 'nanobench\[mpc\]'"):
+    with pytest.raises(MissingExtraError, match=r'casadi is not installed; pip install "nanobench-tools\[mpc\]"'):
         mpc_code.import_casadi()
 
 

@@ -12,7 +12,7 @@ from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.metrics.consistency import normalised_squared
 from nanobench_tools.protocols import aided, blackout
 
-gtsam = pytest.importorskip("gtsam", reason="GTSAM ABSENT: pip install 'nanobench[smoothers]'")
+gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install "nanobench-tools[smoothers]"')
 
 from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
 from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402
@@ -265,7 +265,7 @@ def test_bent_poses_after_t0_change_nothing(crowd, method):
 
 def test_without_the_package_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "gtsam", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'nanobench\[smoothers\]'"):
+    with pytest.raises(MissingExtraError, match=r'pip install "nanobench-tools\[smoothers\]"'):
         GtsamBatch().estimate(known_motion(seconds=3.0)[0])
 
 

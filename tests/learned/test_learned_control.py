@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason="JAX ABSENT: pip install 'nanobench[learned]'")
+pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
 
 from controllers.ensemble import shipped_simulator
 from controllers.learned import policies

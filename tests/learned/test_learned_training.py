@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason="JAX ABSENT: pip install 'nanobench[learned]'")
+pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
 
 from identification.learned import bar, checkpoints, study
 from identification.learned.bar import Left, bars
@@ -323,7 +323,7 @@ def test_without_published_rows_and_physics_nothing_is_trained(cases, tmp_path):
 def test_without_jax_one_line_says_what_to_install(monkeypatch):
     libraries.cache_clear()
     monkeypatch.setitem(sys.modules, "equinox", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'nanobench\[learned\]'"):
+    with pytest.raises(MissingExtraError, match=r'pip install "nanobench-tools\[learned\]"'):
         libraries()
     libraries.cache_clear()
 

@@ -124,7 +124,7 @@ def test_failures_are_listed(tmp_path, results, flights):
 def test_without_the_plotting_library_the_tables_are_there_and_the_way_to_it(tmp_path, results, flights, monkeypatch):
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     path = write_report(tmp_path, results, flights, {}, synthetic=False)
-    assert "pip install 'nanobench[report]'" in path.read_text("utf-8").replace("&#39;", "'")
+    assert 'pip install "nanobench-tools[report]"' in path.read_text("utf-8").replace("&#34;", '"')
     assert path.stat().st_size < 300_000
 
 

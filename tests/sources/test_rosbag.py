@@ -207,4 +207,4 @@ def test_missing_extra_is_one_line(tmp_path, monkeypatch):
     path = write(tmp_path, "ros1", n=1)
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     (failure,) = load_recordings([path], cache=False).failed
-    assert failure["error"] == f"{path}: a ROS bag is read through rosbags; pip install 'nanobench[rosbag]'"
+    assert failure["error"] == f'{path}: a ROS bag is read through rosbags; pip install "nanobench-tools[rosbag]"'

@@ -275,4 +275,5 @@ def test_missing_extra_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyulog", None)
     (tmp_path / "a").write_bytes(ulog({"sensor_combined": REST}))
     (failure,) = load_recordings([tmp_path], cache=False).failed
-    assert failure["error"] == f"{tmp_path / 'a'}: a PX4 log is read through pyulog; pip install 'nanobench[ulog]'"
+    says = 'a PX4 log is read through pyulog; pip install "nanobench-tools[ulog]"'
+    assert failure["error"] == f"{tmp_path / 'a'}: {says}"

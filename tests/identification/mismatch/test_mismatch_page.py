@@ -198,7 +198,7 @@ def test_a_bin_of_few_stretches_has_no_bar():
 def test_without_plotly_the_verb_says_what_is_missing(verdict, recordings, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     verb._write_page(Options(out=tmp_path), verdict, recordings)
-    assert "nanobench[report]" in capsys.readouterr().err
+    assert "nanobench-tools[report]" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -150,4 +150,4 @@ def test_the_verb_refuses(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name, found=importlib.util.find_spec: (
         None if name == "rotorpy" else found(name)))
     assert main(["prove", "--engine", "rotorpy"]) == 2
-    assert "pip install 'nanobench[rotorpy]'" in capsys.readouterr().err
+    assert 'pip install "nanobench-tools[rotorpy]"' in capsys.readouterr().err
