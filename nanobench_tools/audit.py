@@ -1,6 +1,6 @@
 """The audit of one recording: what is wrong with it, where it may be used, whose clock is late, what really flew.
 
-``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, one file each) over one shared
+``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, ``faults.kind``) over one shared
 ``Context`` and collects the verdict. Nothing here looks at a name.
 """
 
@@ -19,35 +19,14 @@ from .content.context import Context
 from .content.controller import controller_of
 from .content.rates import RateReading, rates_of
 from .content.rows import whole_span
+from .deprecation import renamed
 from .faults.copy import copies, fault_of
+from .faults.kinds import cutting, kinds, log_ended
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
-from .registry import load_all
 from .retiming.readings import clocks_with_warp
 from .retiming.warp import ClockWarp
 
-CUTTING_KINDS = frozenset(
-    {
-        "dead_stream",
-        "frozen_stream",
-        "gap",
-        "backward_time",
-        "unit",
-        "sign",
-        "axis_swap",
-        "spike",
-        "saturated_sensor",
-        "mocap_occlusion",
-        "mocap_jump",
-        "quaternion_order",
-        "estimator_reset",
-        "crash",
-        "checksum",
-        "bad_cell",
-    }
-)
-"""Kinds whose span must not be used. The clock kinds are corrected rather than cut; a missing column takes no time
-away (whoever needs it gets an InputError that names it); a copy is dropped as a whole by the protocols; the rest is
-information."""
+__getattr__ = renamed(__name__, {"CUTTING_KINDS": "nanobench_tools.faults.kinds:cutting()"})
 NEVER_CUT = frozenset({"extra"})
 """Streams of columns nobody knows: what they look like proves nothing about the rows."""
 
@@ -73,12 +52,13 @@ class Audit:
     rates: dict[str, RateReading]
     span: Span
 
-    def clean_for(self, streams: Iterable[str], kinds: Iterable[str] = CUTTING_KINDS) -> tuple[Span, ...]:
-        """Spans of the recording without a fault of ``kinds`` in ``streams``; not intersected with airborne.
+    def clean_for(self, streams: Iterable[str], kinds: Iterable[str] | None = None) -> tuple[Span, ...]:
+        """Spans of the recording without a fault of ``kinds`` (None: of those that cut) in ``streams``; not intersected
+        with airborne.
 
         A fault without a stream of its own (``stream`` empty) counts for every stream; those of ``extra`` never count.
         """
-        streams, kinds = {*streams, ""} - NEVER_CUT, set(kinds)
+        streams, kinds = {*streams, ""} - NEVER_CUT, cutting() if kinds is None else set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
 
     def retimed(self, warp: ClockWarp | None) -> Audit:
@@ -90,8 +70,8 @@ class Audit:
         early, late = float(lateness.max()), float(lateness.min())
         faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
                        for f in self.faults)
-        # a dead tail still reaches the end of the recording, wherever its stamps went
-        faults = tuple(replace(f, end_s=max(f.end_s, self.span.end_s)) if f.kind == "dead_stream" else f
+        # the end of a log still reaches the end of the recording, wherever its stamps went
+        faults = tuple(replace(f, end_s=max(f.end_s, self.span.end_s)) if f.kind in log_ended() else f
                        for f in faults)
         cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
         return replace(self, faults=faults, clean=subtract_spans([self.span], cuts))
@@ -163,8 +143,8 @@ def _nan(value: float | None) -> float:
 
 
 def _cuts_every_use(fault: Fault) -> bool:
-    stuck_voltage = fault.kind == "frozen_stream" and fault.stream == "battery"
-    return fault.kind in CUTTING_KINDS and fault.stream not in NEVER_CUT and not stuck_voltage
+    kind = kinds().get(fault.kind)
+    return kind is not None and kind.cuts and fault.stream not in NEVER_CUT | kind.spares
 
 
 def audit(flight: Flight) -> Audit:
@@ -172,8 +152,8 @@ def audit(flight: Flight) -> Audit:
     context = Context(flight)
     span = context.once(whole_span)
     faults: list[Fault] = []
-    for module in load_all("faults").values():
-        faults.extend(module.find(context.flight, context))
+    for kind in kinds().values():
+        faults.extend(kind.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
     cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
     return Audit(

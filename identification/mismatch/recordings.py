@@ -9,6 +9,7 @@ import numpy as np
 
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
+from nanobench_tools.faults.kinds import those
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
@@ -21,8 +22,6 @@ from .taking_part import cutting, still_late, taking_part
 from .track import NEEDED, ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
-INFORMATION = ("interpolated", "extra_column", "missing_column", "copy")
-"""Kinds that are said elsewhere and take nothing away from what a stream says."""
 LEAST_S = setting("mismatch.recordings.least_s")
 """Seconds of clean flight below which nothing is said about physics."""
 LATE_S = setting("mismatch.recordings.late_s")
@@ -107,8 +106,8 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
         left_out |= dict.fromkeys(late, "its clock is wrong and could not be put right")
         cut += [(name, f) for name, faults in late.items() for f in faults]
         tracks, late = in_time, {}
-    faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults
-                   if fault.kind not in INFORMATION)
+    elsewhere = those(lambda kind: not kind.in_diagnosis)
+    faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults if fault.kind not in elsewhere)
     if unit and not tracks and (blind := [f for f in kept if "mocap" in missing(moved[f.name], needed=needed)]):
         raise InputError(blind[0].provenance.path, "has a collective command, and no attitude beside its position",
                          "translation needs one: mocap qx qy qz qw, or a stream attitude_qw or attitude")

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from nanobench_tools.audit import CUTTING_KINDS, Audit
+from nanobench_tools.audit import Audit
 from nanobench_tools.content.context import Context
-from nanobench_tools.faults import clock_drift, clock_offset
+from nanobench_tools.faults.kinds import cutting as cutting_kinds
+from nanobench_tools.faults.kinds import kinds
 from nanobench_tools.flight import Fault, Flight
 
-CLOCKS = (clock_offset.KIND, clock_drift.KIND)
 ATTITUDES = ("attitude_qw", "attitude")
 Needed = Mapping[str, Sequence[str]]
 
@@ -44,20 +44,17 @@ def _reaches(fault: Fault, flight: Flight, needed: Needed) -> bool:
 
 def cutting(audit: Audit) -> tuple[Fault, ...]:
     """Faults of ``taking_part`` that take rows in the air away; all of them where nobody can tell when it flew."""
-    return tuple(f for f in audit.faults if f.kind in CUTTING_KINDS and (
+    cuts = cutting_kinds()
+    return tuple(f for f in audit.faults if f.kind in cuts and (
         not audit.airborne or any(f.start_s < s.end_s and f.end_s > s.start_s for s in audit.airborne)))
 
 
 def still_late(audit: Audit, moved: Flight, least_s: float) -> tuple[Fault, ...]:
     """Time errors of ``taking_part`` above ``least_s`` that are left in the recording as it is compared (``moved``)."""
-    if not any(f.kind in CLOCKS for f in audit.faults):
+    clocks = {name: kind for name, kind in kinds().items() if kind.left_s is not None}
+    streams = {f.stream for f in audit.faults if f.kind in clocks}
+    if not streams:
         return ()
     context = Context(moved)
-    left = (*clock_offset.find(context.flight, context), *clock_drift.find(context.flight, context))
-    streams = {f.stream for f in audit.faults if f.kind in CLOCKS}
-    return tuple(f for f in left if f.stream in streams and _error_s(f) > least_s)
-
-
-def _error_s(fault: Fault) -> float:
-    """The largest time error of a fault of ``CLOCKS``: a drift is least in the middle."""
-    return abs(fault.size) * (0.5 * (fault.end_s - fault.start_s) if fault.kind == clock_drift.KIND else 1.0)
+    return tuple(f for kind in clocks.values() for f in kind.find(context.flight, context)
+                 if f.stream in streams and kind.left_s is not None and kind.left_s(f) > least_s)

@@ -16,6 +16,7 @@ import numpy as np
 from identification.thrust.firmware import PLUS
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
+from nanobench_tools.faults.kinds import cutting_trim
 from nanobench_tools.flight import Flight, Span, intersect_spans, mask_of
 from nanobench_tools.settings import number, setting
 from nanobench_tools.units import GRAVITY_M_S2
@@ -135,8 +136,7 @@ def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarra
     starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
     runs = [Span(float(time_s[a]) + AFTER_START_S, float(time_s[b]) - BEFORE_STOP_S)
             for a, b in zip(starts, stops, strict=True) if time_s[b] - time_s[a] > AFTER_START_S + BEFORE_STOP_S]
-    kinds = {"gap", "spike", "dead_stream", "frozen_stream", "bad_cell", "checksum", "crash"}
-    clean = audit.clean_for(["motor"], kinds)
+    clean = audit.clean_for(["motor"], cutting_trim())
     found = intersect_spans(runs, clean)
     if _knows_height(flight):
         found = intersect_spans(found, audit.airborne)

@@ -28,6 +28,7 @@ from identification.thrust.export import rising_cubic
 from identification.thrust.flight_fit import BALANCED, find_delay, fit_flights, models
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
+from nanobench_tools.faults.kinds import log_ended
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
@@ -41,7 +42,6 @@ STOCK_KG = 0.0270
 """A bare vehicle of the type, without marker set and deck."""
 FLIGHTS = 6
 """Of one case."""
-DEAD = "dead_stream"
 RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
 MAP, DRAG = "thrust_voltage", "drag_linear"
 BALANCED_MAP = f"{MAP}{BALANCED}"
@@ -146,11 +146,11 @@ def dead_logs(split: Split, audits: Mapping[str, Audit], simulators: tuple[Model
               number: int) -> list[RealCase]:
     """The case of the test flights whose log died in the air; none where no log did."""
     found = {case.flight.name: (case.flight, dead) for case in split.test
-             if (dead := [f for f in audits[case.flight.name].faults if f.kind == DEAD])}
+             if (dead := [f for f in audits[case.flight.name].faults if f.kind in log_ended()])}
     if not found:
         return []
     names = list(found)[:FLIGHTS]
-    faults = [{"kind": DEAD, "flight": name, "stream": fault.stream, "size": fault.size}
+    faults = [{"kind": fault.kind, "flight": name, "stream": fault.stream, "size": fault.size}
               for name in names for fault in found[name][1]]
     truth = {"case": f"real_{number:03d}", "kind": "dead log", "effects": [], "faults": faults, "engine": None,
              "note": ", ".join(names)}

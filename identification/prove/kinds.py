@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from nanobench_tools.faults.kinds import those
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.sources.nanobench_columns import STREAMS
 
@@ -23,15 +24,13 @@ describes.
 COMPARED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
             "motor": ("m1", "m2", "m3", "m4")}
 """What a recording has to hold for its physics to be compared with a simulator's."""
-WHOLE = ("unit", "sign", "axis_swap", "quaternion_order")
-"""Injections that are in every row of a flight. A clock is as well, but the motion capture shows it, and it is put
-right."""
 
 
 def forbids(faults: Sequence[Mapping[str, Any]], flights: Sequence[str]) -> bool:
     """Whether faults (as in a truth) leave nothing to compare: every flight has one of what is compared, from its first
     row to its last. One that is over after some seconds, or in one flight, leaves the rest."""
-    spoilt = {f["flight"] for f in faults if f["kind"] in WHOLE
+    whole = those(lambda kind: kind.whole and kind.cuts)  # a clock is, too, but the motion capture shows it: put right
+    spoilt = {f["flight"] for f in faults if f["kind"] in whole
               and f["stream"] in COMPARED and not {*f["columns"]}.isdisjoint(_named(f["stream"]))}
     return spoilt >= {*flights}
 

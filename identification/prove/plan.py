@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from nanobench_tools.faults.kind import Blind
+from nanobench_tools.faults.kinds import those
+from nanobench_tools.practice.inject import INJECTIONS
+
 from .airframe import LIFT, Airframe, draw_airframe
 from .effects import EFFECTS, FOREIGN, KNOWN, SIZES
 from .effects.thrust_voltage import CHARGES
@@ -34,16 +38,6 @@ INNOCENT = ("plain", "falling voltage", "low flights", "big tilts", "turning", "
 KNOWN_IN_RICH = ("motor_imbalance", "com_offset", "inflow", "ground_effect", "wind", "force_world", "drag_quadratic",
                  "angular_damping", "command_delay", "frame_tilt")
 """Effects with hooks of their own, which a simulator may have right."""
-FAULTS: tuple[tuple[str, float | None, dict[str, Any], bool], ...] = (
-    ("unit", None, {"case": 0}, True), ("unit", None, {"case": 3}, True), ("unit", None, {"case": 5}, True),
-    ("sign", None, {"stream": "imu", "column": "gyro_x"}, True),
-    ("sign", None, {"stream": "imu", "column": "acc_y"}, True),
-    ("clock_offset", 0.05, {}, True), ("clock_offset", 0.10, {}, True), ("dead_stream", 6.0, {}, False),
-    ("spike", 1.0, {}, False), ("axis_swap", None, {"stream": "imu", "pair": ("gyro_x", "gyro_y")}, True),
-    ("quaternion_order", None, {"stream": "mocap"}, True), ("mocap_jump", 0.1, {}, False), ("gap", 2.0, {}, False),
-    ("clock_drift", 0.005, {}, True), ("frozen_stream", 2.0, {}, False), ("unit", None, {"case": 10}, True),
-    ("saturated_sensor", 0.4, {}, False), ("mocap_occlusion", 2.0, {"how": "interpolate"}, False))
-"""Kind, size, options of ``practice.inject``; whether the whole logging setup is wrong (all flights) or one flight."""
 
 
 def plan_cases(n: int, seed: int = 0) -> list[CaseSpec]:
@@ -167,14 +161,20 @@ def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator,
         concealed = (_lifting(_hidden(effect, _size(kind, rng), rng, airframe, late), rng, airframe, LEAST_LIFT),)
         note = "from one flight on"
     if kind == "fault":
-        faults = (_fault(_deal(decks, kind, lambda: FAULTS, deal_rng), rng, flights),)
+        faults = (_fault(_deal(decks, kind, _faults, deal_rng), rng, flights),)
     nuisance = _nuisance(rng, note == "restless air")
-    if any(f.kind.startswith("clock") for f in faults):
+    if any(f.kind in those(lambda kind: kind.corrected) for f in faults):
         nuisance = Nuisance(nuisance.disturbance_m_s2, nuisance.thrust_noise)
     return CaseSpec(name, kind, seed, index, airframe, flights, concealed, known, faults, nuisance, note=note)
 
 
-def _fault(card: tuple, rng: np.random.Generator, flights: Sequence[FlightSpec]) -> DataFault:
-    kind, size, options, everywhere = card
-    some = tuple(range(len(flights))) if everywhere else (int(rng.integers(len(flights))),)
-    return DataFault(kind, size, options, some)
+def _faults() -> list[tuple[str, Blind]]:
+    """Every card of every kind of fault, in the order of the deck."""
+    cards = [(name, card) for name, injection in INJECTIONS.items() for card in injection.blind]
+    return sorted(cards, key=lambda one: one[1].place)
+
+
+def _fault(card: tuple[str, Blind], rng: np.random.Generator, flights: Sequence[FlightSpec]) -> DataFault:
+    kind, blind = card
+    some = tuple(range(len(flights))) if blind.everywhere else (int(rng.integers(len(flights))),)
+    return DataFault(kind, blind.size, blind.options, some)

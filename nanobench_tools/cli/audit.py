@@ -56,19 +56,20 @@ def overview(audits: Mapping[str, Audit], title: str) -> Table:
     from rich import box
     from rich.table import Table
 
-    from ..audit import CUTTING_KINDS
+    from ..faults.kinds import cutting, those
     from ..flight import intersect_spans
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("recording", "controller", "airborne s", "clean s", "imu late ms", "imu Hz", "faults"):
         table.add_column(name, justify="left" if name in ("recording", "controller", "faults") else "right",
                          overflow="fold")
+    cuts, untold = cutting(), those(lambda kind: not kind.in_overview)
     for a in audits.values():
         airborne = sum(s.duration_s for s in a.airborne)
         clean = sum(s.duration_s for s in intersect_spans(a.airborne, a.clean))
         clock, rate = a.clock.get("imu"), a.rates.get("imu")
-        kinds = Counter(f.kind for f in a.faults if f.kind != "interpolated")
-        words = ", ".join(f"[bold]{text}[/]" if kind in CUTTING_KINDS else text for kind, n in kinds.items()
+        kinds = Counter(f.kind for f in a.faults if f.kind not in untold)
+        words = ", ".join(f"[bold]{text}[/]" if kind in cuts else text for kind, n in kinds.items()
                           for text in [kind + (f" x{n}" if n > 1 else "")])
         table.add_row(one_line(a.flight), one_line(a.controller), f"{airborne:.1f}", f"{clean:.1f}", _late(clock),
                       f"{rate.rate_hz:.1f}" if rate else "-", words or "none")

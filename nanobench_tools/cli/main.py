@@ -14,6 +14,7 @@ import warnings
 
 import click
 
+from ..deprecation import todays_options
 from ..errors import NanobenchError
 from ..user_folder import keep_ours
 from ..version import __version__
@@ -101,7 +102,8 @@ def main(argv: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that cannot be printed
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    words = sys.argv[1:] if argv is None else list(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    words = todays_options(next((word for word in words if word in VERBS), ""), words)
     try:
         keep_ours()
         with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes

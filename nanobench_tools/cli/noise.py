@@ -31,7 +31,6 @@ def noise(options: Options) -> int:
 
     from estimators.imu_noise import ImuNoise, packet_rate_hz
 
-    from ..audit import CUTTING_KINDS
     from ..flight import intersect_spans
     from ..noise.inflight import InFlight
     from ..noise.rest import at_rest
@@ -43,7 +42,7 @@ def noise(options: Options) -> int:
     rest, flown = at_rest(kept), InFlight()
     for flight in kept:
         audit = audits[flight.name]
-        flown.add(flight, intersect_spans(audit.airborne, audit.clean_for(["imu", "mocap"], CUTTING_KINDS)))
+        flown.add(flight, intersect_spans(audit.airborne, audit.clean_for(["imu", "mocap"])))
     if rest is None and not flown.flights:
         raise InputError(flights[0].provenance.path, "no recording with accelerometer and gyro stood still or flew")
     gyro, acc, gyro_walk, acc_walk = flown.densities()

@@ -14,6 +14,7 @@ import math
 from ..content.context import Context
 from ..content.wrongness import wrong_axes
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "axis_swap"
@@ -25,3 +26,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         over_stream(KIND, flight, name, quantities, math.nan, "1", evidence)
         for name, quantities, evidence in context.once(wrong_axes)
     ]
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
+                  injection="nanobench_tools.practice.inject.streams:AXIS_SWAP")

@@ -12,6 +12,7 @@ import numpy as np
 from ..content.context import Context
 from ..content.rows import tables
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "backward_time"
 
@@ -36,3 +37,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="clock", cuts=True, cuts_trim=False,
+                  injection="nanobench_tools.practice.inject.clocks:BACKWARD_TIME")

@@ -15,6 +15,7 @@ from ..content.context import Context
 from ..content.rows import runs, usable_streams
 from ..flight import Fault, Flight
 from . import mocap_occlusion
+from .kind import FaultKind
 from .making import findings
 
 KIND = "bad_cell"
@@ -51,3 +52,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, file_injection="nanobench_tools.practice.inject.files:BAD_CELL")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ..content.context import Context
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import findings
 
 KIND = "checksum"
@@ -16,3 +17,6 @@ KIND = "checksum"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings."""
     return findings(flight, KIND)
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, whole=True)

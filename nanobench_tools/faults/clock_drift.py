@@ -12,6 +12,7 @@ from __future__ import annotations
 from ..clock.moving import moving_clocks
 from ..content.context import Context
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "clock_drift"
@@ -26,3 +27,13 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         for name, clock in context.once(moving_clocks).items()
         if clock.drifts
     ]
+
+
+def _left_s(fault: Fault) -> float:
+    """The largest time error: the stamps of a drift are least wrong in the middle."""
+    return abs(fault.size) * 0.5 * (fault.end_s - fault.start_s)
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True,
+                  left_s=_left_s, whole=True,
+                  injection="nanobench_tools.practice.inject.clocks:CLOCK_DRIFT")

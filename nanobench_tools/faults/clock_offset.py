@@ -16,6 +16,7 @@ from ..clock.readings import read_clocks
 from ..content.context import Context
 from ..flight import Fault, Flight
 from ..settings import number
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "clock_offset"
@@ -54,3 +55,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=lambda fault: abs(fault.size),
+                  whole=True, injection="nanobench_tools.practice.inject.clocks:CLOCK_OFFSET")

@@ -20,6 +20,7 @@ from ..content.context import Context
 from ..flight import Fault, Flight
 from ..retiming.confirm import believed
 from ..retiming.readings import shares_clock
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "clock_wander"
@@ -44,3 +45,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             smallest = SMALLEST_WANDER_S if clock is None else clock.detectable_wander_s
             faults.append(over_stream(KIND, flight, name, None, size, "s", evidence, smallest))
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, whole=True,
+                  injection="nanobench_tools.practice.inject.clocks:CLOCK_WANDER")

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..content.context import Context
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "copy"
 
@@ -85,3 +86,7 @@ def fault_of(flight: Flight, first: str) -> Fault:
 def find(flight: Flight, context: Context) -> list[Fault]:
     """Nothing: one recording alone is no copy."""
     return []
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="flight", whole=True, in_diagnosis=False,
+                  injection="nanobench_tools.practice.inject.whole:COPY")

@@ -14,6 +14,7 @@ from ..content.context import Context
 from ..content.crashes import TILT_RAD, crash_of
 from ..content.rows import whole_span
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "crash"
 
@@ -25,3 +26,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         return []
     end = context.once(whole_span).end_s
     return [Fault(KIND, "", (), crash.start_s, end, crash.size, "rad", crash.evidence, float(TILT_RAD))]
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="flight", cuts=True, cuts_logs=False,
+                  injection="nanobench_tools.practice.inject.whole:CRASH")

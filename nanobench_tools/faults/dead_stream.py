@@ -23,6 +23,7 @@ from ..content.packets import packets_of
 from ..content.rows import usable_streams
 from ..content.tails import PACKETS, SHORTEST_S, tails_of
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "dead_stream"
 
@@ -49,3 +50,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, log_ended=True,
+                  injection="nanobench_tools.practice.inject.streams:DEAD_STREAM")

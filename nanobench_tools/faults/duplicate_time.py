@@ -11,6 +11,7 @@ import numpy as np
 from ..content.context import Context
 from ..content.rows import runs, tables
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "duplicate_time"
 
@@ -35,3 +36,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="clock",
+                  injection="nanobench_tools.practice.inject.clocks:DUPLICATE_TIME")

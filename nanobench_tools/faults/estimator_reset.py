@@ -23,6 +23,7 @@ from ..content.tails import alive_until
 from ..content.truth import truth_of
 from ..flight import Fault, Flight
 from ..settings import count, number
+from .kind import FaultKind
 
 KIND = "estimator_reset"
 
@@ -108,3 +109,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="flight", cuts=True, cuts_logs=False, cuts_trim=False,
+                  injection="nanobench_tools.practice.inject.whole:ESTIMATOR_RESET")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ..content.context import Context
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import findings
 
 KIND = "extra_column"
@@ -16,3 +17,7 @@ KIND = "extra_column"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings."""
     return findings(flight, KIND)
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="information", whole=True, in_diagnosis=False,
+                  file_injection="nanobench_tools.practice.inject.files:EXTRA_COLUMN")

@@ -22,6 +22,7 @@ from ..content.rows import runs, usable_streams
 from ..content.tails import BATTERY_HOLDS_S, alive_until, flies, holds_still_rightly, voltage_stands
 from ..flight import Fault, Flight
 from ..settings import number
+from .kind import FaultKind
 
 KIND = "frozen_stream"
 
@@ -99,3 +100,8 @@ def _motors_run(context: Context) -> bool:
     streams = context.once(usable_streams)
     known = [streams[name].values for name in ("motor", "motor_request", "rpm") if name in streams]
     return any(np.nanmax(v, initial=0.0) > 0.0 for v in known) if known else bool(context.once(airborne_spans))
+
+
+# a battery reading that stands still leaves the other streams as good as they are
+FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, spares=frozenset({"battery"}),
+                  injection="nanobench_tools.practice.inject.streams:FROZEN_STREAM")

@@ -25,6 +25,7 @@ from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import number
+from .kind import FaultKind
 
 KIND = "gap"
 
@@ -108,3 +109,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, cuts_logs=False,
+                  injection="nanobench_tools.practice.inject.streams:GAP")

@@ -11,6 +11,7 @@ from ..content.context import Context
 from ..content.rates import rates_of
 from ..flight import Fault, Flight
 from ..settings import number
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "interpolated"
@@ -30,3 +31,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             evidence = f"{rate.samples} packets in {len(stream)} rows of {name}, {rate.rate_hz:.0f} a second"
             faults.append(over_stream(KIND, flight, name, None, share, "1", evidence, SMALLEST))
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="information", whole=True, in_overview=False, in_diagnosis=False)

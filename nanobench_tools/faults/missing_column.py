@@ -16,6 +16,7 @@ import numpy as np
 from ..content.context import Context
 from ..flight import Fault, Flight, Stream
 from ..sources.nanobench_columns import STREAMS
+from .kind import FaultKind
 from .making import findings, over_stream
 
 KIND = "missing_column"
@@ -76,3 +77,8 @@ def _column_names(name: str, stream: Stream, missing: tuple[str, ...]) -> tuple[
     known = {c.quantity: c.name for c in STREAMS.get(name, ())}
     same_source = all(known.get(q) == c for q, c in zip(stream.quantities, stream.columns, strict=True))
     return tuple(known.get(q, q) for q in missing) if same_source else missing
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost", whole=True, in_diagnosis=False,
+                  injection="nanobench_tools.practice.inject.streams:MISSING_COLUMN",
+                  file_injection="nanobench_tools.practice.inject.files:MISSING_COLUMN")

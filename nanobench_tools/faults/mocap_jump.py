@@ -18,6 +18,7 @@ from ..content.context import Context
 from ..content.filled import POSITION, ROTATION
 from ..content.leaps import displaced_stretches
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "mocap_jump"
 
@@ -52,3 +53,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False, cuts_trim=False,
+                  injection="nanobench_tools.practice.inject.room:MOCAP_JUMP")

@@ -16,6 +16,7 @@ from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import number
+from .kind import FaultKind
 
 KIND = "mocap_occlusion"
 
@@ -53,3 +54,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                     )
                 )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, cuts_logs=False, cuts_trim=False,
+                  injection="nanobench_tools.practice.inject.room:MOCAP_OCCLUSION")

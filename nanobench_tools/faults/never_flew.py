@@ -12,6 +12,7 @@ from ..content.airborne import HEIGHT_M, airborne_spans, height_of, resting_heig
 from ..content.context import Context
 from ..content.rows import whole_span
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "never_flew"
 
@@ -42,3 +43,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             HEIGHT_M,
         )
     ]
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="flight", whole=True,
+                  injection="nanobench_tools.practice.inject.whole:NEVER_FLEW")

@@ -13,6 +13,7 @@ from __future__ import annotations
 from ..content.context import Context
 from ..content.quaternions import STREAMS, quaternion_orders
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "quaternion_order"
@@ -36,3 +37,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
+                  injection="nanobench_tools.practice.inject.room:QUATERNION_ORDER")

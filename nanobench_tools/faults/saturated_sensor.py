@@ -21,6 +21,7 @@ from ..content.rows import usable_streams
 from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import count
+from .kind import FaultKind
 
 KIND = "saturated_sensor"
 
@@ -65,3 +66,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 )
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False, cuts_trim=False,
+                  injection="nanobench_tools.practice.inject.streams:SATURATED_SENSOR")

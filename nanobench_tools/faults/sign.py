@@ -16,6 +16,7 @@ from ..content.context import Context
 from ..content.likeness import CLEAR
 from ..content.wrongness import wrong_signs
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "sign"
@@ -27,3 +28,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         over_stream(KIND, flight, name, (quantity,), -1.0, "1", evidence, CLEAR)
         for name, quantity, evidence in context.once(wrong_signs)
     ]
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
+                  injection="nanobench_tools.practice.inject.streams:SIGN")

@@ -19,6 +19,7 @@ import numpy as np
 from ..content.context import Context
 from ..content.spikes import LIMITS, spikes
 from ..flight import Fault, Flight
+from .kind import FaultKind
 
 KIND = "spike"
 
@@ -48,3 +49,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             )
         )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False,
+                  injection="nanobench_tools.practice.inject.streams:SPIKE")

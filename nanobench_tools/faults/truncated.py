@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from ..content.context import Context
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import findings
 
 KIND = "truncated"
@@ -17,3 +18,7 @@ KIND = "truncated"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings."""
     return findings(flight, KIND)
+
+
+FAULT = FaultKind(KIND, find, __doc__, group="lost",
+                  file_injection="nanobench_tools.practice.inject.files:TRUNCATED")

@@ -16,6 +16,7 @@ from ..content.ranges import FACTOR
 from ..content.rows import whole_span
 from ..content.wrongness import wrong_units
 from ..flight import Fault, Flight
+from .kind import FaultKind
 from .making import over_stream
 
 KIND = "unit"
@@ -35,3 +36,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 Fault(KIND, "", wrong.quantities, span.start_s, span.end_s, wrong.factor, "1", wrong.evidence, FACTOR)
             )
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
+                  injection="nanobench_tools.practice.inject.streams:UNIT")

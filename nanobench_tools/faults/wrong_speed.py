@@ -17,6 +17,7 @@ from ..content.context import Context
 from ..content.rows import usable_streams
 from ..flight import Fault, Flight, motors_of
 from ..settings import count, number
+from .kind import FaultKind
 
 KIND = "wrong_speed"
 
@@ -65,3 +66,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                             f"rows: {text}; thrust per squared speed from this log is wrong",
                             LEAST_S / max(float(t[-1] - t[0]), LEAST_S)))
     return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__)

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..audit import Audit
+from ..faults.kinds import log_ended
 from ..flight import mask_of as inside
 from .labels import speed_of
 from .task3 import Case
 from .usable import POSE
 
 ROWS, MOST = 300, 6
-KINDS = ("dead_stream",)
 STREAM = "estimator"
 
 
@@ -25,7 +25,7 @@ def dead_logs(cases: Sequence[Case], audits: Mapping[str, Audit]) -> list[dict[s
     found = []
     for case in cases:
         flight, audit = case.flight, audits[case.flight.name]
-        dead = [fault.span for fault in audit.faults if fault.kind in KINDS and fault.stream == STREAM]
+        dead = [fault.span for fault in audit.faults if fault.kind in log_ended() and fault.stream == STREAM]
         mocap, said = flight["mocap"], flight["estimator"]
         good = np.isfinite(mocap[POSE]).all(axis=1)
         rows = np.flatnonzero(inside(case.spans, said.time_s) & np.isfinite(said["x", "y", "z"]).all(axis=1))

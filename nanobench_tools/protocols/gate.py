@@ -17,6 +17,7 @@ from scipy.signal import welch
 
 from ..audit import Audit
 from ..content.radio_gaps import radio_gaps
+from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
@@ -26,7 +27,6 @@ from .phases import is_cut, streamed_phase
 from .selection import distinct
 from .sessions import row_keys
 from .tables import summaries
-from .task3 import LOG_KINDS
 from .usable import MOCAP, MOTORS, usable
 
 RATIO, LAG_S, GAP_M = 0.10, 0.030, 0.05
@@ -122,7 +122,7 @@ def _span(flight: Flight, audit: Audit) -> Span | None:
     if is_cut(flight):
         air = audit.span
     within = Span(max(flight[n].time_s[0] for n in NEEDED), min(flight[n].time_s[-1] for n in NEEDED))
-    alive = intersect_spans(intersect_spans([air], [within]), audit.clean_for(NEEDED, LOG_KINDS))
+    alive = intersect_spans(intersect_spans([air], [within]), audit.clean_for(NEEDED, cutting_logs()))
     first = alive[0] if alive else None
     return first if first is not None and first.duration_s >= MINIMUM_S else None
 

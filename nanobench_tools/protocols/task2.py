@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from .. import so3
-from ..audit import CUTTING_KINDS, Audit
+from ..audit import Audit
 from ..errors import InputError, UsageError
+from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
 from ..metrics import tracking
@@ -26,7 +27,6 @@ from .published import beside
 from .selection import distinct
 from .sessions import Sessions, row_keys
 from .tables import summaries
-from .task3 import LOG_KINDS
 from .usable import MOCAP, MOTORS, usable
 
 PROTOCOLS = ("as-published", "clean")
@@ -86,8 +86,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
 def _cases(flight: Flight, audit: Audit, protocol: str) -> list[Case]:
     if protocol == "as-published":
         return [Case(flight, audit.controller, protocol, (), protocol, speed_of(flight))]
-    logged = audit.clean_for(["setpoint", "motor"], LOG_KINDS)
-    valid = intersect_spans(audit.clean_for(["mocap"], CUTTING_KINDS), logged)
+    logged = audit.clean_for(["setpoint", "motor"], cutting_logs())
+    valid = intersect_spans(audit.clean_for(["mocap"]), logged)
     spans = tracking_spans(flight, valid)
     if sum(s.duration_s for s in spans) < MINIMUM_S:
         return []

@@ -18,8 +18,9 @@ from estimators.onboard_ekf import OnboardEkf
 from estimators.trajectory_file import TrajectoryFile
 
 from .. import so3
-from ..audit import CUTTING_KINDS, Audit
+from ..audit import Audit
 from ..errors import InputError, UsageError
+from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
@@ -45,11 +46,6 @@ STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 """The streams the task is about."""
 
 NEEDED = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1",), "attitude_qw|attitude": ()}
-
-LOG_KINDS = frozenset({"dead_stream", "frozen_stream", "backward_time", "checksum", "bad_cell", "unit", "sign",
-                       "axis_swap", "quaternion_order"})
-"""Faults of logging, cut from every protocol but the published one. Jumps and resets of an estimate are its own errors
-and are scored; of the motion capture, which is the truth, every cutting fault is cut."""
 
 GIVEN_S = 0.5
 GIVEN = f"motion capture poses until {GIVEN_S} s after the start of the flight (not scored), all other streams"
@@ -149,7 +145,7 @@ def _apart(cases: Sequence[Case]) -> list[Case]:
 
 def _logged(audit: Audit) -> tuple[Span, ...]:
     """Where truth is good and the estimator's streams hold what it said."""
-    return intersect_spans(audit.clean_for(["mocap"], CUTTING_KINDS), audit.clean_for(STREAMS, LOG_KINDS))
+    return intersect_spans(audit.clean_for(["mocap"]), audit.clean_for(STREAMS, cutting_logs()))
 
 
 def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..audit import CUTTING_KINDS, Audit
+from ..audit import Audit
+from ..faults.kinds import cutting
 from ..flight import Flight, Stream, intersect_spans
 from .selection import distinct
 
@@ -94,7 +95,8 @@ def cut_by(audit: Audit, needed: Needed) -> str | None:
     left = sum(span.duration_s for span in intersect_spans(flight, audit.clean_for(streams)))
     if flown < SHORTEST_S or left >= SHORTEST_S:
         return None
+    cuts = cutting()
     kinds = dict.fromkeys(f"{fault.kind} of {fault.stream or 'all streams'}" for fault in audit.faults
-                          if fault.kind in CUTTING_KINDS and fault.stream in {*streams, ""}
+                          if fault.kind in cuts and fault.stream in {*streams, ""}
                           and intersect_spans([fault.span], flight))
     return f"cut by {', '.join(kinds)}"

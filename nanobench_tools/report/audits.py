@@ -5,29 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..audit import CUTTING_KINDS
+from ..faults.kinds import cutting, log_ended, those
 from ..flight import Span, intersect_spans, merge_spans
 
 CLOCK_STREAMS = ("imu", "attitude_qw", "attitude", "estimator")
 """Streams whose clock offset stands for the recording, the first that there is."""
-
-INFORMATION_KINDS = frozenset({"interpolated", "extra_column"})
-"""Worth knowing, no fault."""
-
-FAULT_GROUPS: dict[str, tuple[str, ...]] = {
-    "lost": ("dead_stream", "frozen_stream", "gap", "truncated", "mocap_occlusion", "missing_column", "checksum"),
-    "value": ("spike", "mocap_jump", "saturated_sensor", "unit", "sign", "axis_swap", "quaternion_order", "bad_cell",
-              "wrong_speed"),
-    "clock": ("clock_offset", "clock_drift", "clock_wander", "duplicate_time", "backward_time"),
-    "flight": ("estimator_reset", "crash", "never_flew", "copy"),
-}
-"""Kinds of faults by what they do, for the colours of the timeline; everything else is information."""
-
-
-def group_of(kind: str) -> str:
-    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``."""
-    return next((group for group, kinds in FAULT_GROUPS.items() if kind in kinds), "information")
-
 
 def total(spans: Iterable[Iterable[float]] | None) -> float | None:
     """Seconds covered by [[start, end], ...]; None when there is no such list."""
@@ -45,8 +27,9 @@ def span_of(flight: Mapping[str, Any]) -> Span | None:
 
 def cut_spans(flight: Mapping[str, Any], stream: str) -> tuple[Span, ...]:
     """Where ``stream`` must not be used: its cutting faults and those of the whole recording."""
+    kinds = cutting()
     return merge_spans(Span(f["start_s"], f["end_s"]) for f in flight.get("faults") or []
-                       if f["kind"] in CUTTING_KINDS and f["stream"] in (stream, ""))
+                       if f["kind"] in kinds and f["stream"] in (stream, ""))
 
 
 def share_valid(flight: Mapping[str, Any], stream: str) -> float | None:
@@ -66,11 +49,12 @@ def share_clean(flight: Mapping[str, Any]) -> float | None:
 
 def fault_counts(flight: Mapping[str, Any]) -> dict[str, int]:
     """Number of faults by kind, the most time-consuming kinds first; information is left out."""
+    information = those(lambda kind: kind.group == "information")
     seconds: dict[str, float] = {}
     counts: dict[str, int] = {}
     for fault in flight.get("faults") or []:
         kind = fault["kind"]
-        if kind not in INFORMATION_KINDS:
+        if kind not in information:
             counts[kind] = counts.get(kind, 0) + 1
             seconds[kind] = seconds.get(kind, 0.0) + fault["end_s"] - fault["start_s"]
     return dict(sorted(counts.items(), key=lambda item: (-seconds[item[0]], item[0])))
@@ -86,6 +70,7 @@ def streams_of(flights: Iterable[Mapping[str, Any]]) -> list[str]:
 
 def lost_in_the_air(flight: Mapping[str, Any]) -> float:
     """Seconds of flight after the first stream died: what the file holds of it then is not from the vehicle."""
-    dead = merge_spans(Span(f["start_s"], f["end_s"]) for f in flight.get("faults") or [] if f["kind"] == "dead_stream")
+    kinds = log_ended()
+    dead = merge_spans(Span(f["start_s"], f["end_s"]) for f in flight.get("faults") or [] if f["kind"] in kinds)
     airborne = [Span(*s) for s in flight.get("airborne") or []]
     return sum(s.duration_s for s in intersect_spans(airborne, dead))

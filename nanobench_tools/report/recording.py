@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from .. import so3
+from ..faults.kinds import group_of, kinds
 from ..flight import Flight, Span, Stream, mask_of
-from .audits import cut_spans, fault_counts, group_of, share_valid, span_of, streams_of, total
+from .audits import cut_spans, fault_counts, share_valid, span_of, streams_of, total
 from .clock_error import clock_error
 from .decimate import at_rate, extreme_rows, pack
 from .quantities import DASH, format_number, number
@@ -193,18 +194,20 @@ def _bars(spans: Any) -> list[list[float]]:
 
 
 def fault_list(audit: Mapping[str, Any]) -> dict[str, Any]:
-    """The faults as rows of text, one per kind and stream: the first one's evidence stands for all of them."""
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    """The faults as rows of text, one per event: the first one's evidence stands for all of them."""
+    groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
     for fault in audit.get("faults") or []:
-        if fault["kind"] != "interpolated":  # said by samples and rate in the table of streams
-            groups.setdefault((fault["kind"], fault["stream"]), []).append(fault)
+        kind = kinds().get(fault["kind"])
+        if kind is None or kind.in_overview:
+            event = kind.event if kind else ("stream",)
+            groups.setdefault((fault["kind"], *(str(fault[name]) for name in event)), []).append(fault)
     order = sorted(groups.items(), key=lambda item: (group_of(item[0][0]) == "information", item[1][0]["start_s"]))
     rows = []
-    for (kind, stream), faults in order[:LISTED_FAULTS]:
+    for (name, *_), faults in order[:LISTED_FAULTS]:
         first = faults[0]
         size = number(first.get("size"))
         start, end = min(f["start_s"] for f in faults), max(f["end_s"] for f in faults)
-        rows.append([f"{kind} ×{len(faults)}" if len(faults) > 1 else kind, stream or "whole file",
+        rows.append([f"{name} ×{len(faults)}" if len(faults) > 1 else name, first["stream"] or "whole file",
                      f"{start:.2f}–{end:.2f}", DASH if size is None else f"{format_number(size, 2)} {first['unit']}",
                      first["evidence"]])
     return {"rows": rows, "left_out": max(0, len(order) - LISTED_FAULTS)}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools import registry
-from nanobench_tools.audit import CUTTING_KINDS, Audit, ClockReading, RateReading, audit, find_copies
+from nanobench_tools.audit import Audit, ClockReading, RateReading, audit, find_copies
+from nanobench_tools.faults.kinds import cutting, kinds
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 
 KINDS = {
@@ -68,8 +69,9 @@ def test_every_kind_has_one_file_and_says_how_it_is_found():
         assert module.__doc__.startswith(kind)
         assert "Found" in module.__doc__ or kind in ("copy",), kind
         assert "Smallest" in module.__doc__, kind
-    assert CUTTING_KINDS < KINDS
-    assert not CUTTING_KINDS & {"clock_offset", "clock_drift", "clock_wander", "interpolated", "copy"}
+        assert kinds()[kind] is module.FAULT
+    assert cutting() < KINDS
+    assert not cutting() & {"clock_offset", "clock_drift", "clock_wander", "interpolated", "copy"}
 
 
 def test_json_there_and_back():

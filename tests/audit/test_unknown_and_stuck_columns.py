@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.audit import CUTTING_KINDS, audit
+from nanobench_tools.audit import audit
+from nanobench_tools.faults.kinds import cutting
 from nanobench_tools.flight import Span, Stream
 
 
@@ -22,14 +23,14 @@ def test_an_extra_column_never_cuts(flights, audits, shape):
     bad = flight.with_streams(extra=Stream(t, values[:, None], ("foo",), ("foo",), ("1",)))
     verdict = audit(bad)
     assert verdict.clean == before.clean
-    assert not [f for f in verdict.faults if f.stream == "extra" and f.kind in CUTTING_KINDS]
+    assert not [f for f in verdict.faults if f.stream == "extra" and f.kind in cutting()]
     assert verdict.clean_for(["extra"]) == before.clean_for([])
 
 
 def test_a_voltage_that_never_changes_is_stuck(flights, audits):
     flight, before = flights[4], audits[4]
     verdict = audit(with_voltage(flight, np.full(len(flight["battery"]), 3.7)))
-    (fault,) = [f for f in verdict.faults if f.stream == "battery" and f.kind in CUTTING_KINDS]
+    (fault,) = [f for f in verdict.faults if f.stream == "battery" and f.kind in cutting()]
     assert (fault.kind, fault.start_s, fault.end_s) == ("frozen_stream", verdict.span.start_s, verdict.span.end_s)
     assert "motors run" in fault.evidence
     assert verdict.clean == before.clean
@@ -50,5 +51,5 @@ def test_on_a_thrust_stand_a_voltage_may_stand_still(flights):
     values = flight["battery"].values[:, 0].copy()
     values[len(values) // 2 :] = values[len(values) // 2]
     verdict = audit(with_voltage(bench, values))
-    assert not [f for f in verdict.faults if f.stream == "battery" and f.kind in CUTTING_KINDS]
+    assert not [f for f in verdict.faults if f.stream == "battery" and f.kind in cutting()]
     assert Span(verdict.span.start_s, verdict.span.end_s) in verdict.clean_for(["battery"])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...faults.kind import Injection
 from ...flight import Fault
 from .place import truth
 
@@ -74,3 +75,9 @@ def bad_cell(data: bytes, rng: np.random.Generator, size: float = 1, *, ragged: 
     columns = () if ragged else (header[column].decode(),)
     return (b"\n".join(lines) + b"\n",
             truth("bad_cell", "", columns, span, len(rows), "cells", "a cell missing" if ragged else "text in a cell"))
+
+
+MISSING_COLUMN = Injection(missing_column, (1, 5), "columns")
+EXTRA_COLUMN = Injection(extra_column, (1, 3), "columns")
+TRUNCATED = Injection(truncated, (0.001, 0.1, 0.6), "share of the bytes")
+BAD_CELL = Injection(bad_cell, (1, 10), "cells", ({}, {"ragged": True}))

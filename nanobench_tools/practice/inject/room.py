@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ... import so3
+from ...faults.kind import Blind, Injection
 from ...flight import Fault, Flight
 from ..mocap import WINDOW, body_rate, savgol_derivative
 from .place import choose, choose_time, truth, with_values
@@ -82,3 +83,18 @@ def quaternion_order(flight: Flight, rng: np.random.Generator, size: float | Non
     return (flight.with_streams(**{name: with_values(s, values)}),
             truth("quaternion_order", name, [s.columns[i] for i in columns], (s.span.start_s, s.span.end_s),
                   float("nan"), "", "scalar first"))
+
+
+MOCAP_OCCLUSION = Injection(
+    mocap_occlusion,
+    (0.1, 0.5, 2.0),
+    "s",
+    ({"how": "repeat"}, {"how": "interpolate"}, {"how": "nan"}),
+    blind=(Blind(2.0, {"how": "interpolate"}, False, place=17),),
+)
+MOCAP_JUMP = Injection(mocap_jump, (0.02, 0.1, 0.5), "m", blind=(Blind(0.1, {}, False, place=11),))
+QUATERNION_ORDER = Injection(
+    quaternion_order,
+    cases=({"stream": "mocap"}, {"stream": "attitude_qw"}),
+    blind=(Blind(None, {"stream": "mocap"}, True, place=10),),
+)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ... import so3
+from ...faults.kind import Injection
 from ...flight import Fault, Flight
 from ...units import GRAVITY_M_S2
 from .place import choose_time, truth, with_values
@@ -120,3 +121,9 @@ def _onboard(flight: Flight, t0: float, hit: float, pose, turn: np.ndarray, blow
     fresh("motor", ("m1", "m2", "m3", "m4"), lambda t: np.zeros((len(t), 4)))
     fresh("setpoint", ("x", "y", "z", "yaw"), lambda t: np.zeros((len(t), 4)))
     return flight
+
+
+ESTIMATOR_RESET = Injection(estimator_reset, (0.15, 0.5, 2.0), "m")
+NEVER_FLEW = Injection(never_flew)
+CRASH = Injection(crash, (0.5, 1.0), "share of the blow")
+COPY = Injection(copy)

@@ -1,0 +1,50 @@
+"""What was renamed goes on working for one release, with a warning that names the new word.
+
+An option: one line of ``FORMER_OPTIONS``. A function, class or constant of a module:
+``__getattr__ = renamed(__name__, {"OLD": "package.module:new"})``; ``new()`` is written for a constant that is asked of
+a function today. The line goes with the release after the one that brought it (``version.py``).
+"""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+FORMER_OPTIONS: dict[str, dict[str, str]] = {}
+"""Verb -> {former spelling of an option: today's}."""
+
+
+def warn_renamed(former: str, today: str) -> None:
+    """One line for whoever still uses ``former``. FutureWarning, since users, not authors alone, are to see it."""
+    warnings.warn(f"{former} is called {today} now; the former name goes with the next release", FutureWarning,
+                  stacklevel=3)
+
+
+def todays_options(verb: str, words: Sequence[str]) -> list[str]:
+    """``words`` of a command line with former spellings (``--old 3`` and ``--old=3``) replaced, and a warning for each.
+    What stands behind ``--`` is no option."""
+    former = FORMER_OPTIONS.get(verb, {})
+    end = words.index("--") if "--" in words else len(words)
+    found = list(words)
+    for i, word in enumerate(words[:end]):
+        option, equals, value = word.partition("=")
+        if option in former:
+            warn_renamed(option, former[option])
+            found[i] = former[option] + equals + value
+    return found
+
+
+def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+    """A ``__getattr__`` for ``module``: former name -> ``module:name`` of today, ``()`` behind it for one that is
+    called."""
+    def look_up(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        place, _, today = names[name].partition(":")
+        warn_renamed(f"{module}.{name}", f"{place}.{today}")
+        found = getattr(importlib.import_module(place), today.removesuffix("()"))
+        return found() if today.endswith("()") else found
+
+    return look_up
