@@ -34,6 +34,5 @@ def _left_s(fault: Fault) -> float:
     return abs(fault.size) * 0.5 * (fault.end_s - fault.start_s)
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True,
-                  left_s=_left_s, whole=True,
+FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=_left_s, whole=True,
                   injection="nanobench_tools.practice.inject.clocks:CLOCK_DRIFT")
