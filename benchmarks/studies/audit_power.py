@@ -27,12 +27,13 @@ from nanobench_tools.content.packets import packets_of
 from nanobench_tools.content.spikes import LIMITS, least_height
 from nanobench_tools.faults.clock_offset import SMALLEST_S
 from nanobench_tools.faults.estimator_reset import ACROSS_M, ALONG_M, ALONG_S, SURELY
+from nanobench_tools.faults.kinds import those
 from nanobench_tools.faults.saturated_sensor import FEWEST_ROWS
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
 
-INFORMATION = ("interpolated",)
+INFORMATION = those(lambda kind: not kind.in_overview)
 TRUE_TAIL_S = 0.15
 """A dead end may be told this far from where the chain cut the stream: one packet and one row, more after a loss."""
 

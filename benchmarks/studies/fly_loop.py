@@ -142,6 +142,7 @@ def circle(seeds: int, seconds: float) -> None:
     """SYNTHETIC: tracking error, clock and faults of every controller, from the recordings alone."""
     from nanobench_tools.audit import audit
     from nanobench_tools.cli.main import main
+    from nanobench_tools.faults.kinds import kinds
     from nanobench_tools.sources.discover import load_recordings
 
     with tempfile.TemporaryDirectory() as place:
@@ -151,7 +152,8 @@ def circle(seeds: int, seconds: float) -> None:
                 fly_virtual(name, folder, seed, seconds)
             for flight in load_recordings([folder]).flights:
                 found = audit(flight)
-                clock, faults = found.clock["imu"], sorted({f.kind for f in found.faults} - {"interpolated"})
+                clock = found.clock["imu"]
+                faults = sorted({f.kind for f in found.faults if kinds()[f.kind].in_overview})
                 print(f"seed {seed} {flight.metadata['controller']}: gyro {1e3 * clock.offset_s:+.1f} ms late, of "
                       f"which its filter is 3.8; faults {', '.join(faults) or 'none'}", flush=True)
         main(["control", "--data", place, "--plant", "real", "--protocol", "clean", "--jobs", "1"])
