@@ -16,7 +16,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Stream
 from nanobench_tools.methods import Estimate
-from nanobench_tools.settings import count, number
+from nanobench_tools.settings import count, number, setting
 
 from . import inertial_core as core
 from .radio_clock import drawn, lateness
@@ -38,6 +38,12 @@ LEAST_TURN_RAD = number("estimators.inertial.least_turn_rad")
 """Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
 LEAST_ALIKE = number("estimators.inertial.least_alike")
 """Where the two are correlated less, nothing is said about unit and sign."""
+LEAST_ROWS = count("estimators.inertial.least_rows")
+SETTLED_S = number("estimators.inertial.settled_s")
+COMPARED_EVERY_S = number("estimators.inertial.compared_every_s")
+LEVEL_M_S2: tuple[float, float] = setting("estimators.inertial.level_m_s2")
+TURN_RATIO: tuple[float, float] = setting("estimators.inertial.turn_ratio")
+DEGREES_RATIO = number("estimators.inertial.degrees_ratio")
 
 STAMP_LEFT = number("estimators.inertial.stamp_left")
 """How much of the stamps' wander is left where it was taken out (``Stream.time_sd_s`` says so), found on re-timed
@@ -217,17 +223,17 @@ def _check(place: str, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, po
            poses: np.ndarray) -> None:
     """InputError if gyro or accelerometer have another unit or sign than the poses that were given."""
     until = int(np.searchsorted(time_s, pose_s[-1]))
-    if until < 10:
+    if until < LEAST_ROWS:
         return
     up = so3.matrix(poses[:, 3:])[np.clip(np.searchsorted(pose_s, time_s[:until]), 0, len(pose_s) - 1), 2]
     level = float(np.median(np.sum(up * acc[:until], axis=1)))
-    if not 4.0 < level < 20.0:
+    if not LEVEL_M_S2[0] < level < LEVEL_M_S2[1]:
         what = "the other way round" if level < 0.0 else "in another unit"
         raise InputError(place, f"the accelerometer shows {level:.2f} m/s^2 upwards where the poses are given, not "
                          f"about 9.81: an axis may be {what}")
     angle = np.vstack([np.zeros(3), np.cumsum(0.5 * (gyro[1:] + gyro[:-1]) * np.diff(time_s)[:, None], axis=0)])
-    at = np.arange(pose_s[0] + 0.05, min(pose_s[-1], time_s[-1]) - COMPARED_S, 0.1)
-    if len(at) < 10:
+    at = np.arange(pose_s[0] + SETTLED_S, min(pose_s[-1], time_s[-1]) - COMPARED_S, COMPARED_EVERY_S)
+    if len(at) < LEAST_ROWS:
         return
     first, last = np.searchsorted(pose_s, at), np.searchsorted(pose_s, at + COMPARED_S)
     turned = so3.log(so3.multiply(so3.conjugate(poses[first, 3:]), poses[np.minimum(last, len(pose_s) - 1), 3:]))
@@ -239,6 +245,6 @@ def _check(place: str, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, po
             continue
         product = float(np.mean(turned[:, k] * by_gyro[:, k]))
         slope, alike = product / square, abs(product) / np.sqrt(square * np.mean(by_gyro[:, k] ** 2) + 1e-30)
-        if alike > LEAST_ALIKE and not -0.3 < slope < 3.0:
-            why = "in degrees" if slope > 20.0 else "the other way round" if slope < 0.0 else "in another unit"
+        if alike > LEAST_ALIKE and not TURN_RATIO[0] < slope < TURN_RATIO[1]:
+            why = "in degrees" if slope > DEGREES_RATIO else "the other way round" if slope < 0.0 else "in another unit"
             raise InputError(place, f"gyro_{axis} turns {slope:.2f} times as far as the poses do: it may be {why}")

@@ -38,19 +38,15 @@ NAMES = (
     "stamp",                                            # s per root Hz: stamps' wander makes noise of what changes
     "drawn",                                            # variance of a row without a packet is larger by this factor
     "mount_walk",                                       # rad per root second
+    "start_position_sd",                                # m, of the first pose
+    "change_s",                                         # s over which a signal's slope is taken (stamp_noise)
 )
 DEFAULTS = setting("estimators.inertial_core.defaults")
 SETTINGS = {name: DEFAULTS[name] for name in NAMES}
 (GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, POSITION_SD, ROLL_PITCH_SD, YAW_SD, DRAG, DRAG_CROSS, DRAG_QUADRATIC,
  DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S,
  START_TILT_SD, START_VELOCITY_SD, ACC_BIAS_SD, GYRO_BIAS_SD, MOUNT_SD, ACC_BIAS_Z_SD, VERTICAL_NOISE, PITCH_SD,
- LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK) = range(len(NAMES))
-
-START_POSITION_SD_M = 0.02
-"""Of the first pose."""
-
-CHANGE_S = 0.06
-"""How fast a signal changes is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
+ LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK, START_POSITION_SD, CHANGE_S) = range(len(NAMES))
 
 
 @nb.njit(cache=True)
@@ -160,7 +156,7 @@ def start(pose, settings, state, cov):
     state[SLOPE] = settings[SLOPE_MEAN]
     cov[:] = 0.0
     sd = np.zeros(ERROR)
-    sd[_P:_P + 3] = START_POSITION_SD_M
+    sd[_P:_P + 3] = settings[START_POSITION_SD]
     sd[_V:_V + 3] = settings[START_VELOCITY_SD]
     sd[_T:_T + 3] = settings[START_TILT_SD]
     sd[_BA:_BA + 2], sd[_BA + 2] = settings[ACC_BIAS_SD], settings[ACC_BIAS_Z_SD]
@@ -238,7 +234,7 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses
             state[WANDER] *= wander
             _transition(cov, other, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
             _transition(other, cov, dt, half, f[0], f[1], f[2], w[0], w[1], w[2], air, wander)
-            while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= CHANGE_S:
+            while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= settings[CHANGE_S]:
                 back_row += 1
             level, upright, turn = stamp_noise(time_s, acc, gyro, i, back_row, settings[STAMP])
             more = 1.0 + settings[DRAWN] * drawn[i]

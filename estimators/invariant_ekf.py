@@ -129,7 +129,7 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
     cov = np.zeros((ERROR, ERROR))
     for k in range(3):
         cov[k, k], cov[3 + k, 3 + k] = settings[core.START_TILT_SD] ** 2, settings[core.START_VELOCITY_SD] ** 2
-        cov[6 + k, 6 + k], cov[9 + k, 9 + k] = core.START_POSITION_SD_M ** 2, settings[core.GYRO_BIAS_SD] ** 2
+        cov[6 + k, 6 + k], cov[9 + k, 9 + k] = settings[core.START_POSITION_SD] ** 2, settings[core.GYRO_BIAS_SD] ** 2
         cov[12 + k, 12 + k] = settings[core.ACC_BIAS_SD if k < 2 else core.ACC_BIAS_Z_SD] ** 2
         cov[15 + k, 15 + k] = settings[core.MOUNT_SD] ** 2
     # where the first pose is does not depend on how the vehicle is turned there
@@ -151,7 +151,7 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
             _crossed(p, rot, p_rot)
             _transition(cov, other, dt, rot, v_rot, p_rot)
             _transition(other, cov, dt, rot, v_rot, p_rot)
-            while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= core.CHANGE_S:
+            while back_row < i - 1 and time_s[i] - time_s[back_row + 1] >= settings[core.CHANGE_S]:
                 back_row += 1
             level, upright, turn = core.stamp_noise(time_s, acc, gyro, i, back_row, settings[core.STAMP])
             _noise(cov, (settings[core.GYRO_NOISE] ** 2 + turn) * dt, (settings[core.ACC_NOISE] ** 2 + level) * dt,

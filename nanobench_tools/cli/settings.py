@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("areas", nargs=-1, metavar="[AREA]...")
 @click.option("--origins", is_flag=True, help="Numbers of another origin, too: what declares them, and why.")
-@click.option("--unexplained", is_flag=True, help="Numbers in the source that nothing explains yet, by module.")
+@click.option("--unexplained", is_flag=True, help="Numbers in the source that nothing explains, by module.")
 @shared_options("data", "out", "jobs", "scheduler", "seed", "clock", "columns")
 def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplained: bool) -> int:
     """Every number that was set by looking at data: value, unit, what it does, what it was set on.
@@ -46,7 +46,7 @@ def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplaine
         options.show(_bare(bare))
     unknown_n = sum(entry.set_on == "not_recorded" for entry in chosen)
     options.show(f"{len(chosen)} settings; what {unknown_n} of them were set on was not recorded. "
-                 "Next: nanobench settings --unexplained")
+                 "Next: nanobench settings --origins")
     return options.finish("settings", {
         "settings": [{"key": s.key, "value": s.value, "unit": s.unit, "does": s.does, **_set_on(s.set_on), "how": s.how}
                      for s in chosen],

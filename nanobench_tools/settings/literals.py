@@ -1,8 +1,7 @@
 """Numbers in the source of the installed packages, and those that nothing explains.
 
 A number is explained where it is plain (an index, a half, a power of a thousand), where it comes from ``settings``, or
-where ``origins.toml`` says what it is (firmware, a format, an equation, a layout). All others are counted by module,
-and ``unexplained.toml`` holds how many there may be: the number may only fall.
+where ``origins.toml`` says what it is (firmware, a format, an equation, a layout). There may be no others.
 
 What this cannot see: whether an origin is true; a setting that happens to be a plain number (a fit of 3 rounds, a
 weight of 0.5 inside a sum); numbers in text, in files of data, or made of plain ones (``1 / 3``).
@@ -76,11 +75,6 @@ def origins() -> tuple[Origin, ...]:
     """All declarations of ``origins.toml``."""
     groups = tomllib.loads((FOLDER / "origins.toml").read_text(encoding="utf-8"))
     return tuple(Origin(where, group["kind"], group["why"]) for group in groups.values() for where in group["where"])
-
-
-def allowed() -> dict[str, int]:
-    """Unexplained numbers that a module may have."""
-    return tomllib.loads((FOLDER / "unexplained.toml").read_text(encoding="utf-8"))
 
 
 def sources() -> Iterator[tuple[str, str]]:
