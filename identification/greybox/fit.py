@@ -195,16 +195,14 @@ def nuisances_of(adapt: str) -> tuple[Nuisance, ...]:
 
 
 def tidy(model: Model) -> Model:
-    """Gains of the motors with mean 1 exactly, and terms left out that only the nuisances went through."""
+    """Lists of a fixed mean with that mean exactly, and terms left out that only the nuisances went through."""
     terms = model.as_dict()
-    if "motor_imbalance" in terms:
-        gains = np.array(terms["motor_imbalance"]["g"])
-        terms["motor_imbalance"] = {"g": tuple(gains / gains.mean())}
-    if terms.get("thrust_scale", {}).get("s") == 1.0:
-        del terms["thrust_scale"]
-    if "frame_tilt" in terms and not any(terms["frame_tilt"].values()):
-        del terms["frame_tilt"]
-    return Model(model.vehicle, terms)
+    for term in model.terms:
+        for parameter in (p for p in term.parameters if p.fixed_mean is not None and p.name in terms[term.name]):
+            values = np.array(terms[term.name][parameter.name])
+            terms[term.name][parameter.name] = tuple(values / values.mean() * parameter.fixed_mean)
+    passed = terms_of((SCALE, *TILT), model.vehicle)
+    return Model(model.vehicle, {name: values for name, values in terms.items() if passed.get(name) != values})
 
 
 def _held_rate(model: Model) -> bool:

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.model import find_term, neutral
 from nanobench_tools.settings import number
 
 from .solve import Nuisance
@@ -58,12 +60,13 @@ STARTS = (
 a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench flights, which ones is not recorded); rotors by a
 tenth of their thrust."""
 
-NEUTRAL: dict[str, dict[str, Any]] = {"thrust_scale": {"s": 1.0}, "motor_imbalance": {"g": [1.0] * 4},
-           "frame_tilt": {"roll_rad": 0.0, "pitch_rad": 0.0}}
-"""The terms the directions go through, where they change nothing."""
 
-
-def terms_of(nuisances: Sequence[Nuisance]) -> dict[str, dict]:
-    """The terms a model needs to have these nuisances."""
-    wanted = {name.partition(".")[0] for n in nuisances for name in n.direction if not name.startswith(PREFIX)}
-    return {term: values for term, values in NEUTRAL.items() if term in wanted}
+def terms_of(nuisances: Sequence[Nuisance], vehicle: Vehicle | None = None) -> dict[str, dict[str, Any]]:
+    """The terms a model needs to have these nuisances, where they change nothing."""
+    found = {}
+    for name in dict.fromkeys(name.partition(".")[0] for n in nuisances for name in n.direction
+                              if not name.startswith(PREFIX)):
+        rest = neutral(find_term(name), vehicle or Vehicle())
+        assert rest is not None  # directions go through terms that can rest
+        found[name] = rest
+    return found

@@ -11,68 +11,47 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools.physics import Model
-from nanobench_tools.physics.model import find_term
-from nanobench_tools.settings import number, setting
+from nanobench_tools.settings import number
 
 from .solve import Prior
 
-RANGES: dict[str, tuple[float, float, str]] = setting("greybox.ranges.ranges")
-"""Name -> (lower, upper, why)."""
-
-LEAST_INERTIA = number("greybox.ranges.least_inertia")
-"""Of the inertia that the vehicle would have with all its mass at the motors, which is the most it can have."""
-
-FIRMWARE_MASS_KG, FIRMWARE_INERTIA = 0.027, (1.66e-5, 1.67e-5, 2.93e-5)
-"""Crazyflie 2.1 without load: crazyflie-firmware, controller_lee.c. A load near the centre adds inertia about in
-proportion to mass."""
-LAG_UP_S: tuple[float, float] = setting("greybox.ranges.lag_up_s")
-"""Mean and standard deviation of what is believed of the lag up before any flight."""
-LAG_DOWN_S: tuple[float, float] = setting("greybox.ranges.lag_down_s")
-"""The same of the lag down."""
-INERTIA_SD = number("greybox.ranges.inertia_sd")
-"""Of the firmware's inertia, scaled with the mass: standard deviation of what is believed."""
 MEAN_SD = number("greybox.ranges.mean_sd")
 """Sum of the motors' gains, which only counts that their mean is 1."""
 
 
 def bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """(lower, upper) (P,): the terms' own bounds, narrowed."""
+    """(lower, upper) (P,): the terms' own bounds, narrowed to what a fit may find (``Parameter.fitted``)."""
     lower, upper = model.lower.copy(), model.upper.copy()
-    for i, name in enumerate(model.names):
-        low, high, _ = RANGES.get(name, (-np.inf, np.inf, ""))
-        if name.startswith("inertia."):
-            high = most_inertia(model)[int(name[-2])]
-            low = LEAST_INERTIA * high
-        lower[i], upper[i] = max(lower[i], low), min(upper[i], high)
+    for i, slot in enumerate(model.slots):
+        fitted = slot.parameter.fitted
+        if fitted is not None:
+            low, high = fitted(model.vehicle)[slot.element] if callable(fitted) else fitted[:2]
+            lower[i], upper[i] = max(lower[i], low), min(upper[i], high)
     return lower, upper
 
 
-def most_inertia(model: Model) -> np.ndarray:
-    """(3,) kg m^2 about x, y, z with all mass at the motors."""
-    x2, y2 = np.mean(np.square(model.vehicle.motor_positions_m), axis=0)
-    return model.vehicle.mass_kg * np.array([y2, x2, x2 + y2])
-
-
 def priors(model: Model) -> tuple[Prior, ...]:
-    """Soft terms of a fit of ``model``; what it does not have is left out."""
-    found = [Prior(tuple(f"motor_imbalance.g[{i}]" for i in range(4)), 4.0, MEAN_SD, "gains have mean 1", (1.0,) * 4),
-             Prior(("motor_lag.tau_up_s",), *LAG_UP_S, "motor_lag: " + _source("motor_lag", "tau_up_s")),
-             Prior(("motor_lag.tau_down_s",), *LAG_DOWN_S, "motor_lag: " + _source("motor_lag", "tau_down_s"))]
-    for axis in (0, 1):
-        mean = FIRMWARE_INERTIA[axis] * model.vehicle.mass_kg / FIRMWARE_MASS_KG
-        found.append(Prior((f"inertia.inertia_kg_m2[{axis}]",), mean, INERTIA_SD * mean,
-                           "firmware controller_lee.c, scaled with the mass"))
-    return tuple(p for p in found if all(name in model.names for name in p.names))
-
-
-def _source(term: str, parameter: str) -> str:
-    return find_term(term).parameter(parameter).source
+    """Soft terms of a fit of ``model``: means that are given by definition, then what its terms believe, from the
+    motors inwards."""
+    found = []
+    for term in sorted(model.terms, key=lambda term: -term.stage):
+        for parameter in term.parameters:
+            names = tuple(s.name for s in model.slots if s.term is term and s.parameter is parameter)
+            if parameter.fixed_mean is not None and names:
+                found.append(Prior(names, parameter.fixed_mean * len(names), MEAN_SD,
+                                   f"gains have mean {parameter.fixed_mean:g}", (1.0,) * len(names)))
+    for slot in sorted(model.slots, key=lambda slot: -slot.term.stage):
+        belief = slot.parameter.believed
+        if callable(belief):
+            belief = belief(model.vehicle)[slot.element]
+        if belief is not None:
+            found.append(Prior((slot.name,), belief.mean, belief.sd, belief.source))
+    return tuple(found)
 
 
 def held(model: Model) -> tuple[str, ...]:
     """Names that no flight tells: only k_m / J_z is seen in yaw, and only thrust over mass in translation."""
-    wanted = ("inertia.inertia_kg_m2[2]", "thrust_scale.s", "mass.m", "frame_tilt.roll_rad", "frame_tilt.pitch_rad")
-    return tuple(name for name in wanted if name in model.names)
+    return tuple(slot.name for slot in model.slots if slot.element in slot.parameter.untold)
 
 
 def falling_thrust(model: Model, low_V: float, high_V: float) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.model import find_term
 from nanobench_tools.settings import number, setting
 
 from .commanded import unit_of
@@ -17,7 +18,7 @@ from .levels import with_levels
 from .moments import Moments, moments_of
 from .naming import free_of, name_effects
 from .recordings import Recordings
-from .size import heavier, wider
+from .size import grown
 from .space import reduced, space_around
 from .wrench import Wrench
 
@@ -34,11 +35,13 @@ LEAST_S = number("mismatch.believe.least_s")
 
 def start_of(vehicle: Vehicle) -> dict[str, dict[str, Any]]:
     """START on a vehicle of another size and number of rotors: as much thrust and drag for its weight."""
-    lift, drag = heavier(vehicle) * START_ROTORS / vehicle.rotors, heavier(vehicle)
-    sizes = {"thrust_voltage": lift, "drag_linear": drag, "drag_torque": drag * wider(vehicle),
-             "yaw_torque": wider(vehicle)}
-    found = {term: {name: tuple(sizes.get(term, 1.0) * x for x in value) if isinstance(value, tuple) else
-                    value * sizes.get(term, 1.0) for name, value in values.items()} for term, values in START.items()}
+    found: dict[str, dict[str, Any]] = {}
+    for name, values in START.items():
+        term = find_term(name)
+        share = START_ROTORS / vehicle.rotors if term.is_map else 1.0
+        sizes = {key: grown(vehicle, term.parameter(key)) * share for key in values}
+        found[name] = {key: tuple(sizes[key] * x for x in value) if isinstance(value, tuple) else value * sizes[key]
+                       for key, value in values.items()}
     return {**found, "motor_imbalance": {"g": (1.0,) * vehicle.rotors}}
 
 

@@ -17,12 +17,13 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.physics import Model
+from nanobench_tools.physics.vocabulary import terms_that
 from nanobench_tools.settings import number
 
-from .space import MAPS
+from .space import PWM_MAPS
 
 UNITS = ("1", "N")
-UNASKED = ("motor_imbalance", "com_offset", "inertia", "yaw_torque", "rotor_gyro", "angular_damping", "drag_torque")
+UNASKED = terms_that(lambda term: term.only_turns)
 """Terms that only turn the vehicle."""
 WHY = "cannot be asked: no motor commands"
 NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "command": ("thrust",), "battery": ("vbat",)}
@@ -68,10 +69,13 @@ def believed(simulator: Model, unit: str) -> Model:
     """The simulator as it takes the recordings' commands. InputError for one that cannot."""
     kind = simulator.vehicle.input
     if unit == "N" and kind != "thrust":
-        terms = {name: dict(values) for name, values in simulator.as_dict().items() if name not in MAPS[:2]}
-        terms.get("saturation", {}).pop("u_max", None)
-        if not terms.get("saturation", True):
-            del terms["saturation"]
+        terms = {name: dict(values) for name, values in simulator.as_dict().items() if name not in PWM_MAPS}
+        for term in simulator.terms:
+            pwm_only = [p for p in term.parameters if p.only_input == kind and p.name in terms.get(term.name, ())]
+            for parameter in pwm_only:
+                del terms[term.name][parameter.name]
+                if not terms[term.name]:
+                    del terms[term.name]
         return Model(replace(simulator.vehicle, input="thrust"), terms)
     if unit == "1" and kind != "pwm":
         raise InputError("simulator", f"takes {'N' if kind == 'thrust' else 'rotor speeds'}, and the recordings hold a "

@@ -16,7 +16,7 @@ from .leftover import Structure, gusts, structures
 from .moments import Moments
 from .naming import ALIKE_LEFT, LEAST_GAIN, PER_PARAMETER, Hypothesis, Named, carried, free_of, rested
 from .recordings import Recordings
-from .space import LEVEL, MAPS, Space
+from .space import IN_PRODUCTS, LEVEL, MAPS, Space
 from .standing import (
     LEAST_FORCE_M_S2,
     LEAST_LEFT,
@@ -44,7 +44,7 @@ HEIGHT_SD_M = number("mismatch.decide.height_sd_m")
 INERTIA = 'inertia.inertia_kg_m2'
 INERTIA_SD = number("mismatch.decide.inertia_sd")
 """Of the value: rows of commands miss what was sent between them."""
-TOGETHER = (*MAPS, "ground_effect")
+TOGETHER = (*MAPS, *IN_PRODUCTS)
 NORMAL95 = 1.96
 MOST_SURE = number("mismatch.decide.most_sure")
 UNSURE = number("mismatch.decide.unsure")

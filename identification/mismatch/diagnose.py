@@ -16,6 +16,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
+from nanobench_tools.physics.vocabulary import terms_that
 from nanobench_tools.settings import setting
 
 from .believe import start_of
@@ -35,7 +36,7 @@ from .wrench import CHANNELS, Wrench
 
 ANOTHER = setting("mismatch.diagnose.another")
 """A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
-GAINS = ('inertia', 'yaw_torque')
+GAINS = terms_that(lambda term: any(p.implausible is not None for p in term.parameters))
 MUCH = setting("mismatch.diagnose.much")
 """Terms that may only be right within a factor, and the squared length, above what is plain, from which turning that
 asks for more is worth saying."""

@@ -19,19 +19,18 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import UP, Along, Simulator, run
+from nanobench_tools.physics.vocabulary import terms_that
 from nanobench_tools.settings import count, number, setting
 
 from .believe import start_of
 from .naming import free_of
 from .recordings import Recordings
-from .space import Space, reduced, scales, space_around
+from .space import Space, fixed_mean, reduced, scales, space_around
 from .track import BEFORE_S, NO_BATTERY_V, ROW_S, Track
 from .wrench import CHANNELS, TORQUE_ROWS, Wrench
 
-NEVER = ("mass", "thrust_scale", "saturation", "thrust_rpm")
+NEVER = terms_that(lambda term: term.level or term.is_limit or term.is_map)
 """Terms that are not fitted: only seen in products with the thrust map, or without a slope where they rest."""
-FIXED = ("inertia.inertia_kg_m2[2]", "com_offset.r_m[2]")
-"""Only seen in products with k_m, and in sums with the torque of drag."""
 TOLERANCE = setting("mismatch.equivalent.tolerance")
 """m/s^2 and rad/s^2 RMS below which more terms are not looked for; a fifth of the air's and a tenth of the gyro's."""
 LEAST_GAIN = number("mismatch.equivalent.least_gain")
@@ -237,7 +236,7 @@ def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
         held, values, cost = [*held, best], tried, less
         say(f"the simulator has {best}")
     rest = space.model.values
-    for term in [t for t in held if not t.startswith("thrust_")]:  # what rests in START has its neutral value
+    for term in [t for t in held if t not in NEVER]:  # what rests in START has its neutral value
         still = _at_rest(space, values, term, rest)
         if still is not None and float(np.sum(left(still)**2)) - cost < IDLE:
             held, values = [t for t in held if t != term], still
@@ -260,7 +259,9 @@ def _at_rest(space: Space, values: np.ndarray, term: str, rest: np.ndarray) -> n
 
 
 def _free(space: Space, terms: Sequence[str]) -> np.ndarray:
-    return np.array([i for i in free_of(space, terms) if space.model.names[i] not in FIXED], int)
+    """Without what is only seen in products or sums with another term."""
+    slots = space.model.slots
+    return np.array([i for i in free_of(space, terms) if slots[i].element not in slots[i].parameter.only_with], int)
 
 
 def _columns(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.ndarray,
@@ -289,7 +290,7 @@ def _least(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.nd
     """Values with the parameters of some terms fitted, and the squared length of what is left."""
     free = _free(space, terms)
     sizes, model = scales(space.model)[free], space.model
-    gains = np.array([model.names[i].startswith("motor_imbalance.g") for i in free], float)
+    gains = np.array([bool(fixed_mean(model)[i]) for i in free], float)
 
     def whole(moved: np.ndarray) -> np.ndarray:
         vector = values.copy()

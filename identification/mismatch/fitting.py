@@ -12,7 +12,7 @@ from nanobench_tools.physics import Model
 from nanobench_tools.settings import count, number
 
 from .moments import Moments
-from .space import scales
+from .space import fixed_mean, scales
 from .wrench import Wrench
 
 TIMING = "command_delay.delay_s"
@@ -34,8 +34,6 @@ PRIOR_SD = number("mismatch.fitting.prior_sd")
 """Scales: keeps directions the flights do not tell where they are."""
 OWN_SD = number("mismatch.fitting.own_sd")
 """Scales: how far flights may differ."""
-FIXED_SUM = ("motor_imbalance.g",)
-"""Lists whose mean is given by definition."""
 DRAWS = 200
 LEAST_FLIGHTS = count("mismatch.fitting.least_flights")
 """Of flights, for the intervals; fewer flights say nothing about how flights scatter."""
@@ -311,8 +309,9 @@ def force_left(known: Slopes, fit: Fit) -> np.ndarray:
 
 
 def _ways(model: Model, free: np.ndarray) -> np.ndarray:
-    """(F, D) orthonormal directions, per scale, in which parameters may move: lists of FIXED_SUM keep their sum."""
-    bases = [model.names[i].partition("[")[0] for i in free]
+    """(F, D) orthonormal directions, per scale, in which parameters may move: lists of a fixed mean keep their sum."""
+    known = fixed_mean(model)
+    bases = [known[i] for i in free]
     rows = [[size * (b == base) for b, size in zip(bases, scales(model)[free], strict=True)]
-            for base in FIXED_SUM if base in bases]
+            for base in dict.fromkeys(bases) if base]
     return null_space(np.array(rows)) if rows else np.eye(len(free))

@@ -14,17 +14,19 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from nanobench_tools.physics.vocabulary import terms_that, vocabulary
 from nanobench_tools.settings import number
 
 from .fitting import Slopes
 from .moments import Levels, Moments
 from .space import MAPS, Space, scales
 
-GROUPS = {"frame_tilt": ("frame_tilt.roll_rad", "frame_tilt.pitch_rad"),
-          "com_offset": ("com_offset.r_m[0]", "com_offset.r_m[1]"), "thrust_scale": ("thrust_scale.s",),
-          "motor_imbalance": ("motor_imbalance.g",)}
-"""Terms with a level, and the parameters that have one, or the list of them. Without the last a trim about z that is
-another in every flight is made up for by commands that seem not to turn the vehicle."""
+GROUPS = {name: tuple(f"{name}.{element}" for element in vocabulary()[name].scatters)
+          for name in sorted(terms_that(lambda term: bool(term.scatters)), reverse=True,
+                             key=lambda name: (len(vocabulary()[name].scatters), name))}
+"""Terms with a level, and the parameters that have one, or the list of them; the most parameters first. Without
+motor_imbalance a trim about z that is another in every flight is made up for by commands that seem not to turn the
+vehicle."""
 TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
 """Standard deviations that are tried, per scale, and how often."""
 SIGNIFICANT = number("mismatch.levels.significant")

@@ -9,11 +9,12 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.numeric import equations
-from nanobench_tools.settings import count, number, setting
+from nanobench_tools.physics.vocabulary import terms_that
+from nanobench_tools.settings import count, number
 
 from .fitting import Fit, Slopes, fit
 from .moments import Moments
-from .space import LEVEL, MAPS, Space, space_of_other_map
+from .space import LEVEL, MAPS, PWM_MAPS, Space, space_of_other_map
 from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
@@ -38,11 +39,11 @@ AT_MOST = number("mismatch.naming.at_most")
 otherwise by a few per cent."""
 REST = number("mismatch.naming.rest")
 """What is left of a name is not named after another that can hardly be told from it, up to this share."""
-CHANGING = ("mass", "thrust_scale", "motor_imbalance", "com_offset", "frame_tilt", "wind", "force_world")
+CHANGING = terms_that(lambda term: term.changes)
 """What may have been changed between two flights."""
 CHANGED = number("mismatch.naming.changed")
 """That flights differ has to explain more than one value for all by this share."""
-PUSHES = ("wind", "force_world")
+PUSHES = terms_that(lambda term: term.of_air)
 ALONE = number("mismatch.naming.alone")
 """Forces of the air: a steady moment alone is a trim, and indoors no wind. Where most of what one takes away turns the
 vehicle, what it takes of the force has to be so many times enough by itself."""
@@ -84,27 +85,29 @@ class Named:
 
 HIGH = number("mismatch.naming.high")
 """Quantile of what is commanded where the fit of a saturation begins."""
-STARTS: dict[str, dict[str, float]] = setting("mismatch.naming.starts")
-"""Where the fit of a term begins that acts far from linearly where it rests."""
-FAR = ("command_delay",)
+LIMITS = terms_that(lambda term: term.is_limit)
+"""What has no slope where it rests."""
+FAR = terms_that(lambda term: term.far)
 """What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
 
 
 def started(model: Model, term: str) -> Model | None:
     """Where the fit of a term begins, if not at ``model``."""
     values = model.parameters
-    moved = {n: v for n, v in STARTS.get(term, {}).items() if values.get(n) == 0.0}
+    moved = {slot.name: slot.parameter.search_start for slot in model.slots if slot.term.name == term
+             and isinstance(slot.parameter.search_start, float) and values[slot.name] == 0.0}
     return model.with_parameters(moved) if moved else None
 
 
-def _limits(moments: Moments, model: Model) -> list[Model]:
-    """Two starts for a saturation, which does nothing where it rests: of the input, and of the thrust."""
+def _limits(moments: Moments, model: Model, term: str) -> list[Model]:
+    """Starts for a limit, which does nothing where it rests, one for each of its parameters: of inputs, or thrusts."""
     inputs = np.concatenate([np.column_stack([t.motor, t.battery_V])[t.counts] for t in moments.wrench.tracks])
     thrust = np.stack(equations(model, ROW_S).command([*inputs.T, *inputs.T[:model.rotors], np.zeros(len(inputs))]))
-    high = {"saturation.u_max": float(np.quantile(inputs[:, :model.rotors], HIGH)),
-            "saturation.T_max_N": float(np.quantile(thrust, HIGH))}
+    high = {"inputs": float(np.quantile(inputs[:, :model.rotors], HIGH)), "thrusts": float(np.quantile(thrust, HIGH))}
     values = model.parameters
-    return [model.with_parameters({n: v}) for n, v in high.items() if n in values and v < values[n]]
+    starts = {slot.name: high[slot.parameter.search_start] for slot in model.slots if slot.term.name == term
+              and isinstance(slot.parameter.search_start, str)}
+    return [model.with_parameters({n: v}) for n, v in starts.items() if v < values[n]]
 
 
 def name_effects(moments: Moments, space: Space, simulator: Model,
@@ -150,11 +153,11 @@ class _Search:
         """Every hypothesis to first order, the best of them fitted to the end; best first."""
         level = self.space.terms if not set(LEVEL) & set(self.names) else ()
         candidates = [(t, self.space, started(self.current.model, t) or self.current.model) for t in self.space.terms
-                      if t not in self.names and t != "saturation" and (t not in LEVEL or t in level)]
-        if "saturation" in self.space.terms and "saturation" not in self.names:
-            candidates += [("saturation", self.space, m) for m in _limits(self.moments, self.current.model)]
+                      if t not in self.names and t not in LIMITS and (t not in LEVEL or t in level)]
+        candidates += [(t, self.space, m) for t in LIMITS if t in self.space.terms and t not in self.names
+                       for m in _limits(self.moments, self.current.model, t)]
         if self.other is not None and not any(name in MAPS for name in self.names):
-            term = next(t for t in MAPS[:2] if t in self.other.model)
+            term = next(t for t in PWM_MAPS if t in self.other.model)
             candidates.append((term, self.other, carried(self.current.model, self.other.model)))
         ranked = sorted(candidates, key=lambda c: -self._promise(*c))
         found = []
@@ -345,7 +348,7 @@ class _Search:
 
 def _contains(wider: str, term: str) -> bool:
     """A thrust map can be any scale: that it explains as much says nothing."""
-    return wider in MAPS and term in ("thrust_scale", "mass")
+    return wider in MAPS and term in LEVEL
 
 
 def free_of(space: Space, terms: Sequence[str]) -> np.ndarray:

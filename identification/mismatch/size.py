@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.model import Slot
+from nanobench_tools.physics.term import Parameter
 from nanobench_tools.settings import number
 
 SET_ON = Vehicle()
@@ -16,11 +18,8 @@ ALIKE = number("mismatch.size.alike")
 K_F = number("mismatch.size.k_f")
 """N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
 which the drag of turning rotors is measured."""
-GROWS = {"force_world.f_N": "m", "drag_linear.d": "m", "drag_quadratic.q": "m", "drag_rotor.d": "m/w",
-         "drag_torque.c": "ml", "angular_damping.d_r": "mll", "com_offset.r_m": "l", "inertia.inertia_kg_m2": "mll",
-         "rotor_gyro.J_r": "mll", "yaw_torque.k_m": "l", "thrust_pwm.c": "m", "thrust_voltage.c": "m", "mass.m": "m",
-         "saturation.T_max_N": "m", "ground_effect.R": "l"}
-"""Parameter -> what its usual size grows with: m mass, l length of the arms, w speed of all rotors in hover."""
+SCALE_SHARE = number("mismatch.size.scale_share")
+"""Scale of a parameter that rests at 0 and says none: this share of its range."""
 
 
 def _beside(size: float, usual: float) -> float:
@@ -47,11 +46,32 @@ def _turns(vehicle: Vehicle, k_f: float) -> float:
     return math.sqrt(vehicle.rotors * vehicle.mass_kg * max(vehicle.gravity_m_s2, 1.0) / k_f)
 
 
-def growth(model: Model, base: str) -> float:
-    """How many times the usual size of a parameter, by flat name without its element, is that of the 40 g vehicle."""
-    vehicle, kind = model.vehicle, GROWS.get(base, "")
+def grown(vehicle: Vehicle, parameter: Parameter, k_f: float = K_F) -> float:
+    """How many times the usual size of a parameter is that of the 40 g vehicle, see ``Parameter.grows``."""
+    kind = parameter.grows
     found = heavier(vehicle) ** kind.count("m") * wider(vehicle) ** kind.count("l")
     if "w" in kind:
-        k_f = model.parameters.get("thrust_rpm.k_f", K_F)
         found /= _beside(_turns(vehicle, k_f), _turns(SET_ON, K_F))
     return found
+
+
+def growth(model: Model, parameter: Parameter) -> float:
+    """``grown`` on the vehicle of a model."""
+    k_f = model.parameters.get("thrust_rpm.k_f", K_F) if "w" in parameter.grows else K_F
+    return grown(model.vehicle, parameter, k_f)
+
+
+def typical(parameter: Parameter, element: int) -> float:
+    """Size of what is typical of an element on a vehicle of 40 g, 0 where the parameter says none."""
+    value = parameter.typical
+    return abs(value[min(element, len(value) - 1)] if isinstance(value, tuple) else value)
+
+
+def range_share(parameter: Parameter) -> float:
+    """Size of a parameter that says none."""
+    return min(1.0, SCALE_SHARE * (parameter.upper - parameter.lower))
+
+
+def usual(model: Model, slot: Slot) -> float:
+    """Usual size of one number of a model, wherever it stands; never 0."""
+    return (typical(slot.parameter, slot.element) or range_share(slot.parameter)) * growth(model, slot.parameter)

@@ -9,24 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools import registry
 from nanobench_tools.physics import Model
-from nanobench_tools.physics.model import find_term, neutral
+from nanobench_tools.physics.model import neutral
+from nanobench_tools.physics.vocabulary import terms_that, vocabulary
 from nanobench_tools.settings import number
 
-from .size import K_F, growth
+from .size import K_F, growth, range_share, typical
 
-MAPS = ("thrust_pwm", "thrust_voltage", "thrust_rpm")
-LEVEL = ("mass", "thrust_scale")
+MAPS = terms_that(lambda term: term.is_map)
+PWM_MAPS = terms_that(lambda term: term.is_map and term.input == "pwm")
+IN_PRODUCTS = terms_that(lambda term: term.in_products)
+LEVEL = terms_that(lambda term: term.level)
 """What a thrust curve contains. Only their ratio pushes; both at once are a gain from command to torque, which has
 other names."""
 LEAST_SAG_V = number("mismatch.space.least_sag_v")
 """A voltage that changes by less tells nothing about its influence."""
-HELD = ("ground_effect.rho", "thrust_rpm.k_f")
-"""Parameters that are not asked for: they are only seen in products, rho R^2 and d / sqrt(k_f)."""
-AT_REST = {"saturation": {"u_max": 1.0, "T_max_N": 50.0}}
-SCALE_SHARE = number("mismatch.space.scale_share")
-"""Scale of a parameter that rests at 0 and says none: this share of its range."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,7 @@ class Space:
     def free(self, term: str) -> np.ndarray:
         """Indices of the parameters a hypothesis about ``term`` may change."""
         return np.array([i for i, slot in enumerate(self.model.slots)
-                         if slot.term.name == term and slot.name not in HELD], int)
+                         if slot.term.name == term and not slot.parameter.in_product], int)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -53,10 +50,8 @@ def scales(model: Model) -> np.ndarray:
     """(P,) usual size of each parameter, on a vehicle of this size."""
     found = []
     for slot, value in zip(model.slots, model.values, strict=True):
-        typical = slot.parameter.typical
-        size = abs(typical[min(slot.element, len(typical) - 1)] if isinstance(typical, tuple) else typical)
-        size = size or min(1.0, SCALE_SHARE * (slot.parameter.upper - slot.parameter.lower)) * (value == 0.0)
-        found.append(max(abs(value), size * growth(model, slot.name.partition("[")[0])))
+        size = typical(slot.parameter, slot.element) or range_share(slot.parameter) * (value == 0.0)
+        found.append(max(abs(value), size * growth(model, slot.parameter)))
     return np.array(found)
 
 
@@ -66,11 +61,11 @@ def space_around(simulator: Model, unasked: tuple[str, ...] = ()) -> Space:
     believed = tuple(terms)
     if "thrust_rpm" not in terms:
         terms["thrust_rpm"] = {"k_f": K_F}
-    for name in sorted(registry.names("terms")):
-        if name in terms or name in MAPS:
+    for name, term in vocabulary().items():
+        if name in terms or term.is_map:
             continue
-        rest = AT_REST.get(name) or neutral(find_term(name), simulator.vehicle)
-        if rest is not None and not (simulator.vehicle.input != "pwm" and name == "saturation"):
+        rest = neutral(term, simulator.vehicle)
+        if rest is not None and all(p.only_input in ("", simulator.vehicle.input) for p in term.parameters):
             terms[name] = rest
     return Space(Model(simulator.vehicle, terms), believed, unasked)
 
@@ -96,11 +91,23 @@ def space_of_other_map(simulator: Model, battery_V: np.ndarray, unasked: tuple[s
 def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:
     """The model without the terms at rest that nobody named."""
     keep = {*believed, *named}
-    gains = [i for i, name in enumerate(model.names) if name.startswith("motor_imbalance.g")]
-    if gains:  # a fit that touched a bound may have left the mean
+    lists = fixed_mean(model)
+    for base in dict.fromkeys(base for base in lists if base):  # a fit that touched a bound may have left the mean
+        gains = [i for i, own in enumerate(lists) if own == base]
         values = model.values.copy()
-        values[gains] /= values[gains].mean()
+        values[gains] /= values[gains].mean() / _mean_of(model, gains[0])
         model = model.with_values(values)
-    if {"drag_rotor", "rotor_gyro"} & keep:
-        keep.add("thrust_rpm")
+    for term in [t for t in model.terms if t.name in keep and t.needs and not keep & set(t.needs)]:
+        keep.add(next(name for name in term.needs if name in model))
     return model.without(*(t.name for t in model.terms if t.name not in keep))
+
+
+def fixed_mean(model: Model) -> list[str]:
+    """(P) flat name, without the element, of a list whose mean is given by definition; empty of all others."""
+    return [slot.name.partition("[")[0] if slot.parameter.fixed_mean is not None else "" for slot in model.slots]
+
+
+def _mean_of(model: Model, which: int) -> float:
+    mean = model.slots[which].parameter.fixed_mean
+    assert mean is not None  # asked of lists with a fixed mean only
+    return mean

@@ -10,25 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools.physics import Model
-from nanobench_tools.settings import number, setting
+from nanobench_tools.physics.feigned import UNDECLARED
+from nanobench_tools.physics.model import Slot
+from nanobench_tools.physics.vocabulary import terms_that
+from nanobench_tools.settings import number
 
 from .fitting import Fit
 from .moments import Moments
-from .size import growth
+from .size import growth, usual
 
-ABSOLUTE = setting("mismatch.tolerance.absolute")
-"""In the unit of the parameter."""
-AIR = number("mismatch.tolerance.air")
-"""Of what is believed of drag and flapping: their laws are simple, and rotor speed and thrust change what is true by a
-tenth."""
-LEVEL = number("mismatch.tolerance.level")
-"""Of thrust as a whole, and of mass."""
-RELATIVE = {"thrust_scale.s": LEVEL, "mass.m": LEVEL, "drag_linear.d": AIR, "drag_quadratic.q": AIR,
-            "drag_rotor.d": AIR, "drag_torque.c": AIR, "inflow.k_z": AIR, "inflow.k_h": AIR}
-"""Of the value before."""
-GAIN = setting("mismatch.tolerance.gain")
-"""Of the value before, times the share of the turning that the commands do not explain: where the gyro shakes more than
-the vehicle turns, the gain from command to torque is hardly known."""
 MOST_GAIN = number("mismatch.tolerance.most_gain")
 MOST_DAMPING_1_S = number("mismatch.tolerance.most_damping_1_s")
 """However much the gyro shakes, more is not feigned."""
@@ -37,14 +27,7 @@ ASKED = number("mismatch.tolerance.asked")
 where the commands explain some of the turning, as they do not on a vehicle whose lag is not known."""
 ASKED_DAMPING = number("mismatch.tolerance.asked_damping")
 """The same of damping, which slow turning tells and shaking does not: nulls ask for up to 0.7 1/s, 3.7 are told."""
-IMPLAUSIBLE = setting("mismatch.tolerance.implausible")
-"""A gain that is off by this factor is no vehicle, but a residual that something else made."""
-DIFFERENT = setting("mismatch.tolerance.different")
-"""Flights that differ by less need not differ in this: they were flown at other heights, speeds and voltages. Mass and
-scale as a share; forces and lengths of a vehicle of 40 g, see ``size``."""
-DAMPING_1_S = number("mismatch.tolerance.damping_1_s")
-"""Of angular damping over inertia, times the same share."""
-ANSWERED = ('thrust_voltage', 'thrust_pwm', 'inflow', 'saturation')
+ANSWERED = terms_that(lambda term: term.answered)
 ANSWER = number("mismatch.tolerance.answer")
 """Slopes of thrust: a gust up is answered with less thrust, so that thrust seems to lift the less, by some 5 % at
 0.1 m/s^2 of gusts. Such terms have to change the force by this share of how the vertical force moves."""
@@ -66,7 +49,7 @@ def impossible(term: str, fit: Fit, before: Model) -> str:
         if name.startswith(f"{term}.") and new[name] != _neutral(fit.model, name):
             return f"{term} ends on the bound of {name}, which is no result"
     for name in (fit.model.names[i] for i in fit.free if fit.model.names[i].startswith(f"{term}.")):
-        factor, times = IMPLAUSIBLE.get(base_of(name)), new[name] / old[name] if old.get(name) else 1.0
+        factor, times = slot_of(fit.model, name).parameter.implausible, new[name] / old[name] if old.get(name) else 1.0
         if factor and not 1.0 / factor < times < factor:
             return f"{term} would be {times:.2g} times what is believed: no vehicle"
     return ""
@@ -83,8 +66,12 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
         if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
-            grown = abs(old[name]) if base_of(name) in RELATIVE else growth(before, base_of(name))
-            least = DIFFERENT.get(base_of(name), 0.0) * grown
+            slot = slot_of(fit.model, name)
+            if slot.parameter.differs is None:
+                least = smallest(name, before, moments, fit.model)
+            else:
+                share = slot.parameter.feigned is not None and slot.parameter.feigned.of == "value"
+                least = slot.parameter.differs * (abs(old[name]) if share else growth(before, slot.parameter))
             changed = changed or (float(np.ptp(fit.own[name])) > least and two_groups(fit.own[name]))
         else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
             limit = smallest(name, before, moments, fit.model)
@@ -121,32 +108,34 @@ def two_groups(values: np.ndarray) -> bool:
 
 
 def _neutral(model: Model, name: str) -> float | str | None:
-    return next(slot.parameter.neutral for slot in model.slots if slot.name == name)
+    return slot_of(model, name).parameter.neutral
 
 
-def base_of(name: str) -> str:
-    """Flat name without the number of the element."""
-    return name.partition("[")[0]
+def slot_of(model: Model, name: str) -> Slot:
+    """Of a flat name; raises KeyError."""
+    return model.slots[model.index(name)]
 
 
 def smallest(name: str, before: Model, moments: Moments, best: Model | None = None) -> float:
-    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns none. ``best``: the
+    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns
+    none, a tenth of the usual size where the term says nothing. ``best``: the
     model whose residual says how much of the turning the commands do not explain."""
-    base, values = base_of(name), before.parameters
-    if base in ABSOLUTE:
-        return ABSOLUTE[base]
-    if base in RELATIVE:
-        return RELATIVE[base] * abs(values[name])
-    if base in GAIN:
-        share = _shake(best or before, moments, name)
-        known = ASKED if _told(moments, share, name) else 1.0
-        return known * min(GAIN[base] * max(share, LEAST_SHAKING), MOST_GAIN) * abs(values[name])
-    if base == "angular_damping.d_r":
-        inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
-        share = _shake(best or before, moments, name)
-        known = ASKED_DAMPING if _told(moments, share, name) else 1.0
-        return known * min(DAMPING_1_S * max(share, LEAST_SHAKING), MOST_DAMPING_1_S) * inertia[_axis(name)]
-    return 0.0
+    slot = slot_of(best or before, name)
+    feigns = slot.parameter.feigned
+    if feigns is None:
+        return UNDECLARED * usual(best or before, slot)
+    if feigns.of == "unit":
+        return feigns.size
+    if feigns.of == "value":
+        return feigns.size * abs(before.parameters[name])
+    share = _shake(best or before, moments, name)
+    told = _told(moments, share, name)
+    if feigns.of == "gain":
+        value = abs(before.parameters[name])
+        return (ASKED if told else 1.0) * min(feigns.size * max(share, LEAST_SHAKING), MOST_GAIN) * value
+    inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
+    return ((ASKED_DAMPING if told else 1.0) * min(feigns.size * max(share, LEAST_SHAKING), MOST_DAMPING_1_S)
+            * inertia[_axis(name)])
 
 
 def _told(moments: Moments, share: float, name: str) -> bool:

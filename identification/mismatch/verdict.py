@@ -28,10 +28,6 @@ UNSEEN = 1e-6
 """Squared length that one scale of a parameter explains, below which flights do not show it."""
 SIZES = 6
 """Halvings, by ratio, of the range of a parameter that acts far from linearly."""
-LOCALE = {"force_world": "world", "wind": "world", "frame_tilt": "mocap", "motor_imbalance": "per motor",
-          "ground_effect": "world"}
-CAUSES = {"motor_imbalance": "propeller", "mass": "weight", "thrust_scale": "weight", "wind": "wind",
-          "thrust_voltage": "battery"}
 UNASKED = {
     "mocap": "(position and attitude) nothing says how the vehicle moved",
     "imu": "(gyro_x, gyro_y, gyro_z) nothing says how it turned: no torque, inertia, lag or delay can be asked for",
@@ -129,16 +125,17 @@ def _finding(f: Finding, decision: Decision, recordings: Recordings) -> dict[str
     parameters = {name: {"value": values[name], "ci95": [values[name] - 1.96 * sd, values[name] + 1.96 * sd],
                          "unit": units[name], "believed": decision.space.model.parameters[name]}
                   for name, sd in f.sd.items()}
-    settles = find_term(term).confused_with
+    about = find_term(term)
+    settles = about.confused_with
     changed = _changed(f, decision, recordings)
     return {"term": term, "equivalent": list(f.equivalent), "confidence": f.confidence,
-            "where": {"axes": list(f.axes), "frame": LOCALE.get(term, "body"), "covariate": f.covariate,
+            "where": {"axes": list(f.axes), "frame": about.fixed_in, "covariate": f.covariate,
                       "flights": changed or list(recordings.names),
                       "regime": "differs between flights" if f.hypothesis.own else "all"},
             "by_flight": {name: {recordings.names[i]: values[name] + float(x) for i, x in
                                  zip(_numbers(recordings), row, strict=True)}
                           for name, row in decision.fit.own.items() if name.startswith(f"{term}.")},
-            "parameters": parameters, "residual_share": f.share, "cause": CAUSES.get(term), "motors": [],
+            "parameters": parameters, "residual_share": f.share, "cause": about.cause, "motors": [],
             "settle_with": "; ".join(f"{o}: {settles[o]}" for o in f.equivalent if o in settles) or None}
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from nanobench_tools.faults.kind import Blind
 from nanobench_tools.faults.kinds import those
+from nanobench_tools.physics.vocabulary import vocabulary
 from nanobench_tools.practice.inject import INJECTIONS
 
 from .airframe import LIFT, Airframe, draw_airframe
-from .effects import EFFECTS, FOREIGN, KNOWN, SIZES
+from .effects import EFFECTS, FOREIGN, KNOWN, OWN, SIZES
 from .effects.thrust_voltage import CHARGES
 from .kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
 from .routes import draw_flights
@@ -23,15 +24,22 @@ QUOTAS = {"null": 0.30, "single": 0.24, "twin": 0.12, "pair": 0.10, "fault": 0.0
 SIZE_SHARES = {"single": (0.34, 0.33, 0.33), "twin": (0.0, 0.5, 0.5), "pair": (0.0, 0.5, 0.5),
                "change": (0.0, 0.5, 0.5), "foreign": (0.2, 0.4, 0.4)}
 """Of small, medium and large; what must be told from a twin or from a partner is not small."""
-TWINS = (("mass", "thrust_scale"), ("motor_lag", "command_delay"), ("wind", "force_world", "frame_tilt"),
+TWINS: tuple[tuple[str, ...], ...] = (
+         ("mass", "thrust_scale"), ("motor_lag", "command_delay"), ("wind", "force_world", "frame_tilt"),
          ("drag_linear", "drag_quadratic", "drag_rotor"), ("motor_imbalance", "com_offset"),
          ("ground_effect", "thrust_scale"), ("inflow", "drag_linear"), ("thrust_voltage", "thrust_scale"))
 """Groups that are confused with each other; every member is concealed on flights that all of them want."""
 LEAST_LIFT = 1.06
 """So many times must full command lift the weight with the effect. Large losses of thrust are therefore rarer than
 gains: the onboard controllers command at most 0.12 N of a motor, 18 % above hover."""
-CHANGES = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
+CHANGES: tuple[str, ...] = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
 """What may happen between two flights of a day."""
+ADDED = {name: term for name, term in vocabulary().items() if name in EFFECTS and name not in OWN}
+"""Terms from other packages: each is in single cases and pairs, against what it is confused with, and between flights
+where it says that it changes."""
+TWINS += tuple((name, *others) for name, term in ADDED.items()
+               if (others := tuple(n for n in term.confused_with if n in EFFECTS)))
+CHANGES += tuple(name for name, term in ADDED.items() if term.changes)
 ALONE = ("rotor_gyro", "saturation")
 """Never one of a pair: the first is too small beside anything, under the second few partners leave enough thrust."""
 INNOCENT = ("plain", "falling voltage", "low flights", "big tilts", "turning", "rich simulator", "slow", "restless air")

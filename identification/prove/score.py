@@ -15,11 +15,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.physics.vocabulary import terms_that
 
 Truth = Mapping[str, Any]
 Verdict = Mapping[str, Any]
 
-IN_PRODUCTS = ("ground_effect",)
+IN_PRODUCTS = terms_that(lambda term: term.in_products)
 """Terms whose parameters are only seen in a product (rho R^2): a value of one alone is not compared."""
 
 

@@ -154,10 +154,14 @@ def model_problems(kind: str, terms: Terms) -> Iterator[Problem]:
         if term.needs and not set(term.needs) & set(names):
             yield Problem((number, "name"), f"{term.name} does nothing without {' or '.join(term.needs)}",
                           f"add {term.needs[0]} or leave {term.name} out")
-        if kind != "pwm" and values.get("u_max") is not None:
-            yield Problem((number, "u_max"), f"u_max limits a PWM ratio, but input is {kind}", "give T_max_N")
+        for parameter in term.parameters:
+            if parameter.only_input not in ("", kind) and values.get(parameter.name) is not None:
+                others = [p.name for p in term.parameters if p.only_input in ("", kind)]
+                yield Problem((number, parameter.name), f"{parameter.name} is for input {parameter.only_input}, "
+                              f"but input is {kind}", f"give {' or '.join(others)}" if others else
+                              f"leave {term.name} out")
     maps = [n for n, (term, _) in enumerate(terms) if Stage.THRUST_MAP in term.acts]
-    wanted = [n for n in maps if (terms[n][0].name == "thrust_rpm") == (kind == "rpm")]
+    wanted = [n for n in maps if terms[n][0].input == ("rpm" if kind == "rpm" else "pwm")]
     for n in maps:
         if kind == "rpm" and n not in wanted:
             yield Problem((n, "name"), f"{names[n]} needs PWM, but input is rpm", "use thrust_rpm")

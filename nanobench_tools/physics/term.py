@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from .feigned import Feigned
 from .ops import Ops
+from .vehicle import Vehicle
 
 
 class Stage(enum.IntEnum):
@@ -39,6 +41,15 @@ class Stage(enum.IntEnum):
 
 
 @dataclass(frozen=True)
+class Belief:
+    """Of one element before any flight: ``mean`` and standard deviation ``sd`` in its unit, and where it is from."""
+
+    mean: float
+    sd: float
+    source: str
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One entry of a term, scalar (``length`` 0), fixed length, any length from 1 on (None), or one element for
     every rotor (``"rotors"``).
@@ -46,7 +57,18 @@ class Parameter:
     ``lower`` and ``upper`` bound every element physically; ``neutral`` is the value of an element at which the term
     has no effect: a number, the key of the same quantity of the vehicle, or None when there is no such value.
     ``typical`` is an order of magnitude for a 40 g quadrotor (a start for a fit), ``source`` says where it is from.
-    A ``^k`` in ``unit`` stands for the number of the element.
+    A ``^k`` in ``unit`` stands for the number of the element. ``only_input``: only on vehicles of this input.
+    ``fixed_mean``: of a list whose mean is given by definition.
+
+    Of a fit: ``fitted`` (lower, upper, why) is narrower than the physical bounds, or a function of the vehicle that
+    gives (lower, upper) of every element; ``believed`` a prior, or a function of the vehicle that gives one, or None,
+    for every element; ``untold`` elements that no flight tells.
+
+    Of a diagnosis: ``feigned`` by the logging alone (None: a tenth of the usual size); ``differs`` by less between
+    flights for nothing (None: as feigned); ``grows`` with m (mass), l (length of the arms), /w (speed of all rotors in
+    hover); ``implausible`` from this factor on; ``search_start``: where a search begins for what acts far from linearly
+    at rest, a value, or ``inputs`` or ``thrusts`` for a limit of those; ``in_product``: only seen times another
+    parameter of its term, so not asked for; ``only_with``: element -> term beside which alone it is seen.
     """
 
     name: str
@@ -58,6 +80,18 @@ class Parameter:
     neutral: float | str | None = 0.0
     length: int | str | None = 0
     optional: bool = False
+    only_input: str = ""
+    fixed_mean: float | None = None
+    fitted: tuple[float, float, str] | Callable[[Vehicle], Sequence[tuple[float, float]]] | None = None
+    believed: Belief | Callable[[Vehicle], Sequence[Belief | None]] | None = None
+    untold: tuple[int, ...] = ()
+    feigned: Feigned | None = None
+    differs: float | None = None
+    grows: str = ""
+    implausible: float | None = None
+    search_start: float | str | None = None
+    in_product: bool = False
+    only_with: Mapping[int, str] = field(default_factory=dict, hash=False)
 
     def unit_of(self, element: int) -> str:
         """Unit of one element: N/V^k -> N, N/V, N/V^2 ..."""
@@ -106,7 +140,17 @@ Expression = Callable[[Any, Any, Situation, Ops], Any]
 class Term:
     """One physical effect. ``confused_with``: other effect -> the flight that tells them apart. ``check`` looks at the
     values of all parameters ({name: float or tuple}) and returns what is wrong and what to do, or None. ``needs`` are
-    groups of terms of which one has to be in the model too.
+    groups of terms of which one has to be in the model too. ``input``: of a thrust map, the vehicle's input it takes.
+
+    Of a diagnosis: ``level``: any thrust curve contains it; ``changes``: it may be changed between two flights;
+    ``scatters``: elements of which every flight has its own value; ``of_air``: a push of the air, that no steady moment
+    alone shows; ``answered``: a slope of thrust, which the controller's answers to gusts look like; ``far``: it may act
+    so far from linearly that a first order ranks it badly; ``frame``: where it is fixed (by default what its stage
+    says); ``cause``: what may have been done to the vehicle.
+
+    ``left_out``: target of an export -> what to do there instead, ``""`` for all others. ``injector``:
+    "module:Class" of an ``identification.prove`` effect that flies it in blind cases, by default its own expressions;
+    ``sizes``: {"small", "medium", "large"} -> values of its parameters there, by default shares of what is typical.
     """
 
     name: str
@@ -117,6 +161,49 @@ class Term:
     confused_with: Mapping[str, str] = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     check: Callable[[Mapping[str, Any]], tuple[str, str] | None] | None = None
+    input: str = "pwm"
+    level: bool = False
+    changes: bool = False
+    scatters: tuple[str, ...] = ()
+    of_air: bool = False
+    answered: bool = False
+    far: bool = False
+    frame: str = ""
+    cause: str | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    injector: str = ""
+    sizes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def is_map(self) -> bool:
+        """Whether it turns inputs into thrusts."""
+        return Stage.THRUST_MAP in self.acts
+
+    @property
+    def on_commands(self) -> bool:
+        """Whether all it does lies between a command and the thrust asked for."""
+        return all(Stage.INPUT_DELAY <= stage <= Stage.MOTOR_GAIN for stage in self.acts)
+
+    @property
+    def only_turns(self) -> bool:
+        """Whether it turns the vehicle and pushes it nowhere."""
+        even = [Stage.MOTOR_GAIN] if all(p.fixed_mean is not None for p in self.parameters) else []
+        return all(stage in (Stage.INERTIA, Stage.TORQUE, *even) for stage in self.acts)
+
+    @property
+    def is_limit(self) -> bool:
+        """Whether it limits inputs or thrusts, and has no slope where it rests."""
+        return any(isinstance(p.search_start, str) for p in self.parameters)
+
+    @property
+    def in_products(self) -> bool:
+        """Whether only a product of its parameters is seen, though some of them are asked for."""
+        return any(p.in_product for p in self.parameters) and not all(p.in_product for p in self.parameters)
+
+    @property
+    def fixed_in(self) -> str:
+        """``frame``, or what the stage says: world or body."""
+        return self.frame or ("world" if {Stage.WIND, Stage.WORLD_FORCE} & set(self.acts) else "body")
 
     @property
     def stage(self) -> Stage:

@@ -1,4 +1,9 @@
-"""The effects that can be concealed, by name: those of the vocabulary and the foreign ones."""
+"""The effects that can be concealed, by name: those of the vocabulary and the foreign ones.
+
+Of terms from other packages: the injector they declare, or one made of their expressions (``of_term``).
+"""
+
+from nanobench_tools.physics.vocabulary import vocabulary
 
 from .angular_damping import AngularDamping
 from .base import SIZES, Air, Effect
@@ -20,6 +25,7 @@ from .jet import Jet
 from .mass import Mass
 from .motor_imbalance import MotorImbalance
 from .motor_lag import MotorLag
+from .of_term import effect_of
 from .periodic import Periodic
 from .rotor_gyro import RotorGyro
 from .saturation import Saturation
@@ -33,7 +39,13 @@ EFFECTS: dict[str, type[Effect]] = {e.name: e for e in (
     ThrustVoltage, ThrustScale, Mass, MotorLag, CommandDelay, MotorImbalance, ComOffset, Inertia, YawTorque,
     AngularDamping, DragLinear, DragQuadratic, DragRotor, DragTorque, Inflow, GroundEffect, Wind, ForceWorld, FrameTilt,
     Saturation, RotorGyro, Jet, Heating, Periodic, Tether, Dropout, Gusts)}
+OWN = tuple(EFFECTS)
+"""Those written here, each anew from its equation."""
+NOT_FLOWN = ("slung_load", "thrust_pwm", "thrust_rpm")
+"""Terms that are concealed under another name, or in no case."""
+EFFECTS |= {name: effect for name, term in vocabulary().items()
+            if name not in (*OWN, *NOT_FLOWN) and (effect := effect_of(term)) is not None}
 KNOWN = tuple(name for name, e in EFFECTS.items() if not e.foreign)
 FOREIGN = tuple(name for name, e in EFFECTS.items() if e.foreign)
 
-__all__ = ["EFFECTS", "FOREIGN", "KNOWN", "SIZES", "Air", "Effect"]
+__all__ = ["EFFECTS", "FOREIGN", "KNOWN", "OWN", "SIZES", "Air", "Effect"]

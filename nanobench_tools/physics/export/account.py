@@ -35,22 +35,19 @@ class Exported:
     account: Account
 
 
-COMMANDS = ("thrust_pwm", "thrust_voltage", "thrust_scale", "motor_imbalance", "saturation", "command_delay")
-"""Effects between a command and the thrust it asks for."""
-
-
 def account(model: Model, simulator: str, exact: Mapping[str, str], approximated: Mapping[str, str],
-            left_out: Mapping[str, str], assumed: Mapping[str, str]) -> Account:
+            assumed: Mapping[str, str]) -> Account:
     """Sorts the terms of a model by what ``simulator`` makes of them; a term that nobody names is left out."""
     made = Account(assumed=dict(assumed))
     for term in model.terms:
         name = term.name
-        if name in COMMANDS:
+        if term.on_commands:
             made.commands[name] = term.equation
         elif name in exact:
             made.exact[name] = exact[name] or term.equation
         elif name in approximated:
             made.approximated[name] = approximated[name]
         else:
-            made.left_out[name] = left_out.get(name, f"{simulator} has nothing like {term.equation}")
+            made.left_out[name] = term.left_out.get(simulator) or term.left_out.get("") or \
+                f"{simulator} has nothing like {term.equation}"
     return made

@@ -32,8 +32,6 @@ APPROXIMATED = {
     "inflow": "k_z in drag_matrix, equal at the thrust of hover; k_h is left out",
     "rotor_gyro": "as prop_inertia; they add the moment of rotors that change their speed",
 }
-LEFT_OUT = {"force_world": "give it as dist_f", "wind": "their drag takes the velocity over ground",
-            "drag_quadratic": "their drag is linear"}
 
 
 def section(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any], Account]:
@@ -67,7 +65,7 @@ def section(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any
         made["vmotor2thrust"] = [c * scale for c in model.values_of("thrust_voltage")["c"]]
     dragged = any(term.name.startswith("drag_") for term in model.terms)
     exact = {name: text for name, text in EXACT.items() if not (dragged and name == "com_offset")}
-    return made, account(model, "first_principles", exact, APPROXIMATED, LEFT_OUT, used)
+    return made, account(model, "first_principles", exact, APPROXIMATED, used)
 
 
 def _diagonal(values: Any) -> list[list[float]]:

@@ -38,10 +38,6 @@ APPROXIMATED = {
     "drag_torque": "as k_flap, equal at the summed rotor speed of hover",
     "inflow": "as k_z and k_h, equal at the rotor speed of hover and in still air",
 }
-LEFT_OUT = {
-    "wind": "no parameter of the vehicle; give RotorPy ConstantWind, as the adapter does from wind_m_s beside them",
-    "angular_damping": "RotorPy damps rates only through k_d and k_z of its rotors",
-}
 
 
 def quad_params(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any], Account]:
@@ -65,7 +61,7 @@ def quad_params(model: Model, assumed: Assumed | None = None) -> tuple[dict[str,
         "k_w": 1.0, "k_v": 10.0, "kp_att": 3000.0, "kd_att": 360.0,
     }
     exact = EXACT if "drag_quadratic" in model else {**EXACT, "com_offset": "rotors placed about the centre of mass"}
-    return made, account(model, "RotorPy", exact, APPROXIMATED, LEFT_OUT, _assumed(model, about))
+    return made, account(model, "RotorPy", exact, APPROXIMATED, _assumed(model, about))
 
 
 def _assumed(model: Model, about: Rotors) -> dict[str, str]:

@@ -12,8 +12,8 @@ from ...errors import InputError
 from ..equations import Equations
 from ..model import Model
 from ..ops import NUMPY
+from ..term import Stage
 from ..vehicle import Vehicle
-from .account import COMMANDS
 
 QUADROTOR = 4
 RAD_S_PER_RPM = math.pi / 30.0
@@ -131,8 +131,8 @@ def _greatest_thrust(model: Model, assumed: Assumed, weight: float, used: dict[s
 
 def commands(model: Model, delayed: bool = False) -> Model:
     """The part of a model between a command and the thrust asked for, ``delayed`` with its delay."""
-    keep = {*COMMANDS, "thrust_rpm"} if model.vehicle.input == "rpm" else set(COMMANDS)
-    names = {name for name in keep if delayed or name != "command_delay"}
+    kept = [term for term in model.terms if term.on_commands or (term.is_map and term.input == model.vehicle.input)]
+    names = {term.name for term in kept if delayed or Stage.INPUT_DELAY not in term.acts}
     return Model(Vehicle(input=model.vehicle.input), {k: v for k, v in model.as_dict().items() if k in names})
 
 

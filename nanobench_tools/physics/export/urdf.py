@@ -33,7 +33,6 @@ APPROXIMATED = {
     "drag_linear": "equal at the summed rotor speed of hover, along world axes, x and y by their mean",
     "drag_rotor": "along world axes, x and y by their mean", "ground_effect": "first order in (R / (4 z))^2",
 }
-LEFT_OUT = {"motor_lag": "thrust follows the command at once there"}
 
 
 def robot(model: Model, assumed: Assumed | None = None) -> tuple[ET.Element, Account]:
@@ -74,7 +73,7 @@ def robot(model: Model, assumed: Assumed | None = None) -> tuple[ET.Element, Acc
         ET.SubElement(joint, "child", link=f"{name}_link")
     dragged = any(term.name.startswith("drag_") for term in model.terms)
     exact = {name: text for name, text in EXACT.items() if not (dragged and name == "com_offset")}
-    return root, account(model, "gym-pybullet-drones", exact, APPROXIMATED, LEFT_OUT, used)
+    return root, account(model, "gym-pybullet-drones", exact, APPROXIMATED, used)
 
 
 def _link(root: ET.Element, name: str, where: tuple[float, ...], mass: float, inertia: tuple[float, ...]) -> ET.Element:

@@ -1,7 +1,14 @@
 """Centre of mass beside the centre of the motors."""
 
+from ...settings import number
+from ..feigned import Feigned
 from ..term import Parameter, Stage, Term
 from ..vector import cross, subtract
+
+FEIGNED_M = number("physics.com_offset.feigned")
+"""Changes up to this can come of the logging alone."""
+DIFFERS_M = number("physics.com_offset.differs")
+"""Flights that differ by less need not differ in this."""
 
 
 def moment(torque, p, at, ops):
@@ -12,9 +19,11 @@ TERM = Term(
     name="com_offset",
     sentence="The centre of mass lies r away from the centre of the motors, so every body force has a moment.",
     equation="tau <- tau - r x F_b, F_b with thrust",
-    parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3,
+    parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3, feigned=Feigned(FEIGNED_M),
+                          differs=DIFFERS_M, grows="l", only_with={2: "drag_torque"},
                           source="Crazyflie with deck and markers: a few millimetres"),),
     acts={Stage.TORQUE: moment},
     confused_with={"motor_imbalance": "yaw: unequal gains upset it, an offset does not; r_z shows in drag only",
                    "drag_torque": "hover: a moment from the air vanishes there"},
+    changes=True, scatters=("r_m[0]", "r_m[1]"),
 )

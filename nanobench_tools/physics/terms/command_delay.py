@@ -1,10 +1,17 @@
 """Commands act later than their stamp."""
 
-from ...settings import number
+from ...settings import number, setting
+from ..feigned import Feigned
 from ..term import Parameter, Stage, Term
 
 TYPICAL_S = number("physics.command_delay.typical_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
+FEIGNED_S = number("physics.command_delay.feigned")
+"""Changes up to this can come of the logging alone."""
+SEARCH_START_S = number("physics.command_delay.search_start")
+"""It acts far from linearly where it rests."""
+FITTED: tuple[float, float, str] = setting("physics.command_delay.fitted")
+"""Lowest and highest value of a fit, and why."""
 
 
 def delayed(inputs, p, at, ops):
@@ -18,9 +25,11 @@ TERM = Term(
     sentence="Every motor command acts a constant time after the stamp it is logged with.",
     equation="u_i <- u_i(t - d)",
     parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
+                          feigned=Feigned(FEIGNED_S), search_start=SEARCH_START_S, fitted=FITTED,
                           source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
                                  "beside a first-order lag"),),
     acts={Stage.INPUT_DELAY: delayed},
     confused_with={"motor_lag": "steps of the command logged faster than 100 Hz: a delay does nothing at first",
                    "clock_offset": "the audit's clock of the motor stream against the others"},
+    far=True,
 )

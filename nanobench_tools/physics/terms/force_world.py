@@ -1,7 +1,12 @@
 """A constant push."""
 
+from ...settings import number
+from ..feigned import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import add
+
+DIFFERS_N = number("physics.force_world.differs")
+"""Flights that differ by less need not differ in this; of a vehicle of 40 g."""
 
 
 def force(value, p, at, ops):
@@ -12,8 +17,10 @@ TERM = Term(
     name="force_world",
     sentence="A constant force in the world at the centre of mass (a draught, a wire, gravity not along world z).",
     equation="F <- F + f",
-    parameters=(Parameter("f_N", "N", -5.0, 5.0, 0.0, length=3, source="1 % of the weight of 0.4 N"),),
+    parameters=(Parameter("f_N", "N", -5.0, 5.0, 0.0, length=3, feigned=NOTHING, differs=DIFFERS_N, grows="m",
+                          source="1 % of the weight of 0.4 N"),),
     acts={Stage.WORLD_FORCE: force},
     confused_with={"wind": "two headings with unequal drag along x and y, or two speeds with quadratic drag",
                    "frame_tilt": "two headings: a tilt turns with the vehicle, a force in the world does not"},
+    changes=True, of_air=True, left_out={"first_principles": "give it as dist_f"},
 )

@@ -1,6 +1,11 @@
 """Another mass than the vehicle's table says."""
 
+from ...settings import number
+from ..feigned import LEVEL
 from ..term import Parameter, Stage, Term
+
+DIFFERS = number("physics.mass.differs")
+"""As a share: flights that differ by less need not differ in this."""
 
 
 def mass(value, p, at, ops):
@@ -11,8 +16,10 @@ TERM = Term(
     name="mass",
     sentence="The vehicle weighs m (payload, another battery); gravity and inertia of the motion use it.",
     equation="m",
-    parameters=(Parameter("m", "kg", 0.001, 10.0, 0.04085, neutral="mass_kg",
+    parameters=(Parameter("m", "kg", 0.001, 10.0, 0.04085, neutral="mass_kg", untold=(0,), feigned=LEVEL,
+                          differs=DIFFERS, grows="m",
                           source="NanoBench paper: vehicle weighed with battery and markers"),),
     acts={Stage.MASS: mass},
     confused_with={"thrust_scale": "a weighing: free flight shows T/m only; torque tells a little"},
+    level=True, changes=True, cause="weight",
 )

@@ -1,7 +1,13 @@
 """Motors that differ from each other."""
 
+from ...settings import number
+from ..feigned import Feigned
 from ..term import Parameter, Stage, Term
 
+FEIGNED = number("physics.motor_imbalance.feigned")
+"""Changes up to this can come of the logging alone."""
+DIFFERS = number("physics.motor_imbalance.differs")
+"""Flights that differ by less need not differ in this."""
 MEAN_WITHIN = 0.005
 """Gains written with two or three digits still have mean 1 within this."""
 
@@ -21,11 +27,12 @@ TERM = Term(
     name="motor_imbalance",
     sentence="Each motor has its own gain around a mean of 1 (a chipped propeller, a worn motor).",
     equation="T_i <- g_i T_i, mean g = 1",
-    parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length="rotors",
+    parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length="rotors", fixed_mean=1.0,
+                          feigned=Feigned(FEIGNED), differs=DIFFERS,
                           source="NanoBench flights, which ones is not recorded: PWM of the four motors "
                                  "differs by 10 % in hover"),),
     acts={Stage.MOTOR_GAIN: imbalanced},
     confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre of "
                                  "mass also turns with drag; yaw tells too, as only gains upset it"},
-    check=mean_is_one,
+    check=mean_is_one, changes=True, scatters=("g",), frame="per motor", cause="propeller",
 )

@@ -1,12 +1,24 @@
 """Thrust follows its command with a first-order lag, faster up than down (or the reverse)."""
 
-from ...settings import number
-from ..term import Parameter, Stage, Term
+from ...settings import number, setting
+from ..feigned import Feigned
+from ..term import Belief, Parameter, Stage, Term
 
 TYPICAL_UP_S = number("physics.motor_lag.typical_up_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
 TYPICAL_DOWN_S = number("physics.motor_lag.typical_down_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
+
+FEIGNED_S = number("physics.motor_lag.feigned")
+"""Changes up to this can come of the logging alone."""
+SEARCH_START_S = number("physics.motor_lag.search_start")
+"""It acts far from linearly where it rests."""
+FITTED: tuple[float, float, str] = setting("physics.motor_lag.fitted")
+"""Lowest and highest value of a fit, and why."""
+BELIEVED_UP_S: tuple[float, float] = setting("physics.motor_lag.believed_up_s")
+"""Mean and standard deviation of what is believed of the lag up before any flight."""
+BELIEVED_DOWN_S: tuple[float, float] = setting("physics.motor_lag.believed_down_s")
+"""The same of the lag down."""
 
 
 def time_constants(value, p, at, ops):
@@ -16,13 +28,19 @@ def time_constants(value, p, at, ops):
 _SOURCE = ("79 NanoBench flights, test flights among them: PWM differences to angular acceleration 45 "
            "ms, delay of the logging included")
 
+
+def _lag(name: str, typical_s: float, believed: tuple[float, float]) -> Parameter:
+    return Parameter(name, "s", 0.0, 0.5, typical_s, neutral=0.0, source=_SOURCE, feigned=Feigned(FEIGNED_S),
+                     search_start=SEARCH_START_S, fitted=FITTED, believed=Belief(*believed, f"motor_lag: {_SOURCE}"))
+
+
 TERM = Term(
     name="motor_lag",
     sentence="Each thrust approaches what is asked for exponentially, with one time constant up and another down.",
     equation="tau dT_i/dt = T_cmd_i - T_i, tau = tau_up where T_cmd_i > T_i, else tau_down; 0 means at once",
-    parameters=(Parameter("tau_up_s", "s", 0.0, 0.5, TYPICAL_UP_S, neutral=0.0, source=_SOURCE),
-                Parameter("tau_down_s", "s", 0.0, 0.5, TYPICAL_DOWN_S, neutral=0.0, source=_SOURCE)),
+    parameters=(_lag("tau_up_s", TYPICAL_UP_S, BELIEVED_UP_S), _lag("tau_down_s", TYPICAL_DOWN_S, BELIEVED_DOWN_S)),
     acts={Stage.LAG: time_constants},
     confused_with={"command_delay": "steps of the command logged faster than 100 Hz: a lag begins at once",
                    "angular_damping": "rates that stay while the motors do not change"},
+    left_out={"gym-pybullet-drones": "thrust follows the command at once there"},
 )

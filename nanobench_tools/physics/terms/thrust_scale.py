@@ -1,11 +1,14 @@
 """All motors weaker or stronger than the thrust curve by one factor."""
 
 from ...settings import number
+from ..feigned import LEVEL
 from ..term import Parameter, Stage, Term
 from ..vector import scale
 
 TYPICAL = number("physics.thrust_scale.typical")
 """Typical of a 40 g quadrotor; where a fit begins."""
+DIFFERS = number("physics.thrust_scale.differs")
+"""As a share: flights that differ by less need not differ in this."""
 
 
 def scaled(thrust, p, at, ops):
@@ -16,10 +19,12 @@ TERM = Term(
     name="thrust_scale",
     sentence="All thrusts are s times what the thrust curve says (worn propellers, another air density).",
     equation="T_i <- s T_i",
-    parameters=(Parameter("s", "1", 0.2, 3.0, TYPICAL, neutral=1.0,
+    parameters=(Parameter("s", "1", 0.2, 3.0, TYPICAL, neutral=1.0, untold=(0,), feigned=LEVEL,
+                          differs=DIFFERS,
                           source="78 NanoBench flights, test flights among them: real thrust over "
                                  "firmware cubic 0.943 +- 0.033"),),
     acts={Stage.THRUST_SCALE: scaled},
     confused_with={"mass": "a weighing, or fast rotations: torque grows with s and not with m",
                    "ground_effect": "hover high above the ground"},
+    level=True, changes=True, scatters=("s",), cause="weight",
 )

@@ -1,7 +1,12 @@
 """Air that moves."""
 
+from ...settings import number
+from ..feigned import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import add
+
+DIFFERS_M_S = number("physics.wind.differs")
+"""Flights that differ by less need not differ in this."""
 
 
 def air(velocity, p, at, ops):
@@ -12,9 +17,13 @@ TERM = Term(
     name="wind",
     sentence="The air moves with a constant velocity in the world; drag acts on the velocity against the air.",
     equation="v_air = v - w",
-    parameters=(Parameter("w_m_s", "m/s", -20.0, 20.0, 0.0, length=3, source="draught of a room: below 0.5 m/s"),),
+    parameters=(Parameter("w_m_s", "m/s", -20.0, 20.0, 0.0, length=3, feigned=NOTHING, differs=DIFFERS_M_S,
+                          source="draught of a room: below 0.5 m/s"),),
     acts={Stage.WIND: air},
     confused_with={"force_world": "two headings with unequal drag along x and y, or two speeds with quadratic drag",
                    "frame_tilt": "two headings: a tilt turns with the vehicle, wind does not"},
+    changes=True, of_air=True, cause="wind",
+    left_out={"RotorPy": "no parameter of the vehicle; give RotorPy ConstantWind, as the adapter does from wind_m_s "
+                         "beside them", "first_principles": "their drag takes the velocity over ground"},
     needs=("drag_linear", "drag_rotor", "drag_quadratic", "drag_torque"),
 )

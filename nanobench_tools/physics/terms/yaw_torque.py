@@ -1,7 +1,16 @@
 """Rotor drag turns the vehicle about its z axis."""
 
+from ...settings import number, setting
+from ..feigned import Feigned
 from ..term import Parameter, Stage, Term
 from ..vector import total
+
+FEIGNED = number("physics.yaw_torque.feigned")
+"""Of the value before, times the share of the turning that the commands do not explain."""
+IMPLAUSIBLE = number("physics.yaw_torque.implausible")
+"""A gain that is off by this factor is no vehicle."""
+FITTED: tuple[float, float, str] = setting("physics.yaw_torque.fitted")
+"""Lowest and highest value of a fit, and why."""
 
 
 def moment(torque, p, at, ops):
@@ -13,7 +22,8 @@ TERM = Term(
     name="yaw_torque",
     sentence="Each rotor's drag turns the vehicle about body z in proportion to its thrust.",
     equation="tau_z <- tau_z + sum_i spin_i k_m T_i",
-    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993,
+    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993, feigned=Feigned(FEIGNED, "gain"),
+                          implausible=IMPLAUSIBLE, grows="l", fitted=FITTED,
                           source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST2TORQUE"),),
     acts={Stage.TORQUE: moment},
     confused_with={"inertia": "only k_m / J_z is seen: a pendulum measurement"},

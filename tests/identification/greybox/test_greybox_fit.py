@@ -13,12 +13,12 @@ from identification.greybox.data import Cut
 from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.flies import flies, hover_ratio
 from identification.greybox.ladder import LADDER
-from identification.greybox.ranges import most_inertia
 from identification.greybox.solve import Prior
 from identification.greybox.study import fit_item, predictor_of
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.terms.inertia import most
 
 
 def cuts_of(data):
@@ -127,7 +127,7 @@ def test_hover_is_where_thrust_carries_the_weight():
 
 
 def test_no_vehicle_has_more_inertia_than_with_all_its_mass_at_the_motors():
-    np.testing.assert_allclose(most_inertia(true_model()), 0.04085 * 0.0325**2 * np.array([1.0, 1.0, 2.0]))
+    np.testing.assert_allclose(most(true_model().vehicle), 0.04085 * 0.0325**2 * np.array([1.0, 1.0, 2.0]))
 
 
 def test_gains_of_motors_have_mean_one_and_neutral_terms_go():
