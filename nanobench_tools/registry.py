@@ -17,6 +17,8 @@ from .user_folder import check_ours, load_module
 
 GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults", "simulators")
 
+OURS = ("nanobench_tools", "estimators", "controllers", "identification")
+
 
 @functools.cache
 def _entries(group: str) -> dict[str, EntryPoint]:
@@ -28,6 +30,11 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 def names(group: str) -> list[str]:
     """Registered names of a group, sorted."""
     return list(_entries(group))
+
+
+def added(group: str) -> list[str]:
+    """Names of a group that other packages registered, sorted."""
+    return [name for name, entry in _entries(group).items() if entry.module.partition(".")[0] not in OURS]
 
 
 def load(group: str, name: str) -> Any:

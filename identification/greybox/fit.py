@@ -15,7 +15,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.physics import Model, Vehicle
-from nanobench_tools.physics.model import find_term
+from nanobench_tools.physics.model import find_term, typical
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
@@ -67,7 +67,7 @@ class GreyBox:
         if self.adapt not in ADAPTS:
             raise UsageError(f"adapt is {self.adapt!r}; it can be {', '.join(ADAPTS)}")
         if not isinstance(self.terms, Mapping):
-            self.terms = {name: _typical(name, self.vehicle.rotors) for name in self.terms}
+            self.terms = {name: typical(find_term(name), self.vehicle.rotors) for name in self.terms}
 
     @property
     def information(self) -> str:
@@ -212,17 +212,6 @@ def _held_rate(model: Model) -> bool:
 def _share(cuts: Sequence[Cut]) -> float:
     """How many independent observations a window is."""
     return min(1.0, EVERY_S * max(c.thin for c in cuts) / INDEPENDENT_S)
-
-
-def _typical(name: str, rotors: int) -> dict[str, Any]:
-    """Where a fit of a term starts: its typical values."""
-    found: dict[str, Any] = {}
-    for parameter in find_term(name).parameters:
-        if not parameter.optional:
-            many = parameter.length_on(rotors) or 0
-            found[parameter.name] = parameter.typical if not many or isinstance(parameter.typical, tuple) else (
-                parameter.typical,) * many
-    return found
 
 
 def _cases(flights: Sequence[Flight | Case]) -> list[Case]:

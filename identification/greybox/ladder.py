@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.model import typical
+from nanobench_tools.physics.vocabulary import added
 from nanobench_tools.settings import setting
 
 Terms = Mapping[str, Mapping[str, Any]]
@@ -54,4 +57,7 @@ LADDER = (
          "inputs"),
     Rung("fit_observed", "full; thrust, trim, tilt and start learnt from all streams of the two seconds before", FULL,
          "past"),
+    *(Rung(f"fit_{name}", f"full + {name}", {**FULL, name: typical(term, Vehicle().rotors)})
+      for name, term in added().items() if not term.is_map and name not in FULL),
 )
+"""The last ones: terms of other packages, each beside the full model."""

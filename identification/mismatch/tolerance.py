@@ -118,7 +118,7 @@ def slot_of(model: Model, name: str) -> Slot:
 
 def smallest(name: str, before: Model, moments: Moments, best: Model | None = None) -> float:
     """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns
-    none, a tenth of the usual size where the term says nothing. ``best``: the
+    none, a share of the usual size where its term says nothing. ``best``: the
     model whose residual says how much of the turning the commands do not explain."""
     slot = slot_of(best or before, name)
     feigns = slot.parameter.feigned

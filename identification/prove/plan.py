@@ -10,11 +10,11 @@ import numpy as np
 
 from nanobench_tools.faults.kind import Blind
 from nanobench_tools.faults.kinds import those
-from nanobench_tools.physics.vocabulary import vocabulary
+from nanobench_tools.physics.vocabulary import added
 from nanobench_tools.practice.inject import INJECTIONS
 
 from .airframe import LIFT, Airframe, draw_airframe
-from .effects import EFFECTS, FOREIGN, KNOWN, OWN, SIZES
+from .effects import EFFECTS, FOREIGN, KNOWN, SIZES
 from .effects.thrust_voltage import CHARGES
 from .kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
 from .routes import draw_flights
@@ -34,7 +34,7 @@ LEAST_LIFT = 1.06
 gains: the onboard controllers command at most 0.12 N of a motor, 18 % above hover."""
 CHANGES: tuple[str, ...] = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
 """What may happen between two flights of a day."""
-ADDED = {name: term for name, term in vocabulary().items() if name in EFFECTS and name not in OWN}
+ADDED = {name: term for name, term in added().items() if name in EFFECTS}
 """Terms from other packages: each is in single cases and pairs, against what it is confused with, and between flights
 where it says that it changes."""
 TWINS += tuple((name, *others) for name, term in ADDED.items()

@@ -31,5 +31,5 @@ LEVEL = Feigned(number("physics.feigned.level"), "value")
 """Of thrust as a whole, and of mass."""
 DAMPING = Feigned(number("physics.feigned.damping_1_s"), "damping")
 """Of angular damping over inertia."""
-UNDECLARED = 0.1
-"""Of a parameter's usual size, where its term declares nothing."""
+UNDECLARED = AIR.size
+"""Of a parameter's usual size, where its term declares nothing: no law is better known than those of drag."""

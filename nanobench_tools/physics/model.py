@@ -201,6 +201,17 @@ class Model:
         return bound
 
 
+def typical(term: Term, rotors: int) -> dict[str, Any]:
+    """Where a fit of a term starts: its typical values, but for optional parameters."""
+    found: dict[str, Any] = {}
+    for parameter in term.parameters:
+        if not parameter.optional:
+            many = parameter.length_on(rotors) or 0
+            found[parameter.name] = parameter.typical if not many or isinstance(parameter.typical, tuple) else (
+                parameter.typical,) * many
+    return found
+
+
 def neutral(term: Term, vehicle: Vehicle) -> dict[str, Any] | None:
     """Values at which the term changes nothing, or None when there are none (a thrust map). Optional parameters are
     given too."""

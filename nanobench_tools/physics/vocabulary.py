@@ -15,6 +15,12 @@ def vocabulary() -> dict[str, Term]:
     return {name: term for name, term in sorted(registry.load_all("terms").items()) if isinstance(term, Term)}
 
 
+def added() -> dict[str, Term]:
+    """Those of other packages."""
+    theirs = registry.added("terms")
+    return {name: term for name, term in vocabulary().items() if name in theirs}
+
+
 def terms_that(are: Callable[[Term], bool]) -> tuple[str, ...]:
     """Names of the registered terms of which ``are`` holds, sorted."""
     return tuple(name for name, term in vocabulary().items() if are(term))

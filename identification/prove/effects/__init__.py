@@ -3,7 +3,7 @@
 Of terms from other packages: the injector they declare, or one made of their expressions (``of_term``).
 """
 
-from nanobench_tools.physics.vocabulary import vocabulary
+from nanobench_tools.physics.vocabulary import added
 
 from .angular_damping import AngularDamping
 from .base import SIZES, Air, Effect
@@ -39,13 +39,8 @@ EFFECTS: dict[str, type[Effect]] = {e.name: e for e in (
     ThrustVoltage, ThrustScale, Mass, MotorLag, CommandDelay, MotorImbalance, ComOffset, Inertia, YawTorque,
     AngularDamping, DragLinear, DragQuadratic, DragRotor, DragTorque, Inflow, GroundEffect, Wind, ForceWorld, FrameTilt,
     Saturation, RotorGyro, Jet, Heating, Periodic, Tether, Dropout, Gusts)}
-OWN = tuple(EFFECTS)
-"""Those written here, each anew from its equation."""
-NOT_FLOWN = ("slung_load", "thrust_pwm", "thrust_rpm")
-"""Terms that are concealed under another name, or in no case."""
-EFFECTS |= {name: effect for name, term in vocabulary().items()
-            if name not in (*OWN, *NOT_FLOWN) and (effect := effect_of(term)) is not None}
+EFFECTS |= {name: effect for name, term in added().items() if (effect := effect_of(term)) is not None}
 KNOWN = tuple(name for name, e in EFFECTS.items() if not e.foreign)
 FOREIGN = tuple(name for name, e in EFFECTS.items() if e.foreign)
 
-__all__ = ["EFFECTS", "FOREIGN", "KNOWN", "OWN", "SIZES", "Air", "Effect"]
+__all__ = ["EFFECTS", "FOREIGN", "KNOWN", "SIZES", "Air", "Effect"]
