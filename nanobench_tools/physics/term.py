@@ -64,11 +64,12 @@ class Parameter:
     gives (lower, upper) of every element; ``believed`` a prior, or a function of the vehicle that gives one, or None,
     for every element; ``untold`` elements that no flight tells.
 
-    Of a diagnosis: ``feigned`` by the logging alone (None: the share of its usual size that the laws of drag
-    have); ``differs`` by less between flights for nothing (None: as feigned); ``grows`` with m (mass), l (length of the arms), /w (speed of all rotors in
-    hover); ``implausible`` from this factor on; ``search_start``: where a search begins for what acts far from linearly
-    at rest, a value, or ``inputs`` or ``thrusts`` for a limit of those; ``in_product``: only seen times another
-    parameter of its term, so not asked for; ``only_with``: element -> term beside which alone it is seen.
+    Of a diagnosis: ``feigned`` by the logging alone (None: the share of its usual size that the laws of drag have);
+    ``differs`` by less between flights for nothing (None: as feigned); ``grows`` with m (mass), l (length of the arms),
+    /w (speed of all rotors in hover); ``implausible`` from this factor on; ``search_start``: where a search begins for
+    what acts far from linearly at rest, a value, or ``inputs`` or ``thrusts`` for a limit of those; ``in_product``:
+    only seen times another parameter of its term, so not asked for; ``only_with``: element -> term beside which alone
+    it is seen.
     """
 
     name: str
