@@ -1,6 +1,6 @@
 """A radio that takes nothing for some moments: what is on its way then waits, and the vehicle goes on with the last.
 
-Recordings of the data set are silent for 0 to 11 % of the time, in gaps of 20 to 110 ms (``content.radio_gaps``).
+Recordings of the data set are silent for 0 to 11 % of the time, in gaps of 20 to 110 ms (``signals.radio_gaps``).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.settings import count, number
-from nanobench_tools.sources.kinks import carries_no_packet, count_packets
+from nanobench_tools.sources.interpolation import carries_no_packet, count_packets
 
 from .drag_ekf import TUNED
 from .imu_noise import packet_rate_hz

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from nanobench_tools.content.radio_gaps import drawn
 from nanobench_tools.flight import Flight
 from nanobench_tools.settings import setting
+from nanobench_tools.signals.radio_gaps import drawn
 
 FORGET_S = setting("imu.radio_clock.forget_s")
 LATE_S = setting("imu.radio_clock.late_s")

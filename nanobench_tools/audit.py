@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 
 from .clock.reading import ClockReading
-from .content.airborne import airborne_spans
-from .content.context import Context
-from .content.controller import controller_of
-from .content.rates import RateReading, rates_of
-from .content.rows import whole_span
 from .deprecation import renamed
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
-from .retiming.readings import clocks_with_warp
-from .retiming.warp import ClockWarp
+from .retiming.moving_readings import clocks_with_warp
+from .retiming.time_offset import ClockWarp
+from .signals.airborne import airborne_spans
+from .signals.context import Context
+from .signals.controller import controller_of
+from .signals.rates import RateReading, rates_of
+from .signals.usable_rows import whole_span
 
 __getattr__ = renamed(__name__, {"CUTTING_KINDS": "nanobench_tools.faults.kinds:cutting()"})
 NEVER_CUT = frozenset({"extra"})

@@ -27,9 +27,6 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
-from nanobench_tools.content.airborne import airborne_spans
-from nanobench_tools.content.context import Context
-from nanobench_tools.content.truth import truth_of
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.practice.clock import ClockError
@@ -43,8 +40,11 @@ from nanobench_tools.retiming import nulls
 from nanobench_tools.retiming.apply import find_warp
 from nanobench_tools.retiming.confirm import gain_on
 from nanobench_tools.retiming.infer import infer
+from nanobench_tools.retiming.time_offset import ClockWarp
 from nanobench_tools.retiming.votes import voters
-from nanobench_tools.retiming.warp import ClockWarp
+from nanobench_tools.signals.airborne import airborne_spans
+from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.mocap_derivatives import truth_of
 from nanobench_tools.sources import default_data, load_recordings
 
 CLOCKS: dict[str, tuple[str, ...] | str] = {

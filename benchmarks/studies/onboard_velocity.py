@@ -6,7 +6,7 @@ Real recordings, re-timed. Of every flight with a streamed path: slope of the es
 and correlation of what is left along the track, of the logged estimate and of the firmware's filter fed with the
 recorded IMU and poses. Told of poses as the firmware does by default and as Crazyswarm2 does, and both with every pose
 that was sent in a gap of the radio arriving at its end. Gaps are read from missing packets of the log alone
-(``content.radio_gaps``); no number is fitted, but the cause was found by looking at these flights.
+(``signals.radio_gaps``); no number is fitted, but the cause was found by looking at these flights.
 """
 
 from __future__ import annotations

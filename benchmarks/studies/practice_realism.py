@@ -19,7 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.sources.discover import default_data, load_recordings
-from nanobench_tools.sources.kinks import carries_no_packet
+from nanobench_tools.sources.interpolation import carries_no_packet
 
 TAIL_S = 0.5
 

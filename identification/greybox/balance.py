@@ -15,7 +15,7 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import rows, settled
 from nanobench_tools.settings import number, setting
 
-from .views import Features
+from .symmetry import Features
 
 VOLTS = number("greybox.balance.volts")
 MIX = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])

@@ -20,8 +20,8 @@ from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
 from .data import Cut, FitWindows, cases_of, cut, gather
-from .flies import Flight as Flown
-from .flies import flies
+from .flyability import Flight as Flown
+from .flyability import flies
 from .gains import learn_gains
 from .intervals import bootstrap, not_identified, profile
 from .ladder import FULL, HEAVY, Terms
@@ -30,7 +30,7 @@ from .predictor import GreyBoxPredictor
 from .ranges import bounds, falling_thrust, held, priors
 from .result import FitResult
 from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
-from .views import joined
+from .symmetry import joined
 
 ADAPTS = ("none", "inputs", "past")
 INDEPENDENT_S = number("greybox.fit.independent_s")

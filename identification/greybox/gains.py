@@ -1,8 +1,8 @@
 """Per-window values of nuisances as a linear function of what was known at the start of the window.
 
 The gains are learnt on whole training flights: they make the 50-step errors small to first order (the derivatives of
-the rollout are exact), with the same robust cost as the fit. Roll and pitch share theirs, see ``views``. How much they
-are held back follows from training flights left out in turn. A test flight gives features, never gains.
+the rollout are exact), with the same robust cost as the fit. Roll and pitch share theirs, see ``symmetry``. How much
+they are held back follows from training flights left out in turn. A test flight gives features, never gains.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nanobench_tools.settings import count, setting
 
 from .residuals import robust
 from .solve import Nuisance, Problem, flown_errors
-from .views import Features
+from .symmetry import Features
 
 RIDGES = setting("greybox.gains.ridges")
 """Of the mean curvature."""

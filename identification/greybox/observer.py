@@ -20,7 +20,7 @@ from nanobench_tools.settings import count, number, setting
 from .residuals import HORIZONS, errors, robust
 from .sensitivity import sensitivities
 from .solve import Nuisance
-from .views import Features
+from .symmetry import Features
 
 STEP = count("greybox.observer.step")
 """Rows between the starts of pieces."""

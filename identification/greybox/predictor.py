@@ -19,7 +19,7 @@ from .balance import balance, newest
 from .observer import Observer, gyro_before
 from .solve import Nuisance
 from .starts import moved
-from .views import Features
+from .symmetry import Features
 
 
 @dataclass(frozen=True)

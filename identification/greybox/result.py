@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .flies import Flight
+from .flyability import Flight
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ class Prior:
 @dataclass(frozen=True)
 class Nuisance:
     """What may differ between flights or windows: a direction through the parameters, or through the start (names of
-    ``starts.NAMES``), and its spread; ``side``: the view it has of features (``views.SIDES``)."""
+    ``starts.NAMES``), and its spread; ``side``: the view it has of features (``symmetry.SIDES``)."""
 
     name: str
     direction: Mapping[str, float]

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from nanobench_tools.audit import Audit
-from nanobench_tools.content.context import Context
 from nanobench_tools.faults.kinds import cutting as cutting_kinds
 from nanobench_tools.faults.kinds import kinds
 from nanobench_tools.flight import Fault, Flight
+from nanobench_tools.signals.context import Context
 
 ATTITUDES = ("attitude_qw", "attitude")
 Needed = Mapping[str, Sequence[str]]

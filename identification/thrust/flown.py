@@ -14,10 +14,10 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from nanobench_tools import so3
-from nanobench_tools.content.airborne import resting_height_m
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.settings import count, number
+from nanobench_tools.signals.airborne import resting_height_m
 from nanobench_tools.units import PWM_FULL_SCALE
 
 RATE_HZ = number("thrust.flown.rate_hz")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
     from ..protocols.task3 import Case
-    from ..retiming.warp import ClockWarp
+    from ..retiming.time_offset import ClockWarp
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import OnClock
     from ..protocols.sessions import Sessions
-    from ..retiming.warp import ClockWarp
+    from ..retiming.time_offset import ClockWarp
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 PATH = click.Path(path_type=Path)

@@ -42,9 +42,9 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
         return serve(options, serve_uri, served)
     if any(served[name] is not None and served[name] is not False for name in SERVE_OPTIONS):
         raise UsageError("options of a served vehicle go with --serve URI")
-    from ..content.controller import RESERVED
     from ..practice import CONTROLLERS, FAMILIES, LoggingChain, write_practice
     from ..registry import names
+    from ..signals.controller import RESERVED
     from .methods import load_methods
 
     if options.out is None:

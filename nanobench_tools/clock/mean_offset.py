@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..content import compare
-from ..content.context import Context
-from .lags import Lag, best_lag, lag_sums
+from ..delays.lags import Lag, best_lag, lag_sums
+from ..signals import paired_signals
+from ..signals.context import Context
+from .measured_lags import measured_lags
 from .moving import moving_clocks, track_of
-from .offset import measured_lags
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 
@@ -24,16 +24,18 @@ def mean_lag(context: Context) -> Lag | None:
     """The gyro's lag without the wander that the track shows; None where that cannot be said."""
     clock, track = context.once(moving_clocks).get("imu"), context.once(track_of)
     plain = context.once(measured_lags).get("imu")
-    placed, truth = compare.on_grid(context, "imu", GYRO), context.once(compare.truth_of)
+    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(paired_signals.truth_of)
     if clock is None or not clock.like_track or track is None or plain is None or placed is None or truth is None:
         return None
     t = truth.time_s
     true_time = np.maximum.accumulate(t - np.interp(t, track.time_s, track.late_s))
     values = np.stack([np.interp(t, true_time, placed[0][:, k]) for k in range(3)], axis=1)
-    pair = compare.pair_of(
-        context, "imu", GYRO, lambda v: v, values, placed[1], truth.rate_rad_s, compare.RATE_BAND_HZ, True
+    pair = paired_signals.pair_of(
+        context, "imu", GYRO, lambda v: v, values, placed[1], truth.rate_rad_s, paired_signals.RATE_BAND_HZ, True
     )
-    sums = None if pair is None else lag_sums(pair.measured, pair.reference, pair.use, compare.STEP_S, pair.reach_s)
+    if pair is None:
+        return None
+    sums = lag_sums(pair.measured, pair.reference, pair.use, paired_signals.STEP_S, pair.reach_s)
     if sums is None:
         return None
     lag = best_lag(sums)

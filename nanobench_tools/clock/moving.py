@@ -1,9 +1,10 @@
 """Whether a stream's clock drifts or wanders, and by what evidence.
 
-Two independent ways. Windows (``windows``): lags of half seconds of gyro and attitude, with a placebo for their noise.
-Track (``track``): the estimated position ahead or behind along its path, with the error across as placebo; ten times
-finer, but only where there is an estimated position. A wander seen on the track is also the gyro's when the gyro's
-windows move with it (correlation beyond chance), for then it is the link's clock and not the estimator.
+Two independent ways. Windows (``delays.lag_windows``): lags of half seconds of gyro and attitude, with a placebo for
+their noise. Track (``delays.track_error``): the estimated position ahead or behind along its path, with the error
+across as placebo; ten times finer, but only where there is an estimated position. A wander seen on the track is also
+the gyro's when the gyro's windows move with it (correlation beyond chance), for then it is the link's clock and not the
+estimator.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import pearsonr
 
-from ..content import compare, pairs
-from ..content.context import Context
-from ..content.leaps import mocap_leaps
+from ..delays.lag_windows import Movement
+from ..delays.track_error import TrackError, track_error
 from ..settings import number, setting
-from .offset import Measured, measured_lags
-from .track import TrackError, track_error
-from .windows import Movement
+from ..signals import paired_signals, pairs
+from ..signals.context import Context
+from ..signals.pose_jumps import mocap_leaps
+from .measured_lags import Measured, measured_lags
 
 OWN_LAG_S = setting("audit.moving.own_lag_s")
 """Delay of an estimator's output behind the gyro that is its own: measured 5-22 ms (firmware Kalman filter)."""
@@ -54,7 +55,7 @@ def track_of(context: Context) -> TrackError | None:
         return None
     if any(not leap.rotation for leap in context.once(mocap_leaps)):
         return None  # the path is not where it was before
-    placed, truth = compare.on_grid(context, "estimator", ("x", "y", "z")), context.once(compare.truth_of)
+    placed, truth = paired_signals.on_grid(context, "estimator", ("x", "y", "z")), context.once(paired_signals.truth_of)
     if placed is None or truth is None:
         return None
     return track_error(

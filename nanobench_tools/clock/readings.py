@@ -16,12 +16,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..content import compare, pairs
-from ..content.context import Context
 from ..settings import number
+from ..signals import paired_signals, pairs
+from ..signals.context import Context
 from .mean_offset import mean_lag
+from .measured_lags import MEASURED_BY, Measured, measured_lags
 from .moving import OWN_LAG_S, moving_clocks
-from .offset import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
 
 SMALLEST_RATE_RAD_S = number("audit.readings.smallest_rate_rad_s")
@@ -45,7 +45,7 @@ def read_clocks(context: Context) -> dict[str, ClockReading]:
     """A reading for every stream of the flight but the motion capture, which is the yardstick."""
     flight = context.flight
     names = [name for name in flight.streams if name != "mocap"]
-    if context.once(compare.truth_of) is None:
+    if context.once(paired_signals.truth_of) is None:
         return {name: ClockReading.unknown("no motion capture to compare with") for name in names}
     measured = dict(context.once(measured_lags))
     mean = context.once(mean_lag)

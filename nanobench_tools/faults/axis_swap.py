@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
-from ..content.context import Context
-from ..content.wrongness import wrong_axes
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.unit_sign_errors import wrong_axes
 from .kind import FaultKind
 from .making import over_stream
 

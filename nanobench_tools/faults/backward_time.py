@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.rows import tables
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.usable_rows import tables
 from .kind import FaultKind
 
 KIND = "backward_time"

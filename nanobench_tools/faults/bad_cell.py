@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.rows import runs, usable_streams
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.usable_rows import runs, usable_streams
 from . import mocap_occlusion
 from .kind import FaultKind
 from .making import findings

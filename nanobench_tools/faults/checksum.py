@@ -6,8 +6,8 @@ Size: none. Smallest found: any wrong byte but with a chance of 2e-10.
 
 from __future__ import annotations
 
-from ..content.context import Context
 from ..flight import Fault, Flight
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import findings
 

@@ -10,8 +10,8 @@ Size: s per s. Smallest found: stated per stream, 4-15 ms over a flight with a q
 from __future__ import annotations
 
 from ..clock.moving import moving_clocks
-from ..content.context import Context
 from ..flight import Fault, Flight
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import over_stream
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from ..clock.moving import OWN_LAG_S
 from ..clock.readings import read_clocks
-from ..content.context import Context
 from ..flight import Fault, Flight
 from ..settings import number
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import over_stream
 

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from ..clock.moving import moving_clocks
 from ..clock.readings import read_clocks
-from ..clock.windows import SMALLEST_WANDER_S
-from ..content.context import Context
+from ..delays.lag_windows import SMALLEST_WANDER_S
 from ..flight import Fault, Flight
 from ..retiming.confirm import believed
-from ..retiming.readings import shares_clock
+from ..retiming.moving_readings import shares_clock
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import over_stream
 

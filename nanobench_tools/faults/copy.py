@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..content.context import Context
 from ..flight import Fault, Flight
+from ..signals.context import Context
 from .kind import FaultKind
 
 KIND = "copy"

@@ -10,10 +10,10 @@ Size: the largest tilt afterwards, rad. Smallest found: 60 deg, or 3 m/s.
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.crashes import TILT_RAD, crash_of
-from ..content.rows import whole_span
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.crashes import TILT_RAD, crash_of
+from ..signals.usable_rows import whole_span
 from .kind import FaultKind
 
 KIND = "crash"

@@ -1,6 +1,6 @@
 """dead_stream: the log of a stream ended before the recording did, and the resampler drew on.
 
-Found by the last bend of the stream (``content.tails``): behind it every column is exactly linear in time, which no
+Found by the last bend of the stream (``signals.dropouts``): behind it every column is exactly linear in time, which no
 sensor is, or stands exactly still although the stream always moves. Commands may stand still (a held setpoint, motors
 at 0); they are called dead only where the streams with noise are dead too. Streams may end at different times; each is
 reported with its own. The battery, one packet in 0.1 s, may have sent packets after the reported end that lay on the
@@ -17,12 +17,12 @@ held still before, such as a setpoint in hover, if no other stream died with it.
 
 from __future__ import annotations
 
-from ..content.airborne import airborne_spans
-from ..content.context import Context
-from ..content.packets import packets_of
-from ..content.rows import usable_streams
-from ..content.tails import PACKETS, SHORTEST_S, tails_of
 from ..flight import Fault, Flight
+from ..signals.airborne import airborne_spans
+from ..signals.context import Context
+from ..signals.dropouts import PACKETS, SHORTEST_S, tails_of
+from ..signals.packet_rows import packets_of
+from ..signals.usable_rows import usable_streams
 from .kind import FaultKind
 
 KIND = "dead_stream"

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.rows import runs, tables
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.usable_rows import runs, tables
 from .kind import FaultKind
 
 KIND = "duplicate_time"

@@ -14,15 +14,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.compare import on_grid
-from ..content.context import Context
-from ..content.likeness import wrong_likenesses
-from ..content.rows import usable_streams
-from ..content.spikes import spikes
-from ..content.tails import alive_until
-from ..content.truth import truth_of
 from ..flight import Fault, Flight
 from ..settings import count, number
+from ..signals.axis_unit_matching import wrong_likenesses
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.mocap_derivatives import truth_of
+from ..signals.paired_signals import on_grid
+from ..signals.spikes import spikes
+from ..signals.usable_rows import usable_streams
 from .kind import FaultKind
 
 KIND = "estimator_reset"

@@ -6,8 +6,8 @@ Size: columns. Smallest found: one column.
 
 from __future__ import annotations
 
-from ..content.context import Context
 from ..flight import Fault, Flight
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import findings
 

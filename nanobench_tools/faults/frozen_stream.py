@@ -2,7 +2,7 @@
 
 Found by rows that equal the row before exactly. Streams with noise (IMU, estimates) repeat a packet now and then when
 the estimator had nothing new: up to 0.09 s in 72 real flights, so 0.15 s is the limit. Commands count only where they
-cannot rightly stand (``content.tails.holds_still_rightly``: motors in between 0 and full, requests of an active
+cannot rightly stand (``signals.dropouts.holds_still_rightly``: motors in between 0 and full, requests of an active
 controller); a held setpoint is no fault and its freezing cannot be seen, and on a thrust stand everything may. Single
 columns are looked at where a sensor's or estimate's step is far below its noise (IMU, estimated position, velocity,
 acceleration). The motion capture's repeated poses are ``mocap_occlusion``; standing still to the end is
@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.airborne import airborne_spans
-from ..content.context import Context
-from ..content.packets import packets_of
-from ..content.rows import runs, usable_streams
-from ..content.tails import BATTERY_HOLDS_S, alive_until, flies, holds_still_rightly, voltage_stands
 from ..flight import Fault, Flight
 from ..settings import number
+from ..signals.airborne import airborne_spans
+from ..signals.context import Context
+from ..signals.dropouts import BATTERY_HOLDS_S, alive_until, flies, holds_still_rightly, voltage_stands
+from ..signals.packet_rows import packets_of
+from ..signals.usable_rows import runs, usable_streams
 from .kind import FaultKind
 
 KIND = "frozen_stream"

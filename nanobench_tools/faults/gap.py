@@ -1,6 +1,6 @@
 """gap: no sample of a stream for a while.
 
-Found in two ways. Resampled streams: rows on a straight chord that moves (kink test) between two packets further apart
+Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further apart
 than 0.1 s, or than 10 of its usual packet intervals if the stream is slower than 50 Hz (equal readings hide packets).
 Streams with stamps of their own: stamps that far apart. For the motion capture: frames further apart than 0.05 s
 (single frames are lost ordinarily, 20-40 ms), or, where poses came irregularly, than 2.5 times the step that 95 % of
@@ -19,12 +19,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.packets import packets_of
-from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
-from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import number
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.packet_rows import packets_of
+from ..signals.usable_rows import runs, typical_step_s, usable_streams, usual_step_s
 from .kind import FaultKind
 
 KIND = "gap"

@@ -7,10 +7,10 @@ Smallest reported: 1 %.
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.rates import rates_of
 from ..flight import Fault, Flight
 from ..settings import number
+from ..signals.context import Context
+from ..signals.rates import rates_of
 from .kind import FaultKind
 from .making import over_stream
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..flight import Fault, Flight
 
 if TYPE_CHECKING:
-    from ..content.context import Context
+    from ..signals.context import Context
 
 Group = Literal["lost", "value", "clock", "flight", "information"]
 """What a kind does: rows are lost, values wrong, stamps wrong, the flight ended badly; or it is only worth knowing."""

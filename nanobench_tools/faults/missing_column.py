@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..content.context import Context
 from ..flight import Fault, Flight, Stream
+from ..signals.context import Context
 from ..sources.nanobench_columns import STREAMS
 from .kind import FaultKind
 from .making import findings, over_stream

@@ -14,10 +14,10 @@ Size: metres, or radians for a rotation alone. Smallest found: the limit plus th
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.filled import POSITION, ROTATION
-from ..content.leaps import displaced_stretches
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.held_poses import POSITION, ROTATION
+from ..signals.pose_jumps import displaced_stretches
 from .kind import FaultKind
 
 KIND = "mocap_jump"

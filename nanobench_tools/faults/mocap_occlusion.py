@@ -1,6 +1,6 @@
 """mocap_occlusion: the tracker lost sight of the vehicle and its rows were filled.
 
-Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (kink
+Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (chord
 test); a tracker's noise allows neither. Frames that are missing altogether are a ``gap`` of the motion capture.
 Standing still to the end of the recording is ``dead_stream``.
 
@@ -10,12 +10,12 @@ Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.filled import POSITION, ROTATION, filled_poses
-from ..content.rows import runs, typical_step_s, usable_streams, usual_step_s
-from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import number
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.held_poses import POSITION, ROTATION, filled_poses
+from ..signals.usable_rows import runs, typical_step_s, usable_streams, usual_step_s
 from .kind import FaultKind
 
 KIND = "mocap_occlusion"

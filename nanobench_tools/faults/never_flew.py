@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.airborne import HEIGHT_M, airborne_spans, height_of, resting_height_m
-from ..content.context import Context
-from ..content.rows import whole_span
 from ..flight import Fault, Flight
+from ..signals.airborne import HEIGHT_M, airborne_spans, height_of, resting_height_m
+from ..signals.context import Context
+from ..signals.usable_rows import whole_span
 from .kind import FaultKind
 
 KIND = "never_flew"

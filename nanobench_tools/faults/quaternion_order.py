@@ -10,9 +10,9 @@ Size: mean cosine of the tilt as read. Smallest found: any.
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.quaternions import STREAMS, quaternion_orders
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.quaternions import STREAMS, quaternion_orders
 from .kind import FaultKind
 from .making import over_stream
 

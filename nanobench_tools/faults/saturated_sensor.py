@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.packets import packets_of
-from ..content.rows import usable_streams
-from ..content.tails import alive_until
 from ..flight import Fault, Flight
 from ..settings import count
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.packet_rows import packets_of
+from ..signals.usable_rows import usable_streams
 from .kind import FaultKind
 
 KIND = "saturated_sensor"

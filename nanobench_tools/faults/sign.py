@@ -12,10 +12,10 @@ Size: the correlation's sign, -1. Smallest found: any axis that moves enough for
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.likeness import CLEAR
-from ..content.wrongness import wrong_signs
 from ..flight import Fault, Flight
+from ..signals.axis_unit_matching import CLEAR
+from ..signals.context import Context
+from ..signals.unit_sign_errors import wrong_signs
 from .kind import FaultKind
 from .making import over_stream
 

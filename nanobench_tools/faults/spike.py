@@ -1,7 +1,7 @@
 """spike: one sample (up to three rows, since interpolation spreads it) that sticks out and is gone again.
 
 Found as the distance of a row from the median of the seven rows around it. A spike is farther off than the vehicle can
-get in 30 ms (``content.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's
+get in 30 ms (``signals.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's
 leaps of up to 70 ms for estimates) and more than 12 times the median distance of the rows within half a second (noise
 of this very place). Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m of the ground from
 take-off on, where true shocks look the same; positions are not where they turn round there, as in a bounce. Motors,
@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..content.context import Context
-from ..content.spikes import LIMITS, spikes
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.spikes import LIMITS, spikes
 from .kind import FaultKind
 
 KIND = "spike"

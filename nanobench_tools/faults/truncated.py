@@ -7,8 +7,8 @@ Size: rows or bytes that are missing, as far as known. Smallest found: one.
 
 from __future__ import annotations
 
-from ..content.context import Context
 from ..flight import Fault, Flight
+from ..signals.context import Context
 from .kind import FaultKind
 from .making import findings
 

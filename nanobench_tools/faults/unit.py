@@ -2,8 +2,8 @@
 
 Found in two ways. Size alone: the time between rows, specific force against gravity, battery against what cells give,
 motor commands against full, angles beyond two turns, a tracked position wider than a room. Comparison: the amplitude of
-rates, angles, velocities and positions in the air against the motion capture (``content.likeness``), where the two
-correlate by more than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
+rates, angles, velocities and positions in the air against the motion capture (``signals.axis_unit_matching``), where
+the two correlate by more than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
 
 Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real flights (motion capture noise, clock),
 the smallest common mistake is 9.81. Not found: scale errors of calibration.
@@ -11,11 +11,11 @@ the smallest common mistake is 9.81. Not found: scale errors of calibration.
 
 from __future__ import annotations
 
-from ..content.context import Context
-from ..content.ranges import FACTOR
-from ..content.rows import whole_span
-from ..content.wrongness import wrong_units
 from ..flight import Fault, Flight
+from ..signals.context import Context
+from ..signals.plausible_ranges import FACTOR
+from ..signals.unit_sign_errors import wrong_units
+from ..signals.usable_rows import whole_span
 from .kind import FaultKind
 from .making import over_stream
 

@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from ..content.context import Context
-from ..content.rows import usable_streams
 from ..flight import Fault, Flight, motors_of
 from ..settings import count, number
+from ..signals.context import Context
+from ..signals.usable_rows import usable_streams
 from .kind import FaultKind
 
 KIND = "wrong_speed"

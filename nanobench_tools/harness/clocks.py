@@ -10,8 +10,8 @@ from typing import Any
 from ..audit import Audit
 from ..flight import Flight
 from ..retiming.apply import apply_warp, find_warp
+from ..retiming.time_offset import ClockWarp
 from ..retiming.votes import AS_RECORDED, evidence_of, voters
-from ..retiming.warp import ClockWarp
 from .items import make_item
 from .progress import Progress
 from .runner import run_items

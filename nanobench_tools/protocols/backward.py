@@ -10,7 +10,7 @@ import numpy as np
 
 from ..flight import Flight, Stream
 from ..settings import count
-from ..sources.kinks import carries_no_packet
+from ..sources.interpolation import carries_no_packet
 
 ORDER = count("prediction.backward.order")
 ROWS = count("prediction.backward.rows")

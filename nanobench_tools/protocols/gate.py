@@ -16,13 +16,13 @@ import numpy as np
 from scipy.signal import welch
 
 from ..audit import Audit
-from ..content.radio_gaps import radio_gaps
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
 from ..settings import count, number
+from ..signals.radio_gaps import radio_gaps
 from .phases import is_cut, streamed_phase
 from .selection import distinct
 from .sessions import row_keys

@@ -2,9 +2,9 @@
 
 A packet is never early: the line below all (tick, time of arrival) is the vehicle's clock seen over the fastest way
 down (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999; the
-linear program is that of ``retiming.ticks``). What the fastest way takes is half the shortest round trip of the link's
-echo, if the way up takes as long as the way down; whatever the link does it lies between nothing and the whole round
-trip (Mills, RFC 5905, section 8: the error of an offset is at most half the round trip).
+linear program is that of ``retiming.sender_timestamps``). What the fastest way takes is half the shortest round trip of
+the link's echo, if the way up takes as long as the way down; whatever the link does it lies between nothing and the
+whole round trip (Mills, RFC 5905, section 8: the error of an offset is at most half the round trip).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..retiming.ticks import link_delay, unwrapped
+from ..retiming.sender_timestamps import link_delay, unwrapped
 
 TICK_S = 1e-3
 """Packets carry whole milliseconds."""

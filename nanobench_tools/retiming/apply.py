@@ -9,12 +9,12 @@ import numpy as np
 
 from .. import so3
 from ..clock.readings import read_clocks
-from ..content.context import Context
 from ..errors import InputError, UsageError
 from ..flight import Flight, Stream
+from ..signals.context import Context
 from .confirm import believed
+from .time_offset import ClockWarp, retime
 from .votes import AS_RECORDED, voters
-from .warp import ClockWarp, retime
 
 
 def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWarp | None:

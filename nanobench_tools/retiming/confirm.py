@@ -11,12 +11,12 @@ import numpy as np
 from ..clock.moving import OWN_LAG_S
 from ..clock.reading import ClockReading
 from ..clock.readings import read_clocks
-from ..content.context import Context
 from ..settings import number
+from ..signals.context import Context
 from .evidence import KINDS, Evidence, collect
 from .infer import infer
-from .ticks import warp_from_ticks
-from .warp import ClockWarp
+from .sender_timestamps import warp_from_ticks
+from .time_offset import ClockWarp
 
 BLOCK_S = number("retiming.confirm.block_s")
 """The time error and the noise of the streams have forgotten their past after a second: blocks are independent."""

@@ -15,14 +15,14 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from .. import so3
-from ..content.context import Context
-from ..content.rows import usable_streams
-from ..content.tails import alive_until
-from ..content.truth import STEP_S, Truth, truth_of
+from ..delays.packet_delay import CELL_S
 from ..flight import Stream
 from ..frames import gravity_up
 from ..settings import count, number, setting
-from .delivery import CELL_S
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.mocap_derivatives import STEP_S, Truth, truth_of
+from ..signals.usable_rows import usable_streams
 
 MARGIN_S = number("retiming.evidence.margin_s")
 """The truth is held so far beyond its ends, so that shifted stamps stay on the grid."""

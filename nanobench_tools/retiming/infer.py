@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from ..content.airborne import airborne_spans
-from ..content.context import Context
-from ..content.truth import truth_of
+from ..delays.hmm import add_student_evidence, log_evidence, posterior
+from ..delays.packet_delay import CELL_S, log_step_prior
 from ..settings import count, number
-from .chain import add_student_evidence, log_evidence, posterior
-from .delivery import CELL_S, log_step_prior
+from ..signals.airborne import airborne_spans
+from ..signals.context import Context
+from ..signals.mocap_derivatives import truth_of
 from .evidence import ALIKE_S, KINDS, Evidence, collect
 from .steps import log_likelihood_of_steps
-from .warp import ClockWarp, wander_of
+from .time_offset import ClockWarp, wander_of
 
 ROW_S = 0.01
 EARLIEST_S, LATEST_S = number("retiming.infer.earliest_s"), number("retiming.infer.latest_s")
@@ -90,7 +90,7 @@ Steps = Callable[[np.ndarray], np.ndarray | None]
 @dataclass(frozen=True)
 class Grid:
     """The delays sought, ``stride`` cells apart, and how they may move: log_transition (n, b) and ``up`` as in
-    ``chain.posterior``; log_prior (b,): its part that holds without evidence."""
+    ``hmm.posterior``; log_prior (b,): its part that holds without evidence."""
 
     stride: int
     first: int

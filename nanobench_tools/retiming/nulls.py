@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ..content.airborne import airborne_spans
-from ..content.context import Context
-from ..content.tails import alive_until
-from ..content.truth import Truth, truth_of
 from ..flight import Flight, Span, Stream
 from ..practice.clock import ClockError, draw_clock
-from .warp import ClockWarp
+from ..signals.airborne import airborne_spans
+from ..signals.context import Context
+from ..signals.dropouts import alive_until
+from ..signals.mocap_derivatives import Truth, truth_of
+from .time_offset import ClockWarp
 
 RANDOM = "random"
 MARGIN_S = 0.5

@@ -15,16 +15,16 @@ from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from .. import so3
-from ..content.context import Context
-from ..content.truth import STEP_S, Truth, truth_of
+from ..delays.packet_delay import CELL_S
 from ..errors import InputError
 from ..flight import Flight, Stream
 from ..settings import count, number
+from ..signals.context import Context
+from ..signals.mocap_derivatives import STEP_S, Truth, truth_of
 from .confirm import evidence_gain
-from .delivery import CELL_S
 from .evidence import Evidence, Kind
 from .infer import LATEST_S, ROW_S, smooth_delay
-from .warp import ClockWarp, wander_of
+from .time_offset import ClockWarp, wander_of
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 BAND_HZ = number("retiming.pairing.band_hz")

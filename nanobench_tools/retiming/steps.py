@@ -15,11 +15,11 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from .. import so3
-from ..content.context import Context
-from ..content.rows import usable_streams
+from ..delays.packet_delay import CELL_S
 from ..flight import Stream
 from ..settings import count, number
-from .delivery import CELL_S
+from ..signals.context import Context
+from ..signals.usable_rows import usable_streams
 from .evidence import KINDS
 
 FEWEST_ROWS = count("retiming.steps.fewest_rows")

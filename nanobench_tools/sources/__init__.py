@@ -1,6 +1,6 @@
 """Readers, one file per format; ``discover`` finds recordings by their content.
 
-The names below are loaded on first use, so that the small modules here (kinks, columns) cost no pyarrow.
+The names below are loaded on first use, so that the small modules here (interpolation, columns) cost no pyarrow.
 """
 
 from __future__ import annotations

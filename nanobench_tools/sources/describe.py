@@ -14,7 +14,7 @@ import numpy as np
 
 from ..flight import Flight
 from ..settings import count, number, setting
-from .kinks import count_packets
+from .interpolation import count_packets
 
 UNKNOWN: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None}
 

@@ -1,7 +1,7 @@
 """NanoBench CSV with its ``_metadata.yaml`` (plain, gzip or xz).
 
 Every stream stands on the stamps of the motion capture: the firmware's packets were interpolated onto them. How
-many packets there really were comes from ``row_counts`` of the sheet, else from the kink test.
+many packets there really were comes from ``row_counts`` of the sheet, else from the chord test.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, parse_number, read_grid
 from .describe import describe
 from .dialect import header_of, normalise_text, split_line
-from .kinks import Packets, count_packets
+from .interpolation import Packets, count_packets
 from .names import listed
 from .nanobench_columns import (
     COLUMN_NAMES,
@@ -32,7 +32,7 @@ from .nanobench_columns import (
 )
 from .nanobench_writer import write_nanobench
 from .sheets import Sheet, normalised
-from .stamps import not_seconds
+from .timestamps import not_seconds
 
 __all__ = ["NanoBench", "with_sheet", "write_nanobench"]
 

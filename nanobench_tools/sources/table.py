@@ -20,7 +20,7 @@ from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
 from .column_map import ColumnMap, Entry, in_units, read_column_map
 from .dialect import header_of
-from .kinks import count_changes, count_packets
+from .interpolation import count_changes, count_packets
 from .sheets import Sheet
 
 PARQUET_MAGIC = b"PAR1"

@@ -17,7 +17,7 @@ from .base import cell_faults, text_fault
 from .cells import GIGANTIC, Grid, LostRow, numbers
 from .dialect import NUMBER, normalise_text
 from .sheets import Sheet
-from .stamps import not_seconds
+from .timestamps import not_seconds
 from .tum_layout import POSE, Layout, look
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")

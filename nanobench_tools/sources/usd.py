@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
-from .kinks import count_changes
+from .interpolation import count_changes
 from .sheets import Sheet
 from .usd_variables import assign
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from nanobench_tools.audit import audit
-from nanobench_tools.clock.lags import best_lag, lag_sums
 from nanobench_tools.clock.moving import moving_clocks
-from nanobench_tools.clock.windows import KEPT
-from nanobench_tools.content.context import Context
+from nanobench_tools.delays.lag_windows import KEPT
+from nanobench_tools.delays.lags import best_lag, lag_sums
 from nanobench_tools.practice import LoggingChain
 from nanobench_tools.practice.clock import draw_clock
 from nanobench_tools.practice.inject import INJECTIONS
+from nanobench_tools.signals.context import Context
 
 STEP = 0.01
 

@@ -7,7 +7,7 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.audit import audit
-from nanobench_tools.content.levelled import levelled
+from nanobench_tools.signals.step_removal import levelled
 
 WAY = np.array([0.2, -0.2, 0.1])  # 0.3 m
 POSITION, ROTATION = ["px", "py", "pz"], ["qx", "qy", "qz", "qw"]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from nanobench_tools.audit import audit, find_copies
-from nanobench_tools.content.context import Context
-from nanobench_tools.content.spikes import LIMITS, least_height
 from nanobench_tools.faults import saturated_sensor, spike
 from nanobench_tools.practice.inject import INJECTIONS
+from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.spikes import LIMITS, least_height
 
 PLAIN = {  # size that is above the stated minimum for every flight
     "dead_stream": 5.0,

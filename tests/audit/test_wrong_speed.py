@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.content.context import Context
 from nanobench_tools.faults import wrong_speed
 from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.signals.context import Context
 
 MOTORS = ("m1", "m2", "m3", "m4")
 

@@ -15,7 +15,7 @@ from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import LEAD_S
 from nanobench_tools.sources.discover import load_recordings
-from nanobench_tools.sources.kinks import carries_no_packet
+from nanobench_tools.sources.interpolation import carries_no_packet
 
 
 @settings(deadline=None, max_examples=40)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_flights import made_flight
 
-from nanobench_tools.content.radio_gaps import drawn, radio_gaps
+from nanobench_tools.signals.radio_gaps import drawn, radio_gaps
 
 
 def noisy(flight, keep=None):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from nanobench_tools.audit import Audit, audit
-from nanobench_tools.content.context import Context
 from nanobench_tools.flight import Flight
 from nanobench_tools.retiming.confirm import believed
-from nanobench_tools.retiming.warp import ClockWarp, wander_of
+from nanobench_tools.retiming.time_offset import ClockWarp, wander_of
+from nanobench_tools.signals.context import Context
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.content.context import Context
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Span
 from nanobench_tools.retiming.confirm import believed
+from nanobench_tools.signals.context import Context
 
 FIRMWARE = ("imu", "estimator", "attitude_qw", "attitude", "motor", "setpoint", "pid", "battery", "estimator_acc")
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.content.context import Context
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.retiming.pairing import between, with_mocap
-from nanobench_tools.retiming.ticks import link_delay, unwrapped, warp_from_ticks
+from nanobench_tools.retiming.sender_timestamps import link_delay, unwrapped, warp_from_ticks
+from nanobench_tools.signals.context import Context
 
 
 @pytest.fixture(scope="module")

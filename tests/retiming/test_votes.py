@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.content.context import Context
 from nanobench_tools.errors import UsageError
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.retiming import nulls
 from nanobench_tools.retiming.apply import find_warp
 from nanobench_tools.retiming.infer import infer
+from nanobench_tools.retiming.time_offset import retime
 from nanobench_tools.retiming.votes import CLOCKS, ESTIMATES, evidence_of, voters, votes
-from nanobench_tools.retiming.warp import retime
+from nanobench_tools.signals.context import Context
 from nanobench_tools.sources import load_recordings
 
 

@@ -11,7 +11,8 @@ from nanobench_tools import sources
 
 
 def test_small_modules_do_not_load_pyarrow():
-    code = "import sys; from nanobench_tools.sources import kinks, nanobench_columns; print('pyarrow' in sys.modules)"
+    code = ("import sys; from nanobench_tools.sources import interpolation, nanobench_columns; "
+            "print('pyarrow' in sys.modules)")
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
         == "False"

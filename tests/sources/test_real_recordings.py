@@ -17,7 +17,7 @@ import yaml
 from nanobench_tools import Span, so3
 from nanobench_tools.sources import find_recordings, load_recordings, write_nanobench
 from nanobench_tools.sources.describe import describe
-from nanobench_tools.sources.kinks import count_packets
+from nanobench_tools.sources.interpolation import count_packets
 
 pytestmark = pytest.mark.real
 
@@ -126,7 +126,7 @@ def test_the_packages_own_euler_angles_agree(everything):
 
 
 def test_estimated_counts_agree_with_the_sheets(everything):
-    """The kink test, which slices and cut files rest on, within 15 % on every stream that moves; median within 3 %."""
+    """The chord test, which slices and cut files rest on, within 15 % on every stream that moves; median within 3 %."""
     error: dict[str, list[float]] = {}
     for flight in everything.flights:
         if own_sheet(flight) is None or len(flight["mocap"]) != flight.metadata["row_counts"]["vicon"]:

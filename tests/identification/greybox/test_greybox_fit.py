@@ -11,7 +11,7 @@ from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox.data import Cut
 from identification.greybox.fit import GreyBox, tidy
-from identification.greybox.flies import flies, hover_ratio
+from identification.greybox.flyability import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.solve import Prior
 from identification.greybox.study import fit_item, predictor_of

@@ -24,7 +24,7 @@ from identification.greybox.residuals import HORIZONS
 from identification.greybox.sensitivity import sensitivities
 from identification.greybox.solve import Problem
 from identification.greybox.starts import NAMES, moved
-from identification.greybox.views import Features, joined
+from identification.greybox.symmetry import Features, joined
 from nanobench_tools import so3
 from nanobench_tools.flight import Span
 from nanobench_tools.physics import Vehicle

@@ -1,0 +1,1 @@
+"""Signals derived from a recording's own numbers, whatever its name or its sheet claim; each is derived once."""

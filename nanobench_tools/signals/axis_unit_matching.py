@@ -1,0 +1,204 @@
+"""Which of its axes, signs and units a stream is in, judged by the signal it should equal.
+
+For every one of ``pairs`` the correlations of all axes with all axes are taken at every lag within reach. The order
+of axes that explains most, the signs at that lag and the ratio of the amplitudes are the verdict. A different order or
+sign is believed only if it is clearly better than leaving things as they are, and if it holds in the seconds of the
+flight taken one by one, not only in their sum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from ..delays.lags import LagSums
+from ..settings import number
+from .context import Context
+from .paired_signals import Pair
+from .pairs import (
+    PAIRS,
+    MakePair,
+    acceleration_pair,
+    force_pair,
+    gyro_pair,
+    mocap_rate_pair,
+    mocap_velocity_pair,
+    position_pair,
+    setpoint_pair,
+    sums_of,
+    velocity_pair,
+)
+
+ORDERS = tuple(permutations(range(3)))
+CLEAR = number("audit.axis_unit_matching.clear")
+"""Correlation with its opposite or with another axis that counts as clear. The motion capture's noise and the
+wandering clock of the real flights lower a true one to 0.3-1.0 but cannot turn it."""
+CERTAIN_T = number("audit.axis_unit_matching.certain_t")
+"""Mean over its standard error of the contributions of single seconds; by chance less than once in 10^4."""
+FACTOR = number("audit.axis_unit_matching.factor")
+"""Amplitudes that differ by less are noise, jitter or calibration; unit mistakes start at pi (mrad of a turn aside)."""
+KNOWN_FACTORS = {
+    "deg for rad": 180.0 / np.pi,
+    "rad for deg": np.pi / 180.0,
+    "g for m/s^2": 1.0 / 9.81,
+    "m/s^2 for g": 9.81,
+    "thousandths": 1000.0,
+    "thousands": 1e-3,
+    "hundredths": 100.0,
+    "hundreds": 0.01,
+}
+NEAR_KNOWN = number("audit.axis_unit_matching.near_known")
+"""A factor this near to that of a known mistake is called that one."""
+CLEARLY = number("audit.axis_unit_matching.clearly")
+"""Another order of axes has to raise the sum of correlations by this."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """order (3,): axis i of the stream looks like axis order[i] of the reference; sign (3,) -1 | 0 (not decided) | 1;
+    correlation (3,) with that axis; ratio (3,) of amplitudes, nan where the correlation is not clear; swapped: the
+    order differs from x, y, z beyond doubt."""
+
+    stream: str
+    quantities: tuple[str, ...]
+    order: tuple[int, ...]
+    sign: tuple[int, ...]
+    correlation: tuple[float, ...]
+    ratio: tuple[float, ...]
+    swapped: bool
+
+    @property
+    def wrong(self) -> tuple:
+        """What differs: empty when nothing does; equal for two streams that are wrong in the same way."""
+        flips = tuple(s < 0 for s in self.sign)
+        return (
+            (self.order if self.swapped else None, flips, self.factor_name)
+            if (self.swapped or any(flips) or self.factor != 1.0)
+            else ()
+        )
+
+    @property
+    def factor(self) -> float:
+        """Stream / reference when it is beyond FACTOR (a known one if near), else 1."""
+        clear = [r for r in self.ratio if np.isfinite(r)]
+        if not clear:
+            return 1.0
+        ratio = float(np.exp(np.median(np.log(clear))))
+        if abs(np.log(ratio)) < np.log(FACTOR):
+            return 1.0
+        nearest = min(KNOWN_FACTORS.values(), key=lambda f: abs(np.log(ratio / f)))
+        return nearest if abs(np.log(ratio / nearest)) < np.log(NEAR_KNOWN) else ratio
+
+    @property
+    def factor_name(self) -> str:
+        return next(
+            (name for name, f in KNOWN_FACTORS.items() if f == self.factor),
+            "" if self.factor == 1.0 else "unknown unit",
+        )
+
+
+def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
+    """None if nothing moves. ``sums`` are those of ``pair``."""
+    cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
+    s = np.sqrt(np.maximum(np.diagonal(measured), 0.0))
+    r = np.sqrt(np.maximum(np.diagonal(reference, axis1=1, axis2=2), 0.0))
+    if not s.max() > 0.0 or not r.max() > 0.0:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        k = np.nan_to_num(cross / (s[None, :, None] * r[:, None, :]))
+    axes = np.arange(3)
+    straight = k[:, axes, axes]
+    as_is = int(np.argmax(straight.sum(axis=1)))
+    strength = {order: np.abs(k[:, axes, order]).sum(axis=1) for order in ORDERS}
+    order = max(ORDERS, key=lambda o: strength[o].max())
+    at = int(np.argmax(strength[order]))
+    moved = [i for i in range(3) if order[i] != i]
+    swapped = (
+        bool(moved)
+        and strength[order].max() > strength[ORDERS[0]].max() + CLEARLY
+        and all(abs(k[at, i, order[i]]) > CLEAR and _certain(sums, at, i, order[i]) for i in moved)
+    )
+    if not swapped:
+        order = ORDERS[0]
+        # left as it is, unless opposite signs are clearly the better explanation
+        at = int(np.argmax(strength[order]))
+        if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
+            at = as_is
+    found = k[at, axes, order]
+    sign = tuple(
+        int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i, v in enumerate(found)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
+    return Likeness(
+        pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)), swapped
+    )
+
+
+def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
+    """Whether the blocks' products of axes i and j have one sign beyond chance (t of their signed shares)."""
+    share = sums.cross[:, at, i, j] / np.sqrt(sums.measured[:, i, i] * sums.reference[:, at, j, j] + 1e-300)
+    spread = share.std(ddof=1)
+    return bool(abs(share.mean()) > CERTAIN_T * spread / np.sqrt(len(share))) if spread > 0.0 else True
+
+
+def likenesses(context: Context) -> dict[MakePair, Likeness]:
+    """The verdict for every pair that could be formed."""
+    found = {}
+    for make in PAIRS:
+        sums, pair = sums_of(context, make), context.once(make)
+        verdict = None if sums is None or pair is None else likeness_of(pair, sums)
+        if verdict is not None:
+            found[make] = verdict
+    return found
+
+
+def wrong_likenesses(context: Context) -> list[Likeness]:
+    """The streams that are in other axes, signs or units, each mistake once.
+
+    Two streams that disagree with the motion capture in the same way are right and the motion capture is wrong: the
+    estimator and the setpoint (else the estimated velocity) for positions, gyro and estimated attitude for rotations.
+    Accelerations and forces are then compared with derivatives of wrong positions and say nothing.
+    """
+    found = context.once(likenesses)
+    wrong = {make: verdict for make, verdict in found.items() if verdict.wrong}
+    judges = [make for make in (setpoint_pair, velocity_pair, mocap_velocity_pair) if make in found]
+    if position_pair in wrong and judges:
+        same = [make for make in judges if found[make].wrong == found[position_pair].wrong]
+        if judges[0] in same:
+            verdict = wrong[position_pair]
+            wrong = {
+                make: v
+                for make, v in wrong.items()
+                if v.stream not in ("estimator", "setpoint")
+                and make not in (mocap_velocity_pair, acceleration_pair, force_pair)
+            }
+            wrong[position_pair] = _inverse(verdict, "mocap", ("px", "py", "pz"))
+    turned = [
+        make
+        for make in PAIRS
+        if make in wrong
+        and found[make].stream in ("imu", "attitude", "attitude_qw")
+        and "acc_x" not in found[make].quantities
+    ]
+    if gyro_pair in turned and len(turned) > 1 and wrong[turned[0]].wrong == wrong[turned[1]].wrong:
+        verdict = wrong[gyro_pair]
+        wrong = {make: v for make, v in wrong.items() if make not in turned and make is not mocap_rate_pair}
+        wrong[gyro_pair] = _inverse(verdict, "mocap", ("qx", "qy", "qz"))
+    return list(wrong.values())
+
+
+def _inverse(verdict: Likeness, stream: str, quantities: tuple[str, ...]) -> Likeness:
+    """The same disagreement, blamed on the reference."""
+    order = tuple(int(i) for i in np.argsort(verdict.order))
+    return Likeness(
+        stream,
+        quantities,
+        order,
+        tuple(verdict.sign[i] for i in order),
+        tuple(verdict.correlation[i] for i in order),
+        tuple(1.0 / verdict.ratio[i] for i in order),
+        verdict.swapped,
+    )

@@ -1,0 +1,54 @@
+"""Rows of the motion capture that hold no pose of their own: no numbers, a repeated pose, or a straight line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..settings import number
+from .context import Context
+from .packet_rows import PRINT_RESOLUTION
+from .usable_rows import usable_streams
+
+LEAST_STEP_M = number("audit.held_poses.least_step_m")
+"""A slower line cannot be told from a tracker that rests and rounds."""
+POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
+
+
+@dataclass(frozen=True)
+class Filled:
+    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before), drawn
+    (on the chord of its neighbours, moving)."""
+
+    lost: np.ndarray
+    same: np.ndarray
+    drawn: np.ndarray
+
+    @property
+    def any(self) -> np.ndarray:
+        return self.lost | self.same | self.drawn
+
+
+def filled_poses(context: Context) -> Filled | None:
+    """None without poses, or when one of their columns never holds a number (missing, not occluded).
+
+    Rotations may be filled along an arc, so straight lines are looked for in the position.
+    """
+    stream = context.once(usable_streams).get("mocap")
+    names = [q for q in POSITION + ROTATION if stream is not None and q in stream.quantities]
+    if stream is None or len(stream) < 3 or not set(POSITION) <= set(names):
+        return None
+    pose, t = stream[names], stream.time_s
+    finite = np.isfinite(pose)
+    if finite.any() and not finite.any(axis=0).all():
+        return None
+    lost = ~finite.all(axis=1)
+    same = np.zeros(len(t), dtype=bool)
+    same[1:] = (pose[1:] == pose[:-1]).all(axis=1)
+    p = pose[:, :3]
+    share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
+    bend = np.abs(p[1:-1] - (p[:-2] + (p[2:] - p[:-2]) * share))
+    drawn = np.zeros(len(t), dtype=bool)
+    drawn[1:-1] = (bend <= PRINT_RESOLUTION).all(axis=1) & (np.abs(p[1:-1] - p[:-2]) > LEAST_STEP_M).any(axis=1)
+    return Filled(lost, same & ~lost, drawn & ~same & ~lost)

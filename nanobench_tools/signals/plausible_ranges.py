@@ -1,0 +1,130 @@
+"""Units told from the size of numbers alone: what a quantity of a small quadrotor can be.
+
+For quantities that can be compared with the motion capture, ``axis_unit_matching`` shows more; these are the others,
+and the scale of the motion capture itself, on which every comparison stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..flight import Stream, motors_of
+from ..settings import number, setting
+from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
+from .context import Context
+from .dropouts import alive_until
+from .usable_rows import typical_step_s, usable_streams
+
+ROOM_M = number("audit.plausible_ranges.room_m")
+"""Wider than any room with a motion capture system; a metre read as millimetre is 1000."""
+FACTOR = number("audit.plausible_ranges.factor")
+SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
+"""Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
+BATTERY_V = setting("audit.plausible_ranges.battery_v")
+"""One cell under load to fourteen cells."""
+NEAR_KNOWN = number("audit.plausible_ranges.near_known")
+"""A factor this near to that of a known mistake is called that one."""
+
+
+@dataclass(frozen=True)
+class WrongUnit:
+    """quantities of a stream are ``factor`` times what they should be."""
+
+    stream: str
+    quantities: tuple[str, ...]
+    factor: float
+    evidence: str
+
+
+def tracker_scale(context: Context) -> float:
+    """Values of the tracked position per metre: 1, or 1000 when they span more than a room."""
+    stream = context.once(usable_streams).get("mocap")
+    if stream is None or not {"px", "py", "pz"} <= set(stream.quantities) or len(stream) < 20:
+        return 1.0
+    position = stream["px", "py", "pz"]
+    position = position[np.isfinite(position).all(axis=1)]
+    if len(position) < 20:
+        return 1.0
+    low, high = np.quantile(position, (0.05, 0.95), axis=0)
+    return 1000.0 if np.max(high - low) > ROOM_M else 1.0
+
+
+def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarray | None:
+    stream: Stream | None = context.once(usable_streams).get(name)
+    if stream is None or not all(q in stream.quantities for q in quantities):
+        return None
+    values = stream[quantities][stream.time_s <= context.once(alive_until)[name]]
+    values = values[np.isfinite(values).all(axis=1)]
+    return values if len(values) > 20 else None
+
+
+def wrong_ranges(context: Context) -> list[WrongUnit]:
+    """Everything whose size alone gives it away."""
+    found = []
+    for name in ("mocap", "imu"):
+        stream = context.once(usable_streams).get(name)
+        step = typical_step_s(stream.time_s) if stream is not None and len(stream) > 100 else 0.0
+        if step > SLOWEST_STEP_S:
+            evidence = f"the rows of {name} are stamped {step:.3g} s apart: milliseconds or microseconds"
+            found.append(WrongUnit("", ("t",), 1000.0 if step < 1e3 * SLOWEST_STEP_S else 1e6, evidence))
+            break
+    if context.once(tracker_scale) != 1.0:
+        found.append(
+            WrongUnit("mocap", ("px", "py", "pz"), 1000.0, "the tracked position spans more than a room: millimetres")
+        )
+    acc = _alive(context, "imu", ("acc_x", "acc_y", "acc_z"))
+    if acc is not None:
+        norm = float(np.median(np.linalg.norm(acc, axis=1)))
+        ratio = norm / GRAVITY_M_S2
+        if norm > 0.0 and abs(np.log(ratio)) > np.log(FACTOR):
+            known = min(
+                (GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
+                key=lambda f: abs(np.log(ratio / f)),
+            )
+            factor = known if abs(np.log(ratio / known)) < np.log(NEAR_KNOWN) else ratio
+            found.append(
+                WrongUnit(
+                    "imu",
+                    ("acc_x", "acc_y", "acc_z"),
+                    factor,
+                    f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81",
+                )
+            )
+    volts = _alive(context, "battery", ("vbat",))
+    if volts is not None:
+        median = float(np.median(volts))
+        if median > 0.0 and not BATTERY_V[0] <= median <= BATTERY_V[1]:
+            factor = 1000.0 if median > BATTERY_V[1] else 1e-3
+            found.append(WrongUnit("battery", ("vbat",), factor, f"the median of the battery is {median:.4g} V"))
+    for name, quantities in (
+        *((name, motors_of(context.flight[name])) for name in ("motor", "motor_request") if name in context.flight),
+        ("pid", ("cmd_thrust",)),
+    ):
+        command = _alive(context, name, quantities)
+        if command is None:
+            continue
+        top = float(np.quantile(command, 0.99))
+        if top > 2.0:
+            factor = PWM_FULL_SCALE if top > 256.0 else 100.0
+            found.append(
+                WrongUnit(name, quantities, factor, f"{', '.join(quantities)} reach {top:.4g} where 1 is full")
+            )
+        elif 0.0 < top < 1e-3:
+            found.append(
+                WrongUnit(
+                    name, quantities, 1.0 / PWM_FULL_SCALE, f"{', '.join(quantities)} never exceed {top:.2g} of full"
+                )
+            )
+    for name, angles in (
+        ("attitude", ("roll", "pitch", "yaw")),
+        ("setpoint", ("yaw",)),
+        ("pid", ("roll", "pitch", "yaw")),
+    ):
+        angle = _alive(context, name, angles)
+        if angle is not None and float(np.quantile(np.abs(angle), 0.99)) > 4.0 * np.pi:
+            found.append(
+                WrongUnit(name, angles, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad")
+            )
+    return found

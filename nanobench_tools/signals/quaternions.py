@@ -1,0 +1,106 @@
+"""In which order the elements of each stream's quaternions stand, judged by a vehicle that stands and flies upright.
+
+A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a
+recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up is
+taken; where two do (an upright vehicle turned by 180 deg) the one that agrees with the other source of attitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import so3
+from ..settings import number
+from .context import Context
+from .dropouts import alive_until
+from .usable_rows import usable_streams
+
+STREAMS = {"mocap": ("qx", "qy", "qz", "qw"), "attitude_qw": ("qx", "qy", "qz", "qw")}
+ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
+"""Name of the order in which the elements stand -> where x, y, z, w are found."""
+UPRIGHT = number("audit.quaternions.upright")
+"""Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
+AGREES_RAD = number("audit.quaternions.agrees_rad")
+FIRST_S = number("audit.quaternions.first_s")
+"""Before anything can have gone wrong."""
+SWAPPED = number("audit.quaternions.swapped")
+"""Mean of cos(tilt) in the other order of elements, from which on it is the right one."""
+UNIT_WITHIN = number("audit.quaternions.unit_within")
+"""Lengths further from 1 are no quaternion."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order;
+    other_rad: median angle to the other attitude with that order, nan without."""
+
+    name: str
+    upright: float
+    fitting: float
+    other_rad: float
+
+
+def quaternion_orders(context: Context) -> dict[str, Order]:
+    """For every stream with quaternions that are unit-length where alive."""
+    found = {}
+    for name, quantities in STREAMS.items():
+        stream = context.once(usable_streams).get(name)
+        if stream is None or not all(q in stream.quantities for q in quantities):
+            continue
+        alive = stream.time_s <= context.once(alive_until)[name]
+        q = stream[quantities][alive]
+        fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
+        if fine.sum() < 20:
+            continue
+        t, q = stream.time_s[alive][fine], q[fine]
+        other = _euler_source(context, name)
+        angles, tilts = {}, {}
+        for label, order in ORDERS.items():
+            tried = q[:, order]
+            tilts[label] = float(np.mean(_up(tried[t <= t[0] + FIRST_S])))
+            angles[label] = _angle(t, tried, other)
+        as_read, swapped = tilts["x, y, z, w"], tilts["w, x, y, z"]
+        clear = swapped > SWAPPED and (
+            as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
+        )
+        label = "w, x, y, z" if clear else "x, y, z, w"
+        found[name] = Order(label, as_read, tilts[label], angles[label])
+    return found
+
+
+def _up(q: np.ndarray) -> np.ndarray:
+    """Cosine of the tilt, (n,)."""
+    return 1.0 - 2.0 * (q[:, 0] ** 2 + q[:, 1] ** 2)
+
+
+def _euler_source(context: Context, name: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times and quaternions from Euler angles: those of the estimator."""
+    stream = context.once(usable_streams).get("attitude")
+    if stream is None or not all(q in stream.quantities for q in ("roll", "pitch", "yaw")):
+        return None
+    angles = stream["roll", "pitch", "yaw"]
+    fine = np.isfinite(angles).all(axis=1) & (stream.time_s <= context.once(alive_until)["attitude"])
+    return (stream.time_s[fine], so3.from_euler_zyx(*angles[fine].T)) if fine.sum() > 20 else None
+
+
+def _angle(t: np.ndarray, q: np.ndarray, other: tuple[np.ndarray, np.ndarray] | None) -> float:
+    if other is None:
+        return float("nan")
+    picked = slice(None, None, max(len(t) // 200, 1))
+    near = np.clip(np.searchsorted(other[0], t[picked]), 0, len(other[0]) - 1)
+    return float(np.median(so3.geodesic_angle(q[picked], other[1][near])))
+
+
+def orientation_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
+    """time_s (n,) and quaternions (n, 4) x, y, z, w of the motion capture, else of the estimator; order put right."""
+    orders = context.once(quaternion_orders)
+    for name, quantities in STREAMS.items():
+        if name in orders:
+            stream = context.once(usable_streams)[name]
+            keep = stream.time_s <= context.once(alive_until)[name]
+            q = stream[quantities][keep][:, ORDERS[orders[name].name]]
+            fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
+            return stream.time_s[keep][fine], q[fine]
+    return None

@@ -1,0 +1,139 @@
+"""All that is known about wrong units, signs and axes of a flight, each mistake once, and the streams it concerns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..settings import number
+from ..units import GRAVITY_M_S2
+from .axis_unit_matching import Likeness, wrong_likenesses
+from .context import Context
+from .crashes import crash_of
+from .dropouts import alive_until
+from .plausible_ranges import WrongUnit, wrong_ranges
+from .usable_rows import usable_streams
+
+GRAVITY_SHARE = number("audit.unit_sign_errors.gravity_share")
+"""The mean specific force of a flight lies along body z up to its tilt: at least this share of it."""
+ACC = ("acc_x", "acc_y", "acc_z")
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Body axis (0, 1, 2) along which the mean specific force lies, and its sign."""
+
+    axis: int
+    sign: int
+    mean: tuple[float, ...]
+
+
+def gravity_axis(context: Context) -> Gravity | None:
+    """None without an accelerometer, or when no axis has most of the mean."""
+    stream = context.once(usable_streams).get("imu")
+    if stream is None or not all(q in stream.quantities for q in ACC):
+        return None
+    crash = context.once(crash_of)
+    end = context.once(alive_until)["imu"] if crash is None else min(crash.start_s, context.once(alive_until)["imu"])
+    values = stream[ACC][stream.time_s <= end]
+    values = values[np.isfinite(values).all(axis=1)]
+    if len(values) < 100:
+        return None
+    mean = np.mean(values, axis=0)
+    size = np.linalg.norm(mean)
+    axis = int(np.argmax(np.abs(mean)))
+    if not size > 0.0 or abs(mean[axis]) < GRAVITY_SHARE * size:
+        return None
+    return Gravity(axis, int(np.sign(mean[axis])), tuple(float(m) for m in mean))
+
+
+def wrong_units(context: Context) -> list[WrongUnit]:
+    """Ranges first; what they explain is not told again by the comparison."""
+    found = list(context.once(wrong_ranges))
+    told = {(w.stream, q) for w in found for q in w.quantities}
+    for verdict in context.once(wrong_likenesses):
+        if verdict.factor == 1.0 or any((verdict.stream, q) in told for q in verdict.quantities):
+            continue
+        found.append(
+            WrongUnit(
+                verdict.stream,
+                verdict.quantities,
+                verdict.factor,
+                f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
+                f"{_against(verdict)} predicts{_named(verdict)}",
+            )
+        )
+    return found
+
+
+def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
+    """(stream, quantity, evidence) of every negated axis."""
+    found = []
+    gravity = context.once(gravity_axis)
+    if gravity is not None and gravity.sign < 0:
+        found.append(
+            (
+                "imu",
+                ACC[gravity.axis],
+                f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
+                f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}",
+            )
+        )
+    for verdict in context.once(wrong_likenesses):
+        for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
+            if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
+                found.append(
+                    (
+                        verdict.stream,
+                        quantity,
+                        f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
+                        f"{_against(verdict)} predicts",
+                    )
+                )
+    return found
+
+
+def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
+    """(stream, quantities that changed places, evidence)."""
+    found = []
+    for verdict in context.once(wrong_likenesses):
+        if verdict.swapped:
+            moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
+            seen = ", ".join(
+                f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
+                for i in range(3)
+                if verdict.order[i] != i
+            )
+            found.append((verdict.stream, moved, seen))
+    gravity = context.once(gravity_axis)
+    if (
+        gravity is not None
+        and gravity.axis != 2
+        and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
+    ):
+        found.append(
+            (
+                "imu",
+                (ACC[gravity.axis], "acc_z"),
+                f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)",
+            )
+        )
+    return found
+
+
+def distorted_streams(context: Context) -> set[str]:
+    """Streams whose values are in wrong units: sizes mean nothing there."""
+    return {w.stream for w in context.once(wrong_units)}
+
+
+def _against(verdict: Likeness) -> str:
+    return (
+        "vehicle's own streams"
+        if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx")
+        else "motion capture"
+    )
+
+
+def _named(verdict: Likeness) -> str:
+    return f" ({verdict.factor_name})" if verdict.factor_name else ""

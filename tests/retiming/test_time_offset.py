@@ -1,0 +1,98 @@
+"""The moving clock error on practice flights whose truth is known, and a re-timed flight's promises."""
+
+import numpy as np
+import pytest
+
+from nanobench_tools.flight import Flight
+from nanobench_tools.retiming.apply import apply_warp, find_warp
+from nanobench_tools.retiming.confirm import believed
+from nanobench_tools.retiming.infer import infer
+from nanobench_tools.retiming.time_offset import ClockWarp, retime
+from nanobench_tools.signals.context import Context
+
+
+def lateness(clock, stamps_s):
+    """Inverts the stamps of the logging chain, independently of the estimator."""
+    sent = np.arange(stamps_s[0] - 1.0, stamps_s[-1] + 1.0, 0.0005)
+    return stamps_s - np.interp(stamps_s, sent + clock.late_s(sent), sent)
+
+
+@pytest.fixture(scope="module")
+def flown(crowd):
+    return crowd
+
+
+def recording(crowd, row, **chain):
+    return crowd.log(("fast figure_eight", "medium trefoil")[row], **chain)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_an_injected_sawtooth_is_recovered_and_its_interval_is_honest(flown, row):
+    flight, clock = recording(flown, row, wander_sd_s=0.03, offset_s=0.02)
+    warp = believed(Context(flight))
+    assert warp.moving
+    inside = (warp.time_s > 6.0) & (warp.time_s < 16.0)
+    error = (warp.offset_s - lateness(clock, warp.time_s))[inside]
+    assert np.std(lateness(clock, warp.time_s)[inside]) > 0.015
+    assert np.sqrt(np.mean(error**2)) < 0.005
+    assert np.mean(np.abs(error) < 1.96 * np.hypot(warp.sd_s[inside], 0.002)) > 0.85
+
+
+def test_nothing_is_claimed_without_wander(flown):
+    flight, _ = recording(flown, 0, offset_s=-0.03)
+    warp = believed(Context(flight))
+    assert not warp.moving
+    assert np.ptp(warp.offset_s) == 0.0
+    assert warp.constant_s == pytest.approx(-0.03, abs=0.005)
+    assert "no moving error confirmed" in warp.reason
+
+
+def test_a_later_clock_is_a_later_clock(flown):
+    """Shifting every firmware stamp shifts the answer by as much."""
+    flight, _ = recording(flown, 0, wander_sd_s=0.02)
+    late = retime(flight, constant(-0.04))
+    first, second = infer(Context(flight), ("gyro",)), infer(Context(late), ("gyro",))
+    grid = np.arange(7.0, 15.0, 0.01)
+    assert np.median(second.at(grid + 0.04) - first.at(grid)) == pytest.approx(0.04, abs=0.002)
+
+
+def constant(offset_s):
+    return ClockWarp(np.zeros(0), np.zeros(0), np.zeros(0), offset_s, 0.0, False, {}, "test")
+
+
+def test_retiming_keeps_samples_and_their_order(flown):
+    flight, _ = recording(flown, 0, wander_sd_s=0.03)
+    warp = believed(Context(flight))
+    moved = retime(flight, warp)
+    assert moved["mocap"] is flight["mocap"]
+    for name in ("imu", "estimator", "battery"):
+        assert np.array_equal(moved[name].values, flight[name].values)
+        assert np.all(np.diff(moved[name].time_s) >= 0.0)
+        assert moved[name].samples == flight[name].samples
+    assert "re-timed" in moved.provenance.notes[-1]
+
+
+def test_retiming_brings_the_estimate_closer_without_having_seen_it(flown):
+    flight, _ = recording(flown, 0, wander_sd_s=0.03)
+    truth = flight["mocap"]
+
+    def error(seen):
+        """Smallest over constant lags: the estimator's own delay belongs to it and stays."""
+        e = seen["estimator"]
+        inside = (e.time_s > 6.0) & (e.time_s < 16.0)
+        p, t = e["x", "y", "z"][inside], e.time_s[inside]
+        residuals = (p - truth.interpolate(("px", "py", "pz"), t - lag) for lag in np.arange(-0.04, 0.08, 0.002))
+        return min(np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in residuals)
+
+    warp = find_warp(flight, "retimed", judged=("position", "velocity"))
+    assert warp.moving
+    assert error(apply_warp(flight, warp)) < 0.5 * error(flight)
+
+
+def test_a_flight_that_never_moves_keeps_its_clock(flown):
+    flight, _ = recording(flown, 0)
+    still = {k: s.rows(s.time_s < 1.0) for k, s in flight.streams.items()}
+    ground = Flight("ground", still, {}, flight.provenance)
+    assert believed(Context(ground)) is None
+    assert find_warp(ground, "offset") is None
+    assert apply_warp(ground, find_warp(ground, "retimed")) is ground
