@@ -6,12 +6,14 @@ recording; ``Flight.epoch_s`` is the absolute (Unix) time of that row.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from .deprecation import warn_renamed
 from .errors import InputError
 
 
@@ -259,16 +261,11 @@ class Flight:
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
 
     def retimed(self, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
-        """A copy with every stream moved to the motion capture's clock: the moving error where other streams confirm
-        it, else the constant offset; ``Stream.time_sd_s`` says how well, ``provenance.notes`` what was done.
-
-        clock: ``retimed``, ``joint`` or ``offset``; judged: which logged estimates you will judge on it, so that they
-        get no vote (``retiming.votes``); ``joint`` needs ``judged=()``.
-        Values, their order and ``samples`` stay. InputError where no time error can be identified.
-        """
-        from .retiming.apply import retimed  # the one place where the ground calls upward, to be found where expected
-
-        return retimed(self, clock, judged)
+        """The former name of ``retiming.apply.retimed``: warns, and goes with the next release."""
+        today = "nanobench_tools.retiming.apply"
+        warn_renamed("Flight.retimed", f"{today}.retimed")
+        moved: Flight = importlib.import_module(today).retimed(self, clock, judged)
+        return moved
 
     def during(self, spans: Span | Iterable[Span]) -> Flight:
         """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""

@@ -29,6 +29,7 @@ from rich.table import Table
 
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.metrics.statistics import summary
+from nanobench_tools.practice import nulls
 from nanobench_tools.practice.clock import ClockError
 from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
@@ -36,7 +37,6 @@ from nanobench_tools.practice.onboard import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import Sessions
-from nanobench_tools.retiming import nulls
 from nanobench_tools.retiming.apply import find_warp
 from nanobench_tools.retiming.confirm import gain_on
 from nanobench_tools.retiming.infer import infer

@@ -22,6 +22,7 @@ from nanobench_tools.firmware.motors import BUILD, compensated
 from nanobench_tools.firmware.replay import CONTROLLERS, MOTORS, Replay, build_of, flown_command, replay
 from nanobench_tools.flight import Flight, intersect_spans, mask_of
 from nanobench_tools.protocols.selection import distinct
+from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.sources.discover import default_data, load_recordings
 from nanobench_tools.units import PWM_FULL_SCALE
 
@@ -104,7 +105,7 @@ def main() -> None:
             continue
         if given.clock == "retimed":
             try:
-                flight = flight.retimed()
+                flight = retimed(flight)
             except InputError:  # its clock cannot be told
                 continue
         build = build_of(flight)

@@ -60,7 +60,7 @@ def loop(minutes: float) -> None:
     from nanobench_tools.radio import fly
     from nanobench_tools.radio.fly_plan import chosen_path
     from nanobench_tools.radio.fly_session import Request, fly_session
-    from nanobench_tools.radio.mocap import pose_source
+    from nanobench_tools.radio.mocap_sources import pose_source
     from nanobench_tools.radio.safety import Limits
 
     late, sent, ticks, missed, flown = [], [], 0, 0, 0.0

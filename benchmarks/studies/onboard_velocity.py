@@ -28,6 +28,7 @@ from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.gate import select
 from nanobench_tools.protocols.phases import streamed_phase
 from nanobench_tools.protocols.sessions import labels_of
+from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.sources.discover import default_data, load_recordings
 
 LATE_S = 0.015
@@ -76,7 +77,7 @@ def main() -> None:
     for case in cases[:given.limit]:
         phase = streamed_phase(case.flight, [case.span])
         try:
-            flight = case.flight.retimed()
+            flight = retimed(case.flight)
         except InputError:  # its clock cannot be told
             continue
         if phase is None:

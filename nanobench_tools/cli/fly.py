@@ -63,7 +63,7 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly_plan import chosen_path
     from ..radio.fly_session import Request
-    from ..radio.mocap import pose_source
+    from ..radio.mocap_sources import pose_source
     from ..radio.safety import Limits
 
     spec = chosen_path(trajectory, speed, size, seconds)

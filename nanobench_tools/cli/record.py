@@ -49,7 +49,7 @@ def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: s
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly_clock import HostClock
     from ..radio.fly_link import open_link
-    from ..radio.mocap import pose_source
+    from ..radio.mocap_sources import pose_source
     from ..radio.record import Recorder, check_folder, recording_name
 
     wanted = read_blocks(blocks) if blocks else default_blocks()

@@ -8,8 +8,8 @@ from . import fly_setpoints
 from .fly_link import Link
 from .fly_state import PoseTrack
 from .in_time import within
-from .mocap import PoseSource
 from .pose_datagram import Pose
+from .pose_source import PoseSource
 
 CLOSE_S = 3.0
 

@@ -20,7 +20,7 @@ from .fly_outcome import Listener, Outcome, summary
 from .fly_pilot import Pilot
 from .fly_plan import Plan
 from .fly_prepare import Preparation, Ready
-from .mocap import PoseSource
+from .pose_source import PoseSource
 from .record import Recorder, check_folder, recording_name
 from .record_export import Exported, export
 from .safety import Limits

@@ -15,8 +15,8 @@ import numpy as np
 
 from .. import so3
 from ..methods import VehicleState
-from .mocap import seen
 from .pose_datagram import Pose
+from .pose_source import seen
 
 POSES = 11
 """Of the fit; at 100 Hz 0.1 s. Rates are 41 times as noisy then as the poses' angles [1/s] (least squares)."""

@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from .mocap import Sink
 from .pose_datagram import unpack
+from .pose_source import Sink
 from .simulated.channel import RadioOptions
 from .simulated.motion_capture import MocapOptions
 from .simulated.simulation import Simulation

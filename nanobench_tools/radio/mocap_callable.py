@@ -12,7 +12,7 @@ from typing import Any
 
 from ..errors import InputError, UsageError
 from ..registry import load
-from .mocap import Sink, checked
+from .pose_source import Sink, checked
 
 
 class CallableMocap:

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import InputError, MissingExtraError
 from .fly_clock import HostClock
-from .mocap import Sink
 from .pose_datagram import Pose
+from .pose_source import Sink
 
 CONNECT_S = 10.0
 

@@ -8,8 +8,8 @@ import time
 from urllib.parse import urlparse
 
 from ..errors import InputError, UsageError
-from .mocap import Sink
 from .pose_datagram import HELLO, PORT_OFFSET, SUBSCRIPTION_S, unpack
+from .pose_source import Sink
 
 ASK_S = 0.25 * SUBSCRIPTION_S
 

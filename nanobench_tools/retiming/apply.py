@@ -38,7 +38,13 @@ def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWa
 
 
 def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
-    """``Flight.retimed``: stamps moved, nothing resampled."""
+    """A copy with every stream moved to the motion capture's clock: the moving error where other streams confirm it,
+    else the constant offset; ``Stream.time_sd_s`` says how well, ``provenance.notes`` what was done.
+
+    clock: ``retimed``, ``joint`` or ``offset``; judged: which logged estimates you will judge on it, so that they get
+    no vote (``votes``); ``joint`` needs ``judged=()``. Values, their order and ``samples`` stay. InputError where no
+    time error can be identified.
+    """
     warp = find_warp(flight, clock, judged)
     if warp is None:
         reading = read_clocks(Context(flight)).get("imu")

@@ -72,7 +72,7 @@ import sys
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.fly_plan import chosen_path
 from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.mocap import pose_source
+from nanobench_tools.radio.mocap_sources import pose_source
 from nanobench_tools.radio.safety import Limits
 uri, mocap = sys.argv[1:]
 busy = Limits((-9.0, 9.0) * 3, stale_s=9.0, silent_s=9.0, overrun_s=9.0, late_ticks=10**6, tilt_deg=180.0)

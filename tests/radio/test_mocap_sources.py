@@ -15,8 +15,9 @@ from nanobench_tools.errors import InputError, MissingExtraError, UsageError
 from nanobench_tools.radio import checklist
 from nanobench_tools.radio.fly_feed import Feed
 from nanobench_tools.radio.fly_state import PoseTrack
-from nanobench_tools.radio.mocap import checked, pose_source, seen
+from nanobench_tools.radio.mocap_sources import pose_source
 from nanobench_tools.radio.pose_datagram import Pose, pack
+from nanobench_tools.radio.pose_source import checked, seen
 from nanobench_tools.radio.safety import Limits
 
 UP = np.array([0.0, 0.0, 1.0])

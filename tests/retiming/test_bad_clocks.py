@@ -7,6 +7,7 @@ import pytest
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Span
+from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.signals.context import Context
 
@@ -31,7 +32,7 @@ def test_without_motion_capture_nothing_is_said(wandering):
     flight = wandering[0].without_streams("mocap")
     assert believed(Context(flight)) is None
     with pytest.raises(InputError, match=r"log.*cannot be identified"):
-        flight.retimed()
+        retimed(flight)
 
 
 def test_without_gyro_the_estimate_alone_confirms_nothing_it_set_itself(wandering):
@@ -39,7 +40,7 @@ def test_without_gyro_the_estimate_alone_confirms_nothing_it_set_itself(wanderin
     warp = believed(Context(flight))
     assert warp is None or not warp.moving
     with pytest.raises(InputError, match="no imu stream"):
-        flight.retimed()
+        retimed(flight)
 
 
 def test_a_dead_stream_is_followed_until_it_died(wandering):
@@ -84,7 +85,7 @@ def test_a_vehicle_that_never_moves_has_no_clock(wandering):
     ground = wandering[0].during(Span(0.0, 1.5))
     assert believed(Context(ground)) is None
     with pytest.raises(InputError, match="cannot be identified"):
-        ground.retimed()
+        retimed(ground)
 
 
 def test_slow_rows_say_that_they_know_less(wandering):
@@ -95,3 +96,9 @@ def test_slow_rows_say_that_they_know_less(wandering):
     at = np.interp(warp.time_s, truth.time_s, np.convolve(speed, np.ones(30) / 30, "same"))
     slow, fast = at < np.quantile(at, 0.03), at > np.quantile(at, 0.7)
     assert np.median(warp.sd_s[slow]) > 2.0 * np.median(warp.sd_s[fast])
+
+
+def test_the_former_name_on_a_flight_warns_and_does_the_same(wandering):
+    flight = wandering[0].without_streams("imu")
+    with pytest.warns(FutureWarning, match=r"retiming\.apply\.retimed"), pytest.raises(InputError, match="no imu"):
+        flight.retimed()

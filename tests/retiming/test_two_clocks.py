@@ -8,6 +8,7 @@ import pytest
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.retiming.pairing import between, with_mocap
 from nanobench_tools.retiming.sender_timestamps import link_delay, unwrapped, warp_from_ticks
 from nanobench_tools.signals.context import Context
@@ -47,7 +48,7 @@ def test_ticks_give_the_delay_without_inference(flight):
     error = warp.at(with_ticks.time_s) - late
     assert np.std(error) < 0.001
     assert abs(np.median(error)) < 0.006
-    moved = flight.with_streams(imu=with_ticks).retimed()
+    moved = retimed(flight.with_streams(imu=with_ticks))
     assert np.std(moved["imu"].time_s - imu.time_s) < 0.001
     assert len(moved["imu"].time_sd_s) == len(imu)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools.errors import UsageError
+from nanobench_tools.practice import nulls
 from nanobench_tools.protocols.selection import distinct
-from nanobench_tools.retiming import nulls
 from nanobench_tools.retiming.apply import find_warp
 from nanobench_tools.retiming.infer import infer
 from nanobench_tools.retiming.time_offset import retime

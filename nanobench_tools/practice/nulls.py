@@ -11,12 +11,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..flight import Flight, Span, Stream
-from ..practice.clock import ClockError, draw_clock
+from ..retiming.time_offset import ClockWarp
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
 from ..signals.mocap_derivatives import Truth, truth_of
-from .time_offset import ClockWarp
+from .clock import ClockError, draw_clock
 
 RANDOM = "random"
 MARGIN_S = 0.5

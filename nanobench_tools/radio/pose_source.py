@@ -1,4 +1,4 @@
-"""Where poses come from while flying: the simulated motion capture, the package ``motioncapture``, anybody's callable.
+"""What a source of poses has to be while flying; ``mocap_sources`` knows those there are.
 
 A source calls ``sink(pose)`` from a thread of its own for every pose it sees, as soon as it sees it. Poses are metres
 in a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up) into it; the checklist refuses
@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
-from urllib.parse import urlparse
 
 import numpy as np
 
-from ..errors import InputError, UsageError
+from ..errors import InputError
 from .pose_datagram import Pose
 
 Sink = Callable[[Pose], None]
-FORMS = "simulated, simulated://HOST:PORT, TYPE://HOST/BODY of the package motioncapture, or module:callable"
-FIRST_POSE_S = 3.0
 
 
 class PoseSource(Protocol):
@@ -33,27 +30,6 @@ class PoseSource(Protocol):
     def setpoint(self, time_s: float, said: dict[str, object]) -> None: ...
 
     def close(self) -> None: ...
-
-
-def pose_source(spec: str, uri: str) -> PoseSource:
-    """The source that ``--mocap`` names, not yet started. Raises UsageError or MissingExtraError."""
-    if spec == "simulated" or spec.startswith("simulated://"):
-        from .mocap_simulated import SimulatedMocap, address_of
-
-        return SimulatedMocap(address_of(spec, uri))
-    if "://" in spec:
-        from .mocap_package import PackageMocap
-
-        found = urlparse(spec)
-        body = found.path.strip("/")
-        if not found.hostname or not body:
-            raise UsageError(f"--mocap {spec}: write TYPE://HOST/BODY, such as vicon://192.168.1.5/cf1")
-        return PackageMocap(found.scheme, found.netloc, body)
-    if ":" in spec:
-        from .mocap_callable import CallableMocap
-
-        return CallableMocap(spec)
-    raise UsageError(f"--mocap: unknown source {spec!r}; known: {FORMS}")
 
 
 def checked(name: str, time_s: float, position_m: object, quaternion: object) -> Pose:

@@ -1,0 +1,118 @@
+"""Who imports whom: no circle of modules and none of packages, imports inside functions and for types included."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+OURS = ("nanobench_tools", "estimators", "controllers", "identification")
+GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
+          "guard", "settings")
+"""They import nothing but each other."""
+PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "audit", "harness", "protocols", "report",
+                       "cli")
+"""In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
+
+
+def modules() -> dict[str, Path]:
+    found = {}
+    for top in OURS:
+        for path in (ROOT / top).rglob("*.py"):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported(name: str, text: str, is_package: bool, known: Iterable[str]) -> set[str]:
+    """Modules of ``known`` that ``text``, the module ``name``, imports anywhere."""
+    known = set(known)
+
+    def module_of(dotted: str) -> str:
+        while dotted and dotted not in known:
+            dotted = dotted.rpartition(".")[0]
+        return dotted
+
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {module_of(alias.name) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            package = name.split(".") if is_package else name.split(".")[:-1]
+            here = package[: len(package) - (node.level - 1)] if node.level else []
+            base = ".".join([*here, *([node.module] if node.module else [])])
+            found |= {module_of(f"{base}.{alias.name}") for alias in node.names}
+    return found - {"", name}
+
+
+def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
+    """Groups of two or more that reach each other (strongly connected components, by reachability)."""
+    reach = {}
+    for start in graph:
+        seen, queue = set(), [start]
+        while queue:
+            new = graph.get(queue.pop(), set()) - seen
+            seen |= new
+            queue += new
+        reach[start] = seen
+    groups = {tuple(sorted({other for other in reach[name] if name in reach.get(other, ())} | {name}))
+              for name in graph}
+    return sorted(list(group) for group in groups if len(group) > 1)
+
+
+@pytest.fixture(scope="module")
+def graph():
+    found = modules()
+    return {name: imported(name, path.read_text("utf-8"), path.name == "__init__.py", found)
+            for name, path in found.items()}
+
+
+@pytest.fixture(scope="module")
+def packages(graph):
+    found = defaultdict(set)
+    for name, others in graph.items():
+        mine = ".".join(name.split(".")[:2])
+        found[mine] |= {".".join(other.split(".")[:2]) for other in others} - {mine}
+    return dict(found)
+
+
+def test_no_circle_of_modules(graph):
+    assert len(graph) > 500
+    assert circles(graph) == []
+
+
+def test_no_circle_of_packages(packages):
+    assert circles(packages) == []
+
+
+def test_the_ground_imports_nothing_above_it(packages):
+    allowed = {f"nanobench_tools.{name}" for name in GROUND} | {"nanobench_tools"}
+    assert {name: packages[f"nanobench_tools.{name}"] - allowed for name in GROUND
+            if packages[f"nanobench_tools.{name}"] - allowed} == {}
+
+
+def test_the_mathematics_of_delays_knows_no_streams(packages):
+    assert packages["nanobench_tools.delays"] <= {"nanobench_tools.settings"}
+
+
+def test_a_recording_goes_one_way(packages):
+    for place, name in enumerate(PATH_OF_A_RECORDING):
+        later = {f"nanobench_tools.{other}" for other in PATH_OF_A_RECORDING[place + 1:]}
+        assert packages[f"nanobench_tools.{name}"] & later == set(), name
+
+
+def test_imports_are_found_wherever_they_stand():
+    known = ("a", "a.b", "a.b.c", "a.b.d", "a.e", "f")
+    text = ("from typing import TYPE_CHECKING\nfrom . import d\nfrom ..e import thing\n"
+            "if TYPE_CHECKING:\n    import f\ndef g():\n    from a.b import other\n")
+    assert imported("a.b.c", text, False, known) == {"a.b.d", "a.e", "f", "a.b"}
+    assert imported("a.b", "from .c import x", True, known) == {"a.b.c"}
+
+
+def test_a_circle_is_found_and_a_chain_is_none():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [["b", "c"]]
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == []
