@@ -23,7 +23,7 @@ from .delay import UnderWay
 from .disturbance import Observer, Tuning
 from .fallback import PLAN_S, Fallback
 from .gains import Gain, around, whole
-from .mpc_code import Call
+from .mpc_code import Call, SolverFailure
 from .mpc_horizon import NEAR_M, Gains, Horizon, flyable
 from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
 from .mpc_plan import Plan, bounded
@@ -297,7 +297,7 @@ class Mpc:
             try:
                 states, inputs = self._targets()
                 found = self.solve(i, x[i], rows[i, -1, 12], states, inputs, limits[0, i], limits[1, i])
-            except Exception:  # solvers are other people's code; without an answer there is a fallback
+            except (SolverFailure, np.linalg.LinAlgError):  # LinAlgError: a flight of the model that left all numbers
                 found = None
             if found is not None and bounded(found, limits[0, i], limits[1, i], self.plan.thrust_N[i]):
                 self.plan.age_s[i] = 0.0

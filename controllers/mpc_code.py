@@ -26,6 +26,10 @@ LONGEST_S = 300.0
 """A compiler that takes longer is given up."""
 
 
+class SolverFailure(ArithmeticError):
+    """A solver, or a compiled function, gives no answer and says so."""
+
+
 def import_casadi() -> Any:
     """The module casadi; raises MissingExtraError when the extra is not installed."""
     try:
@@ -98,8 +102,8 @@ class Call:
             self._buffer.set_res(i, array.data)
 
     def __call__(self) -> list[np.ndarray]:
-        """Raises ArithmeticError when the function fails."""
+        """Raises SolverFailure when the function says that it failed."""
         self._run()
         if self._buffer.ret():
-            raise ArithmeticError(f"{self.function.name()} failed")
+            raise SolverFailure(f"{self.function.name()} failed")
         return self.found

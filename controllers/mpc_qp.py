@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
+
+from .mpc_code import SolverFailure
 
 MOST_ITERATIONS = 400
 TOLERANCE = 1e-5
@@ -23,6 +27,15 @@ def import_solver(name: str) -> Any:
         return __import__(name)
     except ImportError:
         raise MissingExtraError(name, "mpc") from None
+
+
+@contextmanager
+def refusals(osqp: Any) -> Iterator[None]:
+    """Makes SolverFailure of what OSQP raises: a program that is not convex, bounds that contradict each other."""
+    try:
+        yield
+    except osqp.OSQPException as refused:
+        raise SolverFailure(f"OSQP refuses the program: {refused}") from refused
 
 
 class DenseSolver(Protocol):
@@ -82,13 +95,16 @@ class DenseOsqp:
             order = np.lexsort((rows, cols))  # column by column
             self._rows, self._cols = rows, cols = rows[order], cols[order]
             pattern = sparse.csc_matrix((h[rows, cols], (rows, cols)), (n, n))
-            self._solver = self._osqp.OSQP()
-            self._solver.setup(pattern, g, sparse.eye(n, format="csc"), low, high, verbose=False, eps_abs=TOLERANCE,
-                               eps_rel=TOLERANCE, max_iter=MOST_ITERATIONS * 10, warm_starting=True)
+            solver = self._osqp.OSQP()
+            with refusals(self._osqp):
+                solver.setup(pattern, g, sparse.eye(n, format="csc"), low, high, verbose=False, eps_abs=TOLERANCE,
+                             eps_rel=TOLERANCE, max_iter=MOST_ITERATIONS * 10, warm_starting=True)
+            self._solver = solver
         else:
-            self._solver.update(Px=h[self._rows, self._cols], q=g, l=low, u=high)
-        found = self._solver.solve(raise_error=False)
-        return self._answer(found)
+            with refusals(self._osqp):
+                self._solver.update(Px=h[self._rows, self._cols], q=g, l=low, u=high)
+        with refusals(self._osqp):
+            return self._answer(self._solver.solve(raise_error=False))
 
     def _with_rows(self, h: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray, rows: np.ndarray,
                    most: np.ndarray) -> np.ndarray | None:
@@ -99,10 +115,11 @@ class DenseOsqp:
         cost = sparse.block_diag([np.triu(h), sparse.eye(more)], format="csc")
         bounds = sparse.block_array([[sparse.eye(n), None], [rows, -MISSED * sparse.eye(more)]], format="csc")
         solver = self._osqp.OSQP()
-        solver.setup(cost, np.concatenate([g, np.zeros(more)]), bounds, np.concatenate([low, np.full(more, -FAR)]),
-                     np.concatenate([high, most]), verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
-                     max_iter=MOST_ITERATIONS * 10)
-        found = self._answer(solver.solve(raise_error=False))
+        with refusals(self._osqp):
+            solver.setup(cost, np.concatenate([g, np.zeros(more)]), bounds, np.concatenate([low, np.full(more, -FAR)]),
+                         np.concatenate([high, most]), verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
+                         max_iter=MOST_ITERATIONS * 10)
+            found = self._answer(solver.solve(raise_error=False))
         return None if found is None else found[:n]
 
     @staticmethod

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from .mpc_condense import headed
-from .mpc_qp import MISSED, import_solver
+from .mpc_qp import MISSED, import_solver, refusals
 from .mpc_tilt import ROUNDS, halfplanes
 
 TOLERANCE, MOST_ITERATIONS = 1e-4, 2000
@@ -76,10 +76,12 @@ class SparseOsqp:
         matrix.data = self._values(a, b)
         cost.data = self._cost(0.0)
         zero = np.zeros((s + 5) * n)
-        self._solver = self._module.OSQP()
-        self._solver.setup(cost, zero, matrix, zero, zero, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
-                           max_iter=MOST_ITERATIONS, warm_starting=True, check_termination=10, adaptive_rho=True,
-                           rho=0.5, scaling=0)
+        solver = self._module.OSQP()
+        with refusals(self._module):
+            solver.setup(cost, zero, matrix, zero, zero, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
+                         max_iter=MOST_ITERATIONS, warm_starting=True, check_termination=10, adaptive_rho=True,
+                         rho=0.5, scaling=0)
+        self._solver = solver
         self._yaw = 0.0
 
     def _values(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -120,6 +122,7 @@ class SparseOsqp:
 
     def _solved(self, a: np.ndarray, b: np.ndarray, least: np.ndarray, most: np.ndarray,
                 **more: Any) -> np.ndarray | None:
-        self._solver.update(Ax=self._values(a, b), l=least, u=most, **more)
-        found = self._solver.solve(raise_error=False)
+        with refusals(self._module):
+            self._solver.update(Ax=self._values(a, b), l=least, u=most, **more)
+            found = self._solver.solve(raise_error=False)
         return found.x if found.info.status_val in (1, 2) and np.isfinite(found.x).all() else None

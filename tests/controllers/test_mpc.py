@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from controllers import fallback, mpc_base, mpc_condense, mpc_linear, mpc_plan, mpc_qp, nmpc
 from controllers.disturbance import Tuning
+from controllers.mpc_code import SolverFailure
 from controllers.mpc_linear import MpcDaqp, MpcOsqp, error
 from controllers.mpc_model import practice_model
 from controllers.nmpc import Nmpc
@@ -326,17 +327,49 @@ def test_without_an_answer_the_last_plan_then_the_geometric_controller_then_a_la
     assert controller.counts["solver"] == k - 50
 
 
-def test_a_solver_that_raises_is_a_solver_without_an_answer(monkeypatch):
-    controller = fresh("mpc_daqp")
-
-    def broken(*_, **__):
-        raise RuntimeError("out of memory")
-
-    monkeypatch.setattr(controller, "_solver", broken)
+def hovers(controller):
     command = controller.command(0.0, *resting())
-    assert controller.counts["solver"] == 1
     hover = controller.thrust_map.ratios(np.full((1, 4), controller.hover_N), np.full(1, 3.6))
     np.testing.assert_allclose(command, hover)
+    return controller.counts["solver"]
+
+
+@pytest.mark.parametrize(("limit", "value"), [("MOST_ITERATIONS", 1), ("SOLVED", (99,))])
+def test_a_solver_that_stops_early_is_a_solver_without_an_answer(monkeypatch, limit, value):
+    controller = fresh("mpc_daqp")
+    monkeypatch.setattr(mpc_qp, limit, value)
+    _, there = resting(r_position_m=np.array([[3.0, 0.0, 1.0]]))
+    state, _ = resting()
+    assert np.isfinite(controller.command(0.0, state, there)).all()
+    assert controller.counts["solver"] == 1
+
+
+@pytest.mark.parametrize("wrong", ["contradiction", "not convex"])
+def test_programs_that_osqp_refuses_are_failures(wrong):
+    one, sign = np.ones(2), -1.0 if wrong == "not convex" else 1.0
+    low, high = (one, -one) if wrong == "contradiction" else (-one, one)
+    for rows in ((), (np.eye(2), one)):
+        with pytest.raises(SolverFailure, match="OSQP refuses"):
+            mpc_qp.DenseOsqp()(sign * np.eye(2), one, low, high, *rows)
+
+
+def test_a_failure_falls_back_and_a_bug_of_ones_own_comes_through(monkeypatch):
+    for failure in (SolverFailure("no answer"), np.linalg.LinAlgError("singular")):
+        controller = fresh("mpc_daqp")
+        monkeypatch.setattr(controller, "_solver", raising(failure))
+        assert hovers(controller) == 1
+    for bug in (TypeError("model"), KeyError("model"), ValueError("model"), IndexError("model")):
+        for part in ("linearise", "_solver"):
+            controller = fresh("mpc_daqp")
+            monkeypatch.setattr(controller, part, raising(bug))
+            with pytest.raises(type(bug), match="model"):
+                controller.command(0.0, *resting())
+
+
+def raising(error):
+    def broken(*_, **__):
+        raise error
+    return broken
 
 
 def test_an_empty_battery_lands_the_vehicle():
