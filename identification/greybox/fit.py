@@ -47,7 +47,8 @@ class GreyBox:
     window follow from the inputs of the half second before it (class ``state``); ``past``: from all streams of the two
     seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
     where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap. soft: priors in place of those
-    for the same parameters. hold: terms that stay as they are.
+    for the same parameters. hold: terms that stay as they are. judged: with intervals, what the flights do not tell,
+    and whether the model flies; a fit that only predicts needs none of them.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -62,6 +63,7 @@ class GreyBox:
     progress: Any = None
     soft: tuple[Prior, ...] = ()
     hold: tuple[str, ...] = ()
+    judged: bool = True
 
     def __post_init__(self) -> None:
         if self.adapt not in ADAPTS:
@@ -102,19 +104,19 @@ class GreyBox:
         solution, unseen = known
         problem = solution.problem
         self.solution_, self.data_ = solution, data
-        ci95 = bootstrap(solution, self.seed)
+        ci95 = bootstrap(solution, self.seed) if self.judged else None
         parameters = {name: {"value": float(v), "ci95": None if ci95 is None or name not in ci95 else list(ci95[name]),
                              "unit": unit} for name, v, unit in
                       zip(model.names, solution.model.values, model.units, strict=True)}
         self.model_ = tidy(solution.model)
         self.parameters_ = {name: entry for name, entry in parameters.items() if name in self.model_.names}
         self.predictor_ = self._predictor(solution, cuts)
-        flown = None if _held_rate(model) else flies(self.model_, data)
+        flown = None if _held_rate(model) or not self.judged else flies(self.model_, data)
         self.result_ = FitResult(self.name, self.adapt, self.parameters_, len(data), len(set(data.flight.tolist())),
                                  solution.steps, solution.cost, self._trouble(solution, flown), flown,
                                  (*(f"{name} ends at {solution.model.parameters[name]:g}, where it has no effect, and "
                                     "is held there: these flights do not show it" for name in unseen),
-                                  *not_identified(solution, ci95), *self._not_learnt()),
+                                  *(not_identified(solution, ci95) if self.judged else ()), *self._not_learnt()),
                                  tuple(f"{' + '.join(p.names)} = {p.mean:.3g} +- {p.sd:.2g} ({p.source})"
                                        for p in problem.priors),
                                  tuple(f"{n.name}: {n.sentence}" for n in nuisances),

@@ -41,15 +41,17 @@ def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> di
 
 
 def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
-                 windows: int = MOST_WINDOWS, backward: bool = False) -> dict[str, dict[str, Any]]:
+                 windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True) -> dict[str, dict[str, Any]]:
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window: their parameters
-    are searched once. ``windows``: about how many are fitted to. backward: what is set per window is also learnt for
-    starts that look back only, as ``backward`` (gains and their ridge; None where nothing is set)."""
+    are searched once. ``windows``: about how many are fitted to. judged: as of ``GreyBox``. backward: what is set per
+    window is also learnt for starts that look back only, as ``backward`` (gains and their ridge; None where nothing is
+    set)."""
     vehicle = Vehicle(mass_kg=mass_kg)
     found: dict[str, dict[str, Any]] = {}
     first: GreyBox | None = None
     for rung in rungs:
-        model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold)
+        model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold,
+                        judged=judged)
         model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
         first = first or model
         found[rung.name] = _found(rung, model, mass_kg)
@@ -61,7 +63,7 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_k
 def held_out_item(cases: Sequence[Case], others: Sequence[Case], rungs: Sequence[Rung], seed: int,
                   mass_kg: float) -> dict[str, list[dict[str, Any]]]:
     """{rung: [score of each of ``others``]} of rungs with the same terms, fitted to ``cases``; onboard truth."""
-    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS)
+    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS, judged=False)
     predictors = {name: predictor_of(value) for name, value in fitted.items()}
     return {name: [score(case, cast("Predictor", predictor), "onboard") for case in others]
             for name, predictor in predictors.items()}
@@ -83,7 +85,7 @@ def alike(rungs: Sequence[Rung]) -> list[list[Rung]]:
 def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> dict[str, Any]:
     """Gains learnt from starts that look back only, at the parameters of ``model``. With training flights held out in
     turn that lowers the criterion of ``choice`` by 1 to 3 %; searching the parameters again lowers it no further."""
-    again = replace(model)
+    again = replace(model, judged=False)
     again.fit_cuts(cut(cases, past=rung.adapt == "past", start="past"), model)
     return {"gains": _plain(again.predictor_.gains)}
 

@@ -13,6 +13,7 @@ from .options import AS_RECORDED, Options
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
+    from ..harness.clocks import Choice
 
 MERGED = ("rows", "per_flight", "windows", "bands")
 """Lists of a result that hold one part after the other."""
@@ -35,6 +36,10 @@ class Recordings:
 
 BRACKETED = ("drag_matrix_ekf",)
 """Dead reckoning that ``run`` shows on every clock, from nothing taken out to all that can be."""
+
+ASKED: tuple[Choice, ...] = (("offset", ("position", "velocity")), ("retimed", ("position", "velocity")),
+                            ("retimed", ("attitude",)), ("joint", ()))
+"""Every clock that ``run`` puts each distinct recording on, with the logged estimates that are judged on it."""
 
 Part = tuple[str, Callable[[], dict[str, Any]]]
 """(what it is, what makes its body)."""

@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
-    from ..harness.clocks import OnClock
+    from ..harness.clocks import Choice, OnClock
     from ..protocols.sessions import Sessions
     from ..retiming.time_offset import ClockWarp
 
@@ -44,7 +44,8 @@ class FiniteRange(click.FloatRange):
 
 @dataclass
 class Options:
-    """What the shared options say. ``failed`` gathers the failures of reading and of items: [{item, file, error}]."""
+    """What the shared options say. ``failed`` gathers the failures of reading and of items: [{item, file, error}];
+    ``warps``: what was found with the audits, see ``audit``."""
 
     data: tuple[Path, ...] = ()
     out: Path | None = None
@@ -58,6 +59,7 @@ class Options:
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
     started: float = field(default_factory=time.time)
+    warps: dict[tuple[str, Choice], Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def progress(self) -> Progress:
@@ -134,12 +136,16 @@ class Options:
         self.failed += result.failed
         return result
 
-    def audit(self, flights: Sequence[Flight]) -> tuple[dict[str, Audit], list[list[str]]]:
-        """Audits by flight name, and groups of names of copies; failures are kept. Done once, then from the store."""
+    def audit(self, flights: Sequence[Flight], clocks: Sequence[Choice] = (),
+              moved: Collection[str] = ()) -> tuple[dict[str, Audit], list[list[str]]]:
+        """Audits by flight name, and groups of names of copies; failures are kept. Done once, then from the store.
+
+        clocks: those that the recordings named in ``moved`` will be asked for later, found on the way."""
         from ..harness.audits import audit_flights
 
-        result = audit_flights(flights, self.store, self.jobs, self.scheduler, self.progress)
+        result = audit_flights(flights, self.store, self.jobs, self.scheduler, self.progress, clocks, moved)
         self.failed += result.failed
+        self.warps.update(result.warps)
         return result.audits, result.copies
 
     def on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
@@ -155,7 +161,7 @@ class Options:
         from ..harness.clocks import on_clock
 
         result = on_clock(flights, audits, self.clock, judged, self.store, self.jobs, self.scheduler,
-                          self.progress)
+                          self.progress, self.warps)
         self.failed += result.failed
         if self.clock != AS_RECORDED:
             self.say(clock_line(self.clock, list(result.warps.values()), result.evidence, judged))

@@ -45,9 +45,10 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     ``options.failed``; the others go on.
     """
     from ..harness import write_json
+    from ..protocols.selection import distinct
     from ..report import write_report
     from ..sources.discover import default_data
-    from .clocks import Recordings, control_on, estimate_on, sysid_on
+    from .clocks import ASKED, Recordings, control_on, estimate_on, sysid_on
 
     out = options.out = options.out or OUT
     stages: dict[str, Callable[[Recordings], dict[str, Any]]] = {
@@ -60,7 +61,8 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
         options.say(f"[1/{steps}] recordings")
     flights = options.load()
     options.say(f"[2/{steps}] audit")
-    audits, copies = options.audit(flights)
+    moved = {flight.name for flight in distinct(flights)[0]} if clock is None else set()
+    audits, copies = options.audit(flights, ASKED, moved)
     show_audits(options, audits, copies, details=False)
     results: dict[str, dict[str, Any]] = {}
 

@@ -103,8 +103,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
     if recorded is not None:
         chosen = chosen.as_recorded(recorded)
-    fits = fitted(options, chosen.train, wanted, mass_kg)
-    choice = choose(options, chosen.train, predictors, fits, mass_kg)
+    fits, held_out = fitted(options, chosen.train, wanted, mass_kg)
+    choice = choose(options, chosen.train, predictors, fits, held_out)
     written = exported(options, fits, choice.exported, simulator)
     predictors = [*predictors, *(predictor for predictor, _ in fits.values()), *written.predictors]
     learned: list[Any] = []

@@ -22,29 +22,44 @@ Fits = Mapping[str, tuple[Any, dict]]
 """(predictor, what the fit gave) by name."""
 
 
-def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float) -> dict[str, tuple[Any, dict]]:
-    """(predictor, what the fit gave) by name; ``wanted``: all, short or none. Empty, and said why, without CasADi or
-    training flights."""
+Scores = Mapping[str, Sequence[Mapping[str, Any]]]
+"""Scores of whole flights by name of the model."""
+
+
+def fitted(options: Options, train: Sequence[Case], wanted: str,
+           mass_kg: float) -> tuple[dict[str, tuple[Any, dict]], Scores]:
+    """((predictor, what the fit gave) by name, scores of models of class ``state`` on training flights that were held
+    out in turn); ``wanted``: all, short or none. Empty, and said why, without CasADi or training flights."""
     from ..harness import make_item
+    from ..protocols import choice
 
     if wanted == "none":
-        return {}
+        return {}, {}
     if importlib.util.find_spec("casadi") is None:
         options.say(f"no model is fitted: casadi is not installed; {how_to_install('identification')}")
-        return {}
+        return {}, {}
     if not train:
         options.say("no model is fitted: no training flight can be used")
-        return {}
-    from identification.greybox.study import SHORT, alike, fit_together, predictor_of, rungs
+        return {}, {}
+    from identification.greybox.study import SHORT, alike, fit_together, held_out_item, predictor_of, rungs
 
     chosen = rungs(None if wanted == "all" else SHORT)
-    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, "seed": options.seed, "mass_kg": mass_kg,
-                                      "backward": True},
-                       f"fit {' and '.join(rung.name for rung in lot)}", file=train[0].flight.provenance.path)
-             for lot in alike(chosen)]
-    values = options.run(items, "fit").values
+    place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg}
+    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, **shared, "backward": True},
+                       f"fit {' and '.join(rung.name for rung in lot)}", file=place)
+             for lot in sorted(alike(chosen), key=len, reverse=True)]
+    again = [make_item(held_out_item, {"cases": rest, "others": left_out, "rungs": lot, **shared},
+                       f"fit {' and '.join(rung.name for rung in lot)}, group {number} held out", file=place)
+             for lot in alike([rung for rung in chosen if rung.adapt != "past"])
+             for number, (rest, left_out) in enumerate(choice.held_out(train), 1)]
+    values = options.run([*items, *again], "fit").values  # the longest first; the others fill the cores beside it
     found = {name: value for item in items if item.key in values for name, value in values[item.key].items()}
-    return {rung.name: (predictor_of(found[rung.name]), found[rung.name]) for rung in chosen if rung.name in found}
+    scores: dict[str, list[Mapping[str, Any]]] = {}
+    for item in again:
+        for name, mine in values.get(item.key, {}).items():
+            scores.setdefault(name, []).extend(mine)
+    return {rung.name: (predictor_of(found[rung.name]), found[rung.name])
+            for rung in chosen if rung.name in found}, scores
 
 
 @dataclass(frozen=True)
@@ -64,9 +79,9 @@ class Choice:
         return choice.said(self.cases, self.scores, not_asked)
 
 
-def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], fits: Fits, mass_kg: float) -> Choice:
-    """The best model of class ``state`` by whole training flights held out in turn; no test flight takes part. Fits
-    that are no result, and ``predictors`` that fail on a flight, are never the best."""
+def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], fits: Fits, held_out: Scores) -> Choice:
+    """The best model of class ``state`` by whole training flights held out in turn (``held_out`` of ``fitted``); no
+    test flight takes part. Fits that are no result, and ``predictors`` that fail on a flight, are never the best."""
     from ..harness import make_item
     from ..protocols import choice, task1
 
@@ -75,22 +90,11 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
     as_they_are = [(p.name, make_item(task1.score, {"case": case, "predictor": p, "truth": "onboard"},
                                       f"{p.name} {case.flight.name}, for the choice", file=case.flight.provenance.path))
                    for p in plain for case in train]
-    again = []
-    if good:
-        from identification.greybox.study import alike, held_out_item, rungs
-
-        again = [make_item(held_out_item, {"cases": rest, "others": left_out, "rungs": lot, "seed": options.seed,
-                                           "mass_kg": mass_kg},
-                           f"fit {' and '.join(rung.name for rung in lot)}, group {number} held out",
-                           file=train[0].flight.provenance.path)
-                 for lot in alike(rungs(good)) for number, (rest, left_out) in enumerate(choice.held_out(train), 1)]
-    values = options.run([*(item for _, item in as_they_are), *again], "choose").values
-    found: dict[str, list[Mapping[str, Any]]] = {name: [] for name in (*(p.name for p in plain), *good)}
+    values = options.run([item for _, item in as_they_are], "choose").values
+    found: dict[str, list[Mapping[str, Any]]] = {p.name: [] for p in plain}
+    found |= {name: list(held_out.get(name, ())) for name in good}
     for name, item in as_they_are:
         found[name] += [values[item.key]] if item.key in values else []
-    for item in again:
-        for name, scores in values.get(item.key, {}).items():
-            found[name] += scores
     scores = {name: choice.criterion(mine) if len(mine) == len(train) else None for name, mine in found.items()}
     return Choice(choice.best_of(scores), choice.best_of({name: scores[name] for name in good}), train, scores)
 

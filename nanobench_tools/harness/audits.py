@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..audit import Audit, audit, find_copies, with_copies
 from ..faults.kinds import kinds
 from ..flight import Flight
+from ..signals.context import Context
+from .clocks import Choice, Warps, warp_json
 from .identity import PACKAGES, method_identity
 from .items import make_item
 from .progress import Progress
@@ -18,11 +21,12 @@ from .runner import run_items
 @dataclass(frozen=True)
 class Audited:
     """audits: name of the flight -> verdict, failed ones left out; copies: groups of names of equal recordings;
-    failed: [{item, file, error}]."""
+    failed: [{item, file, error}]; warps: what was found for ``clocks`` beside the audits, for ``on_clock``."""
 
     audits: dict[str, Audit]
     copies: list[list[str]]
     failed: list[dict[str, str]]
+    warps: Warps = field(default_factory=dict)
 
 
 def foreign_kinds() -> list[str]:
@@ -36,13 +40,32 @@ def audit_item(flight: Flight) -> dict:
     return audit(flight).to_json()
 
 
+def audit_and_clocks_item(flight: Flight, clocks: Sequence[Choice]) -> dict[str, Any]:
+    """{audit, warps}: one audit, and what to take out for each of ``clocks``; what they share is derived once."""
+    context = Context(flight)
+    return {"audit": audit(flight, context).to_json(), "warps": [warp_json(context, *choice) for choice in clocks]}
+
+
 def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs: int = 1,
-                  scheduler: str | None = None, progress: Progress | None = None) -> Audited:
-    """Audits ``flights`` (names unique) as ``run_items`` does; the same result for any ``jobs``."""
+                  scheduler: str | None = None, progress: Progress | None = None, clocks: Sequence[Choice] = (),
+                  moved: Collection[str] = ()) -> Audited:
+    """Audits ``flights`` (names unique) as ``run_items`` does; the same result for any ``jobs``. Recordings named in
+    ``moved`` are put on ``clocks`` on the way, which takes half of what it takes afterwards."""
     others = foreign_kinds()
-    items = [make_item(audit_item, {"flight": flight}, f"audit {flight.name}", others) for flight in flights]
+    work = [(audit_and_clocks_item, {"flight": flight, "clocks": tuple(clocks)}) if clocks and flight.name in moved else
+            (audit_item, {"flight": flight}) for flight in flights]
+    items = [make_item(function, given, f"audit {flight.name}", others)
+             for flight, (function, given) in zip(flights, work, strict=True)]
     result = run_items(items, store_dir, jobs, scheduler, progress, "audit")
-    read = [(flight, Audit.from_json(result.values[item.key]))
-            for flight, item in zip(flights, items, strict=True) if item.key in result.values]
+    read: list[tuple[Flight, Audit]] = []
+    warps: dict[tuple[str, Choice], dict[str, Any]] = {}
+    for flight, item in zip(flights, items, strict=True):
+        if item.key not in result.values:
+            continue
+        value = result.values[item.key]
+        if item.function is audit_and_clocks_item:
+            warps |= {(flight.name, choice): body for choice, body in zip(clocks, value["warps"], strict=True)}
+            value = value["audit"]
+        read.append((flight, Audit.from_json(value)))
     marked = with_copies([verdict for _, verdict in read], [flight for flight, _ in read])
-    return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed)
+    return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed, warps)

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..audit import Audit
 from ..flight import Flight
-from ..retiming.apply import apply_warp, find_warp
+from ..retiming.apply import apply_warp, warp_of
 from ..retiming.time_offset import ClockWarp
 from ..retiming.votes import AS_RECORDED, evidence_of, voters
+from ..signals.context import Context
 from .items import make_item
 from .progress import Progress
-from .runner import run_items
+from .runner import RunResult, run_items
 
 
 @dataclass(frozen=True)
@@ -33,28 +35,40 @@ class OnClock:
         return evidence_of(self.flights)
 
 
-def warp_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
+Choice = tuple[str, tuple[str, ...]]
+"""A clock, and the logged estimates that are judged on it, in order of name."""
+Warps = Mapping[tuple[str, Choice], Mapping[str, Any]]
+"""``warp_json`` by name of the flight and clock."""
+
+
+def warp_json(context: Context, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
     """One warp as JSON; empty when there is none."""
-    warp = find_warp(flight, clock, judged)
+    warp = warp_of(context, clock, judged)
     return {} if warp is None else warp.to_json()
+
+
+def warp_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
+    """``warp_json`` of a flight."""
+    return warp_json(Context(flight), clock, judged)
 
 
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
-             progress: Progress | None = None) -> OnClock:
+             progress: Progress | None = None, known: Warps = MappingProxyType({})) -> OnClock:
     """``flights`` (those with an audit) and their audits on ``clock`` (``retiming.votes.CLOCKS``), where
-    ``judged`` logged estimates are judged."""
+    ``judged`` logged estimates are judged; ``known``: warps that were found before, with the audit."""
     voices = tuple(sorted(judged))
     voters(clock, voices)  # an impossible choice is said before anything is computed
     audited = [f for f in flights if f.name in audits]
     if clock == AS_RECORDED:
         return OnClock(audited, dict(audits), {f.name: None for f in audited}, [])
     items = [make_item(warp_item, {"flight": f, "clock": clock, "judged": voices},
-                       f"{clock} {f.name}") for f in audited]
-    result = run_items(items, store_dir, jobs, scheduler, progress, clock)
+                       f"{clock} {f.name}") for f in audited if (f.name, (clock, voices)) not in known]
+    result = run_items(items, store_dir, jobs, scheduler, progress, clock) if items else RunResult({}, [])
+    bodies = {item.kwargs["flight"].name: result.values.get(item.key) for item in items}
     warps: dict[str, ClockWarp | None] = {}
-    for flight, item in zip(audited, items, strict=True):
-        body = result.values.get(item.key)
+    for flight in audited:
+        body = bodies[flight.name] if flight.name in bodies else known[flight.name, (clock, voices)]
         warps[flight.name] = ClockWarp.from_json(body) if body else None
     return OnClock([apply_warp(f, warps[f.name]) for f in audited],
                    {f.name: audits[f.name].retimed(warps[f.name]) for f in audited}, warps, result.failed)

@@ -13,6 +13,7 @@ from ..errors import InputError, UsageError
 from ..flight import Flight, Stream
 from ..signals.context import Context
 from .confirm import believed
+from .evidence import KINDS
 from .time_offset import ClockWarp, retime
 from .votes import AS_RECORDED, voters
 
@@ -24,17 +25,28 @@ def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWa
     Uses the motion capture of the whole flight: right for asking what limits a method, never for an online claim.
     UsageError where the clock may not judge them.
     """
-    kinds = voters(clock, judged)
-    if clock == AS_RECORDED:
-        raise UsageError(f"clock {AS_RECORDED} takes nothing out: use the flight as it is")
-    context = Context(flight)
+    judged = judged if isinstance(judged, str) else tuple(judged)
+    _kinds(clock, judged)  # an impossible choice is said before anything is computed
+    return warp_of(Context(flight), clock, judged)
+
+
+def warp_of(context: Context, clock: str, judged: Iterable[str] = ()) -> ClockWarp | None:
+    """``find_warp`` of the flight of ``context``, with what was derived for it before."""
+    kinds = _kinds(clock, judged)
     if clock == "offset":
-        reading = read_clocks(context).get("imu")
+        reading = context.once(read_clocks).get("imu")
         if reading is None or not reading.identifiable:
             return None
         none = np.zeros(0)
         return ClockWarp(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro", kinds)
-    return believed(context, kinds)
+    # what the audit asks for has the same votes as ``joint``
+    return context.once(believed) if kinds == tuple(KINDS) else believed(context, kinds)
+
+
+def _kinds(clock: str, judged: Iterable[str]) -> tuple[str, ...]:
+    if clock == AS_RECORDED:
+        raise UsageError(f"clock {AS_RECORDED} takes nothing out: use the flight as it is")
+    return voters(clock, judged)
 
 
 def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:

@@ -65,7 +65,7 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> ClockWa
     measured = warp_from_ticks(context)
     if measured is not None:
         return measured
-    reading = read_clocks(context).get("imu")
+    reading = context.once(read_clocks).get("imu")
     found = {e.kind.name for e in collect(context, kinds, -np.inf, np.inf)}
     have = tuple(kind for kind in kinds if kind in found)
     every, why = _confirmed(context, have) if "position" in have else _likelier(context, have)

@@ -1,9 +1,14 @@
 """The moving clock error on practice flights whose truth is known, and a re-timed flight's promises."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from nanobench_tools.cli.clocks import ASKED
 from nanobench_tools.flight import Flight
+from nanobench_tools.harness.audits import audit_flights
+from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.retiming.apply import apply_warp, find_warp
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.retiming.infer import infer
@@ -96,3 +101,18 @@ def test_a_flight_that_never_moves_keeps_its_clock(flown):
     assert believed(Context(ground)) is None
     assert find_warp(ground, "offset") is None
     assert apply_warp(ground, find_warp(ground, "retimed")) is ground
+
+
+def test_clocks_found_with_the_audit_are_those_found_alone(flown, tmp_path):
+    flights = [replace(recording(flown, row, wander_sd_s=0.03, offset_s=0.02)[0], name=name)
+               for row, name in enumerate(("a", "b"))]
+    alone, both = audit_flights(flights), audit_flights(flights, tmp_path, clocks=ASKED, moved={"a"})
+    assert {n: a.to_json() for n, a in both.audits.items()} == {n: a.to_json() for n, a in alone.audits.items()}
+    assert {name for name, _ in both.warps} == {"a"}
+    assert audit_flights(flights, tmp_path, clocks=ASKED, moved={"a"}).warps == both.warps
+    for clock, judged in ASKED:
+        expected = on_clock(flights, alone.audits, clock, judged)
+        given = on_clock(flights, alone.audits, clock, judged, known=both.warps)
+        assert {n: w.to_json() for n, w in given.warps.items()} == {n: w.to_json() for n, w in expected.warps.items()}
+        assert given.warps["a"] is not None
+        assert given.evidence == expected.evidence

@@ -146,9 +146,9 @@ def test_without_casadi_nothing_is_fitted_and_one_line_says_so(monkeypatch, caps
     from nanobench_tools.cli.options import Options
 
     monkeypatch.setattr(sysid.importlib.util, "find_spec", lambda name: None)
-    assert sysid.fitted(Options(), ["a case"], "short", 0.04) == {}
+    assert sysid.fitted(Options(), ["a case"], "short", 0.04) == ({}, {})
     assert capsys.readouterr().err.count("\n") == 1
-    assert sysid.fitted(Options(), [], "none", 0.04) == {}
+    assert sysid.fitted(Options(), [], "none", 0.04) == ({}, {})
 
 
 @pytest.mark.real
