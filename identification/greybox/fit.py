@@ -20,6 +20,7 @@ from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
 from .data import Cut, FitWindows, cases_of, cut, gather
+from .fit_result import FitResult
 from .flyability import Flight as Flown
 from .flyability import flies
 from .gains import learn_gains
@@ -28,7 +29,6 @@ from .ladder import FULL, HEAVY, Terms
 from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
 from .predictor import GreyBoxPredictor
 from .ranges import bounds, falling_thrust, held, priors
-from .result import FitResult
 from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .symmetry import joined
 

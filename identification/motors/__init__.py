@@ -6,6 +6,6 @@ command that is logged fast is worth for the prediction of rotation.
     found.lag.parameters, found.body()["rotation"]
 """
 
-from .study import Study, identify
+from .motor_study import Study, identify
 
 __all__ = ["Study", "identify"]

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from identification.greybox.ablation_study import fit_item
 from identification.greybox.ladder import FULL, Rung
-from identification.greybox.study import fit_item
 from identification.mismatch.believe import fit_along
 from identification.mismatch.diagnose import recorded
 from identification.mismatch.space import with_other_map

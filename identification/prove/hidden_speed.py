@@ -14,7 +14,7 @@ from identification.mismatch.believe import fit_along
 from identification.mismatch.diagnose import recorded
 from identification.motors.data import read_logs
 from identification.motors.lag import DOWN, UP, fit_lag, windows_of
-from identification.motors.study import hover, identify, simulator
+from identification.motors.motor_study import hover, identify, simulator
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item

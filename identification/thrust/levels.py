@@ -17,8 +17,8 @@ from nanobench_tools.units import GRAVITY_M_S2
 
 from .flown import Flown
 from .intervals import half_width
-from .study import Study
 from .tables import Scored, can_predict, score
+from .thrust_study import Study
 
 FIRST_S = number("thrust.levels.first_s")
 """Seconds of the flight, from its first row, whose accelerometer is given."""

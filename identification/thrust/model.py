@@ -21,7 +21,7 @@ from .flight_fit import EFFECTS, FlightFit, effect_columns, find_delay
 from .flown import Flown
 from .inverse import Inverse, invert
 from .stand import MOTORS, Stand
-from .study import DRAWS, File, Study, errors, study, target
+from .thrust_study import DRAWS, File, Study, errors, study, target
 
 Source = Flight | str | Path
 

@@ -15,7 +15,7 @@ from .firmware import LEGACY, PLUS
 from .flight_fit import BALANCED, FlightModel
 from .flown import Flown
 from .stand import Stand
-from .study import AnyFit, File, Study, errors, is_flown, predicted, study
+from .thrust_study import AnyFit, File, Study, errors, is_flown, predicted, study
 
 SAME_PROPELLER = number("thrust.tables.same_propeller")
 """Thrust per squared rotor speed of one type of propeller is the same within this factor; types differ by 1.4."""

@@ -43,7 +43,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     from identification.motors import identify
-    from identification.motors.result import body
+    from identification.motors.motor_result import body
 
     flights = options.load([*train, *test] if train else None)
     inside = [not train or any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
@@ -61,7 +61,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
 
 def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | None:
     """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
-    from identification.motors.study import simulator
+    from identification.motors.motor_study import simulator
 
     from ..harness.results import plain, write_bytes
     from ..physics.simulator import write_simulator

@@ -78,7 +78,7 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
     if train_family:
-        from identification.learned.study import family_parts
+        from identification.learned.learned_study import family_parts
 
         parts = family_parts(flights, train_family)
     return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,

@@ -26,15 +26,15 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
     """Predictors trained on ``train``, the ``published`` ones too or our own alone; ``physics``: what was fitted to it,
     by name. Failures are kept in ``options``.
     MissingExtraError without JAX, InputError without training flights."""
+    from identification.learned.learned_study import Wanted, trained_rows
     from identification.learned.libraries import libraries
-    from identification.learned.study import Wanted, trained_rows
 
     from ..harness import make_item
 
     libraries()
 
     def fits(rung: str, sets: Sequence[Sequence[Case]]) -> list[Any]:
-        from identification.greybox.study import fit_item, predictor_of, rungs
+        from identification.greybox.ablation_study import fit_item, predictor_of, rungs
 
         place = train[0].flight.provenance.path
         items = [make_item(fit_item, {"cases": list(cases), "rung": rungs([rung])[0], "seed": options.seed,

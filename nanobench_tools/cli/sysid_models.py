@@ -41,7 +41,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str,
     if not train:
         options.say("no model is fitted: no training flight can be used")
         return {}, {}
-    from identification.greybox.study import SHORT, alike, fit_together, held_out_item, predictor_of, rungs
+    from identification.greybox.ablation_study import SHORT, alike, fit_together, held_out_item, predictor_of, rungs
 
     chosen = rungs(None if wanted == "all" else SHORT)
     place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg}

@@ -51,6 +51,6 @@ def _for(predictor: Any, start: str, fits: Fits) -> Any:
     """The predictor from such a start: what a fit sets per window was learnt from starts of the same kind."""
     if start == "centred" or predictor.name not in fits:
         return predictor
-    from identification.greybox.study import predictor_of
+    from identification.greybox.ablation_study import predictor_of
 
     return predictor_of(fits[predictor.name][1], start)

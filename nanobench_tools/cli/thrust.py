@@ -13,7 +13,7 @@ from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
-    from identification.thrust.result import Part
+    from identification.thrust.thrust_result import Part
 
     from ..audit import Audit
     from ..flight import Flight
@@ -61,7 +61,7 @@ def thrust_body(options: Options, flights: Sequence[Flight],
     """(the keys of thrust.json, the parts they are from), with the tables shown; ``given`` (train, test) replaces the
     splits. InputError when nothing can be fitted."""
     from identification.thrust.data import sort_out
-    from identification.thrust.result import whole
+    from identification.thrust.thrust_result import whole
 
     left: dict[str, str] = {}
     stands, flown = sort_out(flights)
@@ -84,7 +84,7 @@ def thrust_body(options: Options, flights: Sequence[Flight],
 def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
             left: dict[str, str]) -> Part | None:
     from identification.thrust.data import stand_rows
-    from identification.thrust.result import stand_part
+    from identification.thrust.thrust_result import stand_part
 
     rows = stand_rows(stands)
     left |= rows.reasons
@@ -103,7 +103,7 @@ def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], s
 
 def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
              left: dict[str, str]) -> Part | None:
-    from identification.thrust.result import flight_part
+    from identification.thrust.thrust_result import flight_part
 
     if not flights:
         return None

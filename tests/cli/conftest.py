@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identification.greybox import study
+from identification.greybox import ablation_study
 from nanobench_tools.cli.main import main
 from nanobench_tools.practice.logging_chain import LoggingChain
 from nanobench_tools.sources.nanobench_writer import write_nanobench
@@ -33,7 +33,7 @@ def wandering(tmp_path_factory, crowd):
 @pytest.fixture
 def one_fit(monkeypatch):
     """Of the models that are fitted when nothing else is asked for only the quickest: each takes seconds."""
-    monkeypatch.setattr(study, "SHORT", study.SHORT[:1])
+    monkeypatch.setattr(ablation_study, "SHORT", ablation_study.SHORT[:1])
 
 
 @pytest.fixture

@@ -10,13 +10,13 @@ import pytest
 
 pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
 
-from identification.learned import bar, checkpoints, study
+from identification.learned import bar, checkpoints, learned_study
 from identification.learned.bar import Left, bars
+from identification.learned.learned_study import Wanted, family_parts, trained_rows
 from identification.learned.libraries import libraries
 from identification.learned.networks import network, physics_step
 from identification.learned.published import LearnedPredictor, chunked, task_of, train_row
 from identification.learned.rows import Rows, rows_of, unwrapped
-from identification.learned.study import Wanted, family_parts, trained_rows
 from identification.learned.training import Settings, train
 from identification.naive import Naive
 from identification.published_physics import PublishedPhysics
@@ -237,8 +237,8 @@ def still(rung, sets):
 
 
 def test_rows_trained_side_by_side_are_those_trained_in_turn_and_go_on_when_killed(cases, tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "SETTINGS", Settings(epochs=2, batch=64, share=0.5))
-    monkeypatch.setattr(study, "KINDS", ("lstm",))
+    monkeypatch.setattr(learned_study, "SETTINGS", Settings(epochs=2, batch=64, share=0.5))
+    monkeypatch.setattr(learned_study, "KINDS", ("lstm",))
     kill_after_one_epoch(rows_of(cases[:2]), tmp_path / "2", monkeypatch)
     alone, beside = (together(cases[:2], tmp_path / str(jobs), jobs) for jobs in (1, 2))
     assert list(alone) == list(beside) == ["lstm", "physics_network"]
@@ -329,6 +329,6 @@ def test_without_jax_one_line_says_what_to_install(monkeypatch):
 
 
 def test_nothing_loads_jax_by_itself():
-    code = ("import sys, identification.learned.study, controllers.learned.pilots, nanobench_tools.cli.sysid\n"
+    code = ("import sys, identification.learned.learned_study, controllers.learned.pilots, nanobench_tools.cli.sysid\n"
             "sys.exit('jax' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

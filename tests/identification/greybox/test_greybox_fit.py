@@ -9,12 +9,12 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
+from identification.greybox.ablation_study import fit_item, predictor_of
 from identification.greybox.data import Cut
 from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.flyability import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.solve import Prior
-from identification.greybox.study import fit_item, predictor_of
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Vehicle

@@ -8,7 +8,7 @@ import pytest
 from identification.motors import lag
 from identification.motors.data import read_logs
 from identification.motors.force import fit_force
-from identification.motors.study import hover
+from identification.motors.motor_study import hover
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.sources.discover import load_recordings
 

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 from identification.motors import lag
 from identification.motors.data import read_log
-from identification.motors.result import body
-from identification.motors.study import hover, simulator
+from identification.motors.motor_result import body
+from identification.motors.motor_study import hover, simulator
 from nanobench_tools.physics import Vehicle
 
 

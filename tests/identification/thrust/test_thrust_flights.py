@@ -10,7 +10,7 @@ import pytest
 from identification.thrust.flight_fit import effect_columns, find_delay, fit_flights, models
 from identification.thrust.flown import Flown, fly
 from identification.thrust.intervals import half_width
-from identification.thrust.study import errors, study
+from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 

@@ -15,8 +15,8 @@ from identification.thrust.intervals import half_width, in_turn, refit_spread, s
 from identification.thrust.levels import FIRST_S, later, level_rows, trust, weight_row
 from identification.thrust.maps import MAPS
 from identification.thrust.model import ThrustModel
-from identification.thrust.study import Study, bootstrap, folds_of, held_out
 from identification.thrust.tables import basis_words, pair_with_firmware
+from identification.thrust.thrust_study import Study, bootstrap, folds_of, held_out
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.units import GRAVITY_M_S2
 

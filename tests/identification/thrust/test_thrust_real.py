@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identification.thrust.data import stand_rows
-from identification.thrust.study import errors, study
 from identification.thrust.tables import same_propeller
+from identification.thrust.thrust_study import errors, study
 from nanobench_tools.sources.discover import load_recordings
 
 pytestmark = pytest.mark.real

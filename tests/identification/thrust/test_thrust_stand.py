@@ -10,7 +10,7 @@ from identification.thrust import ThrustModel
 from identification.thrust.choose import choose
 from identification.thrust.fit import fit_stands
 from identification.thrust.maps import MAPS
-from identification.thrust.study import errors, study
+from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 
 TRUTH = {"kappa": 0.02, "rho": 0.09, "e_0": -0.05}

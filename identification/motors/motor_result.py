@@ -18,7 +18,7 @@ from nanobench_tools.units import factor
 
 from . import lag as lags
 from . import rotation, steady, torque
-from .study import Study, inertia
+from .motor_study import Study, inertia
 
 KINDS = {"rate": "rate_mae_rad_s", "roll_pitch": "roll_pitch_rate_mae_rad_s", "yaw": "yaw_rate_mae_rad_s",
          "attitude": "attitude_mae_rad"}

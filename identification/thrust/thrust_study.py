@@ -25,18 +25,18 @@ from .stand import Stand
 File = Stand | Flown
 AnyFit = Fit | FlightFit
 
-BANDS = count("thrust.study.bands")
+BANDS = count("thrust.thrust_study.bands")
 """Into how many bands of PWM (of a stand series) or stretches of time (of a flight) the only file of a training set is
 cut: each is predicted from the others, the outer ones by extrapolation, which a map for other recordings has to stand.
 """
 
-MOST_FOLDS = count("thrust.study.most_folds")
+MOST_FOLDS = count("thrust.thrust_study.most_folds")
 """Folds of whole flights; stand series are few and are held out one by one."""
 
 BLOCKS = 20
 """Pieces of the only file of a training set that a bootstrap draws from."""
 
-ONE_FILE_SHARE = number("thrust.study.one_file_share")
+ONE_FILE_SHARE = number("thrust.thrust_study.one_file_share")
 """SD of the mean error on another series, as a share of the largest thrust, that a single series is given since it
 cannot show any: motors and stands of one type differ by that (public stand series: 2 to 4 %)."""
 

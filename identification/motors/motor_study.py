@@ -23,8 +23,8 @@ from . import steady, torque
 from .data import Log, read_logs
 from .force import ONE_VEHICLE, Force, errors, fit_force
 
-MOST_FOLDS = count("motors.study.most_folds")
-AGREES = setting("motors.study.agrees")
+MOST_FOLDS = count("motors.motor_study.most_folds")
+AGREES = setting("motors.motor_study.agrees")
 """Slopes of the map from slow and from fast changes that differ by less are one map."""
 
 

@@ -19,7 +19,6 @@ from .intervals import in_turn
 from .levels import level_rows, weight_row
 from .model import ThrustModel
 from .stand import Stand
-from .study import Study, study
 from .tables import (
     Scored,
     basis_words,
@@ -30,6 +29,7 @@ from .tables import (
     propeller_mates,
     scored,
 )
+from .thrust_study import Study, study
 
 Cases = Sequence[Case]
 DRAWN_THRUSTS = 9

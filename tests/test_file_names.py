@@ -1,0 +1,35 @@
+"""Every file of the product has a name of its own, so that a concept is found by its word."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+OURS = ("nanobench_tools", "estimators", "controllers", "identification")
+MIRRORED = ("nanobench_tools/physics/terms", "identification/prove/effects", "identification/mismatch/causes")
+"""One physical effect has a file of the same name here: its equation, how a case gets it, what it does to a trim."""
+STILL_TWICE = set(["audit", "audits", "balance", "base", "clocks", "control", "data", "diagnose", "export", "fit", "flown", "fly", "folders", "gains", "gate", "intervals", "kinds", "labels", "levels", "memory", "methods", "model", "motors", "onboard", "page", "periodic", "pictures", "plant", "predictor", "published", "record", "rotorpy", "rows", "run", "simulated", "stand", "steady", "tables", "thrust", "vehicle"])
+"""Names that stand twice for no such reason. May only shrink: a new file gets a word of its own."""
+
+
+def names() -> dict[str, list[str]]:
+    found = defaultdict(list)
+    for top in OURS:
+        for path in (ROOT / top).rglob("*.py"):
+            if path.stem != "__init__":
+                found[path.stem].append(path.relative_to(ROOT).parent.as_posix())
+    return found
+
+
+def twice() -> set[str]:
+    return {name for name, folders in names().items() if len(folders) > 1 and not set(folders) <= set(MIRRORED)}
+
+
+def test_a_new_file_has_a_word_of_its_own():
+    assert len(names()) > 400
+    assert twice() - STILL_TWICE == set()
+
+
+def test_the_list_of_exceptions_only_shrinks():
+    assert STILL_TWICE - twice() == set(), "unique now: take these from STILL_TWICE"
