@@ -9,7 +9,12 @@ ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 MIRRORED = ("nanobench_tools/physics/terms", "identification/prove/effects", "identification/mismatch/causes")
 """One physical effect has a file of the same name here: its equation, how a case gets it, what it does to a trim."""
-STILL_TWICE = set(["audit", "audits", "balance", "base", "clocks", "control", "data", "diagnose", "export", "fit", "flown", "fly", "folders", "gains", "gate", "intervals", "kinds", "labels", "levels", "memory", "methods", "model", "motors", "onboard", "page", "periodic", "pictures", "plant", "predictor", "published", "record", "rotorpy", "rows", "run", "simulated", "stand", "steady", "tables", "thrust", "vehicle"])
+STILL_TWICE = {
+    "audit", "audits", "balance", "base", "clocks", "control", "data", "diagnose", "export", "fit", "flown",
+    "fly", "folders", "gains", "gate", "intervals", "kinds", "labels", "levels", "memory", "methods", "model",
+    "motors", "onboard", "page", "periodic", "pictures", "plant", "predictor", "published", "record", "rotorpy",
+    "rows", "run", "simulated", "stand", "steady", "tables", "thrust", "vehicle",
+}
 """Names that stand twice for no such reason. May only shrink: a new file gets a word of its own."""
 
 

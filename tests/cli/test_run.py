@@ -20,7 +20,8 @@ from nanobench_tools.harness.store import Store
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flights as practice
 
-COMMAND = [sys.executable, "-c", "import sys; from identification.greybox import study; study.SHORT = study.SHORT[:1]; "
+COMMAND = [sys.executable, "-c", "import sys; from identification.greybox import ablation_study as a; "
+           "a.SHORT = a.SHORT[:1]; "
            "from nanobench_tools.cli.main import main; sys.exit(main())"]
 """The main job with the quickest of its fits only, in a process of its own."""
 
