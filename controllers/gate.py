@@ -19,7 +19,8 @@ from nanobench_tools.firmware.onboard import PERIOD_S, Mellinger, PidCascade
 from nanobench_tools.firmware.replay import build_of, flown_state
 from nanobench_tools.methods import Reference
 from nanobench_tools.physics.simulator import loads
-from nanobench_tools.protocols.gate import MOTORS, Case, score, setpoints
+from nanobench_tools.protocols.gate import Case, score, setpoints
+from nanobench_tools.protocols.usable import MOTORS
 
 from .plant import Plant, Trace
 from .plant_filter import Onboard

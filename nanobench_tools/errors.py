@@ -31,7 +31,7 @@ class InputError(NanobenchError, ValueError):
         text = f"{place}: {found}" + (f"; {advice}" if advice else "")
         super().__init__(" ".join(text.split()))
 
-    def __reduce__(self):  # process pools pickle exceptions; the default would lose two arguments
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:  # process pools pickle exceptions; the default would lose two arguments
         return type(self), (self.place, self.found, self.advice)
 
 
@@ -46,5 +46,5 @@ class MissingExtraError(NanobenchError, ImportError):
         self.package, self.extra = package, extra
         super().__init__(f"{package} is not installed; {how_to_install(extra)}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         return type(self), (self.package, self.extra)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .deprecation import warn_renamed
 from .errors import InputError
@@ -204,7 +205,7 @@ class Stream:
         Not for quaternions (``so3.interpolate``) and not for angles that wrap.
         """
         if isinstance(names, str):
-            return np.interp(at_s, self.time_s, self[names])
+            return np.asarray(np.interp(at_s, self.time_s, self[names]))
         return np.stack([np.interp(at_s, self.time_s, self[name]) for name in names], axis=1)
 
 
@@ -273,7 +274,7 @@ class Flight:
         return replace(self, streams={k: v.during(spans) for k, v in self.streams.items()})
 
 
-def make_stream(name: str, time_s, values, quantities: Sequence[str], columns: Sequence[str] | None = None,
+def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Sequence[str], columns: Sequence[str] | None = None,
                 **kwargs: Any) -> Stream:
     """A Stream of the vocabulary: units and frame come from STREAM_QUANTITIES[name]; ``columns`` default to them.
 

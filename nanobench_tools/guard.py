@@ -55,7 +55,7 @@ def commanded(controller: Controller, time_s: float, state: VehicleState, refere
         raise InputError(f"controller {controller.name!r}",
                          f"commanded {', '.join(f'{c:.4g}' for c in command[vehicle])} at {time_s:.3f} s for vehicle "
                          f"{vehicle}", "motor commands are finite PWM ratios from 0 to 1")
-    return np.clip(command, 0.0, 1.0)
+    return np.asarray(np.clip(command, 0.0, 1.0))
 
 
 @nb.njit(cache=True)

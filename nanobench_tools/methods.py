@@ -90,7 +90,7 @@ class Windows:
 
     @property
     def horizon(self) -> int:
-        return self.motor.shape[1]
+        return int(self.motor.shape[1])
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,26 @@ Jacobian: Sola, "A micro Lie theory for state estimation in robotics" (2018), eq
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 
 def matrix(quaternion: np.ndarray) -> np.ndarray:
     """(..., 4) unit quaternions -> (..., 3, 3) rotation matrices body to world."""
-    return Rotation.from_quat(quaternion).as_matrix()
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix())
 
 
 def exp(rotation_vector: np.ndarray) -> np.ndarray:
     """(..., 3) rotation vectors [rad] -> (..., 4) quaternions."""
-    return Rotation.from_rotvec(rotation_vector).as_quat()
+    return np.asarray(Rotation.from_rotvec(rotation_vector).as_quat())
 
 
 def log(quaternion: np.ndarray) -> np.ndarray:
     """(..., 4) quaternions -> (..., 3) rotation vectors [rad], length at most pi."""
-    return Rotation.from_quat(quaternion).as_rotvec()
+    return np.asarray(Rotation.from_quat(quaternion).as_rotvec())
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -38,7 +41,8 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def conjugate(quaternion: np.ndarray) -> np.ndarray:
     """Inverse of unit quaternions, (..., 4)."""
-    return np.asarray(quaternion, float) * np.array([-1.0, -1.0, -1.0, 1.0])
+    turned: np.ndarray = np.asarray(quaternion, float) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return turned
 
 
 def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -61,7 +65,8 @@ def geodesic_angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     vector = a[..., 3:] * b[..., :3] - b[..., 3:] * a[..., :3] - np.cross(a[..., :3], b[..., :3])
-    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=-1), np.abs(np.sum(a * b, axis=-1)))
+    angle: np.ndarray = 2.0 * np.arctan2(np.linalg.norm(vector, axis=-1), np.abs(np.sum(a * b, axis=-1)))
+    return angle
 
 
 def make_continuous(quaternion: np.ndarray) -> np.ndarray:
@@ -83,7 +88,7 @@ def euler_zyx(quaternion: np.ndarray) -> np.ndarray:
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
-def from_euler_zyx(roll, pitch, yaw) -> np.ndarray:
+def from_euler_zyx(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> np.ndarray:
     """Roll, pitch, yaw [rad], each (...) -> (..., 4) quaternions."""
     cr, sr = np.cos(np.asarray(roll) / 2), np.sin(np.asarray(roll) / 2)
     cp, sp = np.cos(np.asarray(pitch) / 2), np.sin(np.asarray(pitch) / 2)
@@ -109,10 +114,10 @@ def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
     a = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
     b = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
     k = hat(v)
-    return np.eye(3) - a * k + b * (k @ k)
+    return np.asarray(np.eye(3) - a * k + b * (k @ k))
 
 
-def wrap_angle(angle):
+def wrap_angle(angle: ArrayLike) -> Any:
     """Angles [rad] into [-pi, pi)."""
     return (np.asarray(angle, float) + np.pi) % (2.0 * np.pi) - np.pi
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .errors import UsageError
 
@@ -39,11 +40,11 @@ def factor(unit: str) -> float:
         raise UsageError(f"unknown unit {unit!r}; known: {', '.join(sorted(SI_FACTOR))}") from None
 
 
-def to_si(values, unit: str) -> np.ndarray:
+def to_si(values: ArrayLike, unit: str) -> np.ndarray:
     """``values`` in ``unit`` -> SI. Any shape."""
     return np.asarray(values, dtype=float) * factor(unit)
 
 
-def from_si(values, unit: str) -> np.ndarray:
+def from_si(values: ArrayLike, unit: str) -> np.ndarray:
     """SI ``values`` -> ``unit``. Any shape."""
     return np.asarray(values, dtype=float) / factor(unit)

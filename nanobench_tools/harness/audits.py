@@ -35,7 +35,7 @@ def foreign_kinds() -> list[str]:
             if kind.find.__module__.partition(".")[0] not in PACKAGES]
 
 
-def audit_item(flight: Flight) -> dict:
+def audit_item(flight: Flight) -> dict[str, Any]:
     """One audit as JSON."""
     return audit(flight).to_json()
 

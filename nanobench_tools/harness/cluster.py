@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import logging
 import socket
+from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import MissingExtraError, UsageError
@@ -49,7 +50,7 @@ def _execute(item: Item) -> Outcome:
     return execute(item, None)
 
 
-def _connect(address: str):
+def _connect(address: str) -> Any:
     """A client of the scheduler at ``address``; UsageError on one line within ``CONNECT_S`` when nobody answers."""
     from distributed import Client
 

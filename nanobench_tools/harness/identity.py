@@ -90,7 +90,7 @@ def _hash(value: Any) -> str:
     return digest.hexdigest()
 
 
-def _feed(digest, value: Any) -> None:
+def _feed(digest: Any, value: Any) -> None:
     """Feeds ``value`` with its type and length, so that ("ab", "c") and ("a", "bc") differ."""
     if value is None or isinstance(value, (bool, int, str, os.PathLike)):
         text = repr(os.fspath(value) if isinstance(value, os.PathLike) else value).encode()

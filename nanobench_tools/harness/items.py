@@ -23,7 +23,7 @@ class Item:
     """
 
     key: str
-    function: Callable[..., dict]
+    function: Callable[..., dict[str, Any]]
     kwargs: Mapping[str, Any]
     label: str
     file: str = ""
@@ -33,14 +33,14 @@ class Item:
 class Outcome:
     """What came of one item: a value, or one line of error."""
 
-    value: dict | None = None
+    value: dict[str, Any] | None = None
     error: str | None = None
 
 
 Results = Generator[tuple[Item, Outcome]]
 
 
-def make_item(function: Callable[..., dict], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
+def make_item(function: Callable[..., dict[str, Any]], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
               file: str = "") -> Item:
     """An Item with its key. ``inputs``: content hashes of the files that ``kwargs`` only names."""
     return Item(item_key(function, kwargs, inputs), function, kwargs, label, file)

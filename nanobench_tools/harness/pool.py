@@ -12,6 +12,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from functools import cache
 from multiprocessing import resource_tracker
+from typing import Any
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -46,7 +47,7 @@ def _round(items: list[Item], store: Store | None, jobs: int) -> Results:
     interrupt finds nothing else queued."""
     pool = _take(jobs)
     queue = deque(items)
-    running: dict[Future, Item] = {}
+    running: dict[Future[Any], Item] = {}
     sound = False
     try:
         broken = False

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..flight import Flight
 from .items import Item, Results, execute
@@ -22,7 +23,7 @@ class RunResult:
     """values: key -> result, in the order of the items, failed ones left out; failed: [{item, file, error}] in the
     same order; executed: how many were not answered from the store."""
 
-    values: dict[str, dict]
+    values: dict[str, dict[str, Any]]
     failed: list[dict[str, str]]
     executed: int = 0
 
@@ -38,7 +39,7 @@ def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 
     """
     store = Store(store_dir) if store_dir is not None else None
     unique = {item.key: item for item in items}
-    values: dict[str, dict] = {}
+    values: dict[str, dict[str, Any]] = {}
     if store is not None:
         values = {key: value for key in unique if (value := store.get(key)) is not None}
     pending = [item for key, item in unique.items() if key not in values]

@@ -41,7 +41,7 @@ class Store:
             header, _, body = self.path(key).read_bytes().partition(b"\n")
             known = json.loads(header)
             if known["key"] == key and known["sha256"] == sha256_of(body):
-                value = json.loads(body)
+                value: dict[str, Any] = json.loads(body)
                 os.utime(self.path(key))
                 return value
         except (OSError, ValueError, KeyError, TypeError):
@@ -63,7 +63,7 @@ class Store:
 
 def encode(value: Any) -> dict[str, Any]:
     """A value as it comes back from the store, so that fresh and stored ones are equal; nan is kept."""
-    return plain(value, nan=float)
+    return dict(plain(value, nan=float))
 
 
 USER_STORE_DAYS = 30.0

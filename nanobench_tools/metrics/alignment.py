@@ -32,7 +32,7 @@ class Alignment:
 
     def apply(self, points_m: np.ndarray) -> np.ndarray:
         """(n, 3) m -> (n, 3) m."""
-        return points_m @ self.rotation.T + self.translation_m
+        return np.asarray(points_m @ self.rotation.T + self.translation_m)
 
     @property
     def angle_rad(self) -> float:
@@ -85,7 +85,7 @@ def _best_rotation(covariance: np.ndarray, least: float) -> np.ndarray:
     if not singular[1] > least:
         raise AlignmentError("the paths do not determine a rotation: one of them is a point or a straight line")
     sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    return u @ np.diag([1.0, 1.0, sign]) @ vt
+    return np.asarray(u @ np.diag([1.0, 1.0, sign]) @ vt)
 
 
 def _best_yaw(covariance: np.ndarray, least: float) -> np.ndarray:

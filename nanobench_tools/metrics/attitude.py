@@ -25,7 +25,7 @@ def geodesic_rmse(estimate_q: np.ndarray, truth_q: np.ndarray) -> float:
 def euler_errors(estimate_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
     """(n, 3) rad in [-pi, pi): roll, pitch, yaw differences, wrapped; both (n, 3) rad, ZYX."""
     estimate, truth = checked_pair(estimate_rad, truth_rad)
-    return so3.wrap_angle(estimate - truth)
+    return np.asarray(so3.wrap_angle(estimate - truth))
 
 
 def euler_rmse(estimate_rad: np.ndarray, truth_rad: np.ndarray) -> float:

@@ -46,7 +46,7 @@ def normalised_squared(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     except np.linalg.LinAlgError:
         raise ValueError("a covariance is not positive definite") from None
     white = np.linalg.solve(np.broadcast_to(factor, (len(e), *factor.shape[-2:])), e[..., None])[..., 0]
-    return np.sum(white * white, axis=1)
+    return np.asarray(np.sum(white * white, axis=1))
 
 
 def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 0.95) -> Consistency:

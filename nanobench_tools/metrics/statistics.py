@@ -137,7 +137,8 @@ def draws(owner: tuple[int, ...], seed: int = 0, resamples: int = RESAMPLES) -> 
 def _bca(total: np.ndarray, n: np.ndarray, seed: int, probability: float,
          resamples: int) -> tuple[np.ndarray, np.ndarray]:
     def pooled(a: np.ndarray, b: np.ndarray, axis: int) -> np.ndarray:
-        return a.sum(axis=axis) / b.sum(axis=axis)
+        mean: np.ndarray = a.sum(axis=axis) / b.sum(axis=axis)
+        return mean
 
     with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore")  # equal values have no acceleration: nan, which is no interval
@@ -161,7 +162,9 @@ def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
     within = ((x - means[owner])**2).sum(axis=0) / (len(x) - found)
     size = (len(x) - np.sum(sizes**2) / len(x)) / (found - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.clip(np.nan_to_num((between - within) / (between + (size - 1.0) * within)), 0.0, 1.0)
+        share = (between - within) / (between + (size - 1.0) * within)
+        correlation: np.ndarray = np.clip(np.nan_to_num(share), 0.0, 1.0)
+    return correlation
 
 
 def design_effect(values: np.ndarray, sessions: Labels) -> np.ndarray | None:

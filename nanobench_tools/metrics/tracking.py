@@ -25,7 +25,7 @@ SATURATED_PWM = 65000.0 / 65535.0
 def position_errors(position_m: np.ndarray, setpoint_m: np.ndarray) -> np.ndarray:
     """(n,) m: |p - p_sp|. Its RMS is RMSE_p, its mean ADE."""
     position, setpoint = checked_pair(position_m, setpoint_m)
-    return np.linalg.norm(position - setpoint, axis=1)
+    return np.asarray(np.linalg.norm(position - setpoint, axis=1))
 
 
 def divergence_percent(errors_m: np.ndarray, limit_m: float = DIVERGENCE_M) -> float:
@@ -47,7 +47,8 @@ def setpoint_velocity(time_s: np.ndarray, setpoint_m: np.ndarray, window: int = 
     """
     if len(time_s) < window:
         raise ValueError(f"{len(time_s)} rows are fewer than the {window} of the derivative's window")
-    return savgol_filter(setpoint_m, window, order, deriv=1, delta=float(np.median(np.diff(time_s))), axis=0)
+    step_s = float(np.median(np.diff(time_s)))
+    return np.asarray(savgol_filter(setpoint_m, window, order, deriv=1, delta=step_s, axis=0))
 
 
 def velocity_rmse(velocity_m_s: np.ndarray, reference_m_s: np.ndarray) -> float:

@@ -21,6 +21,7 @@ from estimators.onboard_ekf import OnboardEkf
 from .. import so3
 from ..firmware.kalman import defaults
 from ..flight import Flight
+from ..flight import mask_of as inside
 from ..methods import Estimate
 from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
@@ -28,7 +29,7 @@ from ..settings import number
 from .aided import Aiding, given_to
 from .sessions import row_keys
 from .tables import summaries
-from .task3 import Case, inside, score_given
+from .task3 import Case, score_given
 
 WHOLE = Aiding(rate_hz=100.0, delay_s=0.0, noise_m=0.0)
 LATE_S = number("tasks.attribution.late_s")

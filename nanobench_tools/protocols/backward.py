@@ -35,7 +35,7 @@ def velocity(time_s: np.ndarray, position_m: np.ndarray, rows: np.ndarray, back:
     at = (time_s[np.maximum(rows[:, None] + np.arange(-back, 1), 0)] - time_s[rows][:, None]) / scale
     order = np.arange(1, ORDER + 1)
     slopes = order * at[..., None] ** (order - 1)
-    return slopes @ fitted[:, 1:] / scale[..., None]
+    return np.asarray(slopes @ fitted[:, 1:] / scale[..., None])
 
 
 def newest(flight: Flight, stream: Stream, at_s: np.ndarray) -> np.ndarray:

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..flight import Span
+from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import snap
 from .aided import Aiding, given_to
 from .blackout import given_until
-from .task3 import Case, checked, inside
+from .task3 import Case, checked
 from .usable import POSE
 
 ROWS = 300
@@ -75,6 +76,6 @@ def band_of(case: Case, estimate: Estimate, spans: Sequence[Span], origin_s: flo
 
 
 def _short(values: np.ndarray, digits: int) -> list[Any]:
-    return np.round(values, digits).tolist()
+    return list(np.round(values, digits).tolist())
 
 

@@ -122,7 +122,7 @@ def solve_times(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def call_counts(call_s: np.ndarray) -> list[int]:
     """Commands by the time they took, in the bins of CALL_EDGES_MS."""
     inside = np.clip(1e3 * np.asarray(call_s, float), CALL_EDGES_MS[0], CALL_EDGES_MS[-1])
-    return np.histogram(inside, CALL_EDGES_MS)[0].tolist()
+    return [int(count) for count in np.histogram(inside, CALL_EDGES_MS)[0]]
 
 
 def _metrics(t: np.ndarray, position: np.ndarray, velocity: np.ndarray, quaternion: np.ndarray, motor: np.ndarray,
@@ -146,7 +146,7 @@ def _metrics(t: np.ndarray, position: np.ndarray, velocity: np.ndarray, quaterni
 
 def _bounded(values: np.ndarray) -> np.ndarray:
     """A vehicle that is lost is LIMIT_M away."""
-    return np.clip(np.nan_to_num(values, nan=LIMIT_M), -LIMIT_M, LIMIT_M)
+    return np.asarray(np.clip(np.nan_to_num(values, nan=LIMIT_M), -LIMIT_M, LIMIT_M))
 
 
 def _contour(position: np.ndarray, goal: np.ndarray) -> np.ndarray:

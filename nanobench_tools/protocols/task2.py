@@ -44,6 +44,10 @@ DROPPED_ABOVE_M = 1.0
 MINIMUM_S = 5.0
 
 
+Group = tuple[str, str, str | None, str]
+"""Protocol, reference, speed and controller of a row."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One recording as a protocol uses it. ``spans`` are the streamed phase where logs are good (empty for the
@@ -162,7 +166,7 @@ def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
     scored ones alone.
     """
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
-    groups: dict[tuple, list[tuple[Case, Mapping[str, Any]]]] = {}
+    groups: dict[Group, list[tuple[Case, Mapping[str, Any]]]] = {}
     for case, value in scored:
         groups.setdefault((case.protocol, case.reference, case.speed, case.controller), []).append((case, value))
     rows = []
@@ -182,7 +186,7 @@ def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
     return rows
 
 
-def _order(group: tuple) -> tuple:
+def _order(group: tuple[Group, Any]) -> tuple[str, str, int, int, str]:
     (protocol, reference, speed, controller), _ = group
     own = len(CONTROLLERS)  # after those of the firmware, by name
     order = CONTROLLERS.index(controller) if controller in CONTROLLERS else own

@@ -62,7 +62,7 @@ def _good_rows(stream: Stream) -> np.ndarray:
     """(n,) bool: all values finite, and later than every finite stamp before."""
     time_s = np.where(np.isfinite(stream.time_s), stream.time_s, -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(time_s)[:-1]])
-    return np.isfinite(stream.values).all(axis=1) & (time_s > before)
+    return np.asarray(np.isfinite(stream.values).all(axis=1) & (time_s > before))
 
 
 def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str, Audit] | Iterable[str],

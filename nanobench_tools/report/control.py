@@ -126,4 +126,4 @@ def _axes(points: Any) -> dict[str, list[float]]:
 
 def _away(points: Any, goal: Any) -> list[float]:
     away = np.linalg.norm(np.asarray(points, float) - np.asarray(goal, float), axis=1)
-    return np.round(away, 4).tolist()
+    return list(np.round(away, 4).tolist())

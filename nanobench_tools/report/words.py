@@ -291,7 +291,7 @@ def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:
     return said
 
 
-def _pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[tuple, Mapping[str, Any], Mapping[str, Any]]]:
+def _pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[tuple[Any, str], Mapping[str, Any], Mapping[str, Any]]]:
     """((method, group), as-published row, corrected row); ``clean`` where nothing nearer corrects it."""
     rows = of_one_clock(rows)
     protocols = {r.get("protocol") for r in rows}
