@@ -31,7 +31,7 @@ class InputError(NanobenchError, ValueError):
         text = f"{place}: {found}" + (f"; {advice}" if advice else "")
         super().__init__(" ".join(text.split()))
 
-    def __reduce__(self) -> tuple[type, tuple[str, ...]]:  # process pools pickle exceptions; the default would lose two arguments
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:  # for process pools; the default loses two arguments
         return type(self), (self.place, self.found, self.advice)
 
 

@@ -274,8 +274,8 @@ class Flight:
         return replace(self, streams={k: v.during(spans) for k, v in self.streams.items()})
 
 
-def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Sequence[str], columns: Sequence[str] | None = None,
-                **kwargs: Any) -> Stream:
+def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Sequence[str],
+                columns: Sequence[str] | None = None, **kwargs: Any) -> Stream:
     """A Stream of the vocabulary: units and frame come from STREAM_QUANTITIES[name]; ``columns`` default to them.
 
     time_s (n,), values (n, k) already in SI. Raises KeyError for a quantity the stream does not have.

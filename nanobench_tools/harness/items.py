@@ -40,8 +40,8 @@ class Outcome:
 Results = Generator[tuple[Item, Outcome]]
 
 
-def make_item(function: Callable[..., dict[str, Any]], kwargs: Mapping[str, Any], label: str, inputs: Sequence[str] = (),
-              file: str = "") -> Item:
+def make_item(function: Callable[..., dict[str, Any]], kwargs: Mapping[str, Any], label: str,
+              inputs: Sequence[str] = (), file: str = "") -> Item:
     """An Item with its key. ``inputs``: content hashes of the files that ``kwargs`` only names."""
     return Item(item_key(function, kwargs, inputs), function, kwargs, label, file)
 
