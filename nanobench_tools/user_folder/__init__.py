@@ -173,4 +173,4 @@ class _Finder:
 
 
 if _Finder not in sys.meta_path:
-    sys.meta_path.insert(0, _Finder)  # type: ignore[arg-type]
+    sys.meta_path.insert(0, _Finder)
