@@ -176,7 +176,8 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                                 if item.key in values], options.seed, options.sessions)
         reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
     for row in rows:
-        row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
+        mine = set(row["flights"])
+        row |= {"clock": options.clock, "clock_evidence": evidence_of(f for f in flights if f.name in mine)}
     _show(options, rows)
     return {"gate": [], "rows": rows,
             "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED, reasons)}

@@ -149,9 +149,10 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
                        file=chunk[0].flight.provenance.path) for chunk in chunks]
     values = options.run(items, "gate").values
     rows, by_name = [], {case.flight.name: case.flight for case in cases}
+    seen = {flight.name: flight for flight in flights}
     for item in items:
         for row in values.get(item.key, {}).get("rows", ()):
-            rows.append({**row, "clock": options.clock, "clock_evidence": evidence_of(flights)})
+            rows.append({**row, "clock": options.clock, "clock_evidence": evidence_of([seen[row["flight"]]])})
         if options.out is not None:
             _write_paths(options.out, by_name, values.get(item.key, {}).get("paths", {}))
     rows.sort(key=lambda row: row["flight"])
@@ -181,9 +182,23 @@ def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[s
         passed = [sum(row["pass"] for row in rows) for rows in (recorded, body["gate"])]
         options.show(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} {passed[1]} "
                      f"of {len(body['gate'])}. Over the same {found['path_gap_m']['n']} flights: "
-                     + "; ".join(f"{name} {compare.verdict(one['ratio'], one['ci95'])}"
-                                 for name, one in found.items() if one["ratio"] is not None) + ".")
+                     + "; ".join(_change(name, one) for name, one in found.items() if one["ratio"] is not None) + ".")
     return {**body, "gate_compared": found}
+
+
+GATE_WORDS = {"path_gap_m": ("distance of the two paths", 100.0, "cm", 1),
+              "lag_off_s": ("difference of the lags", 1e3, "ms", 1),
+              "rmse_ratio_off": ("how far the RMSE is off", 100.0, "%", 1),
+              "failed_share": ("flights that fail", 100.0, "%", 0)}
+"""What ``compare.gates`` compares: in words, factor to the unit shown, unit, digits."""
+
+
+def _change(name: str, one: Mapping[str, Any]) -> str:
+    from ..protocols import compare
+
+    words, factor, unit, digits = GATE_WORDS[name]
+    return (f"{words} {factor * one['mean_recorded']:.{digits}f} -> {factor * one['mean']:.{digits}f} {unit}, "
+            f"{compare.verdict(one['ratio'], one['ci95'])}")
 
 
 def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, Any]) -> None:

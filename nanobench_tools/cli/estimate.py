@@ -175,7 +175,7 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         if protocol == task3.PUBLISHED[0]:
             dead = dead_logs(cases, audits)
         if protocol == task3.BLACKOUT:
-            scored, ends, drawn = _score_blackout(options, work)
+            scored, ends, drawn = _score_blackout(options, work, seen)
             rows += scored
             windows += ends
             bands += drawn
@@ -183,7 +183,7 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
         out = options.out if trajectories and protocol == written else None
         for aiding in (aidings or aided.grid()) if protocol == task3.AIDED else [None]:
-            scored, single, drawn = _score(options, protocol, work, out, aiding, again)
+            scored, single, drawn = _score(options, protocol, work, seen, out, aiding, again)
             rows += scored
             per_flight += single
             bands += drawn
@@ -197,19 +197,24 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         body["bands"] = bands
     if dead is not None:
         body["dead_logs"] = dead
-    for row in rows:
-        row["clock_evidence"] = seen.places.evidence
-        row["given"] += votes(options.clock, seen.places.evidence)
-        if seen.attitudes is not None and any(name.startswith("attitude") for name in row["metrics"]):
-            row["clock_evidence_attitude"] = seen.attitudes.evidence
-            row["given"] += f" (attitude: {', '.join(seen.attitudes.evidence)})"
     if options.clock != AS_RECORDED:
         used = {name for row in rows for name in row["flights"]}
         taken_out = {name: warp for name, warp in seen.places.warps.items() if name in used}
-        for row in rows:
-            row["n_moving"] = sum(warp.moving for name in row["flights"] if (warp := taken_out.get(name)) is not None)
         body["clocks"] = {options.clock: {name: _taken_out(warp) for name, warp in taken_out.items()}}
     return body
+
+
+def _say_clock(options: Options, seen: Seen, rows: Sequence[dict[str, Any]]) -> None:
+    """Adds to each row its clock, who had a vote in it over the row's own flights, and how many of them moved."""
+    for row in rows:
+        voted, moving = seen.places.evidence_for(row["flights"]), seen.places.moving(row["flights"])
+        row |= {"clock": options.clock, "clock_evidence": voted}
+        row["given"] += votes(options.clock, voted, moving > 0)
+        if options.clock != AS_RECORDED:
+            row["n_moving"] = moving
+        if seen.attitudes is not None and any(name.startswith("attitude") for name in row["metrics"]):
+            row["clock_evidence_attitude"] = seen.attitudes.evidence_for(row["flights"])
+            row["given"] += f" (attitude: {', '.join(row['clock_evidence_attitude'])})"
 
 
 def _taken_out(warp: ClockWarp | None) -> dict[str, Any] | None:
@@ -229,7 +234,7 @@ def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Ca
     if not kept:
         voters(options.clock, JUDGED)  # says why not
     if len(kept) < len(methods):
-        options.say("the logged estimate is not judged on clock joint, which its position helped to set")
+        options.say("the logged estimate is not judged on clock joint, in which its position may vote")
     return kept, [replace(case, flight=case.flight.without_streams(*LOGGED_STREAMS)) for case in cases]
 
 
@@ -245,8 +250,8 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
     return found
 
 
-def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], out: Path | None,
-           aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
+def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], seen: Seen,
+           out: Path | None, aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
            ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
     """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
     single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
@@ -281,7 +286,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], ou
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                given.get(protocol, task3.GIVEN), options.sessions)
     for row in rows:
-        row |= {"clock": options.clock, **said}
+        row |= said
+    _say_clock(options, seen, rows)
     _compare(options, rows, done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
@@ -310,7 +316,7 @@ def _with_attitude(value: Mapping[str, Any], turned: Mapping[str, Any] | None,
     return {**value, "metrics": metrics}
 
 
-def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
+def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Seen
                     ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
     """The rows of the protocol, shown, its windows [{flight, method, clock, t0_s, h_s, end_m, error_m}], and what is
     drawn of one of them."""
@@ -327,8 +333,7 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]]
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                   options.sessions)
-    for row in rows:
-        row["clock"] = options.clock
+    _say_clock(options, seen, rows)
     _compare(options, rows, done)
     _show(options, "blackout", rows, ENDS)
     _show_windows(options, rows)
@@ -342,17 +347,34 @@ def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
 
     from ..protocols.blackout import HORIZONS_S, KINDS
     from ..protocols.labels import OTHER_FAMILIES
+    from ..protocols.sessions import interval_note
 
-    table = Table(title=f"blackout, end error [m] over windows, clock {options.clock}: median / p90", title_style="",
-                  box=None)
-    for name in ("group", "n", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
+    table = Table(title=f"blackout, end error [m] over windows, {data_word(options)} data, {_clock_text(rows)}: median "
+                        "/ p90 (windows)", title_style="", title_justify="left", box=None)
+    for name in ("group", "n", "sessions", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
         table.add_column(name)
-    for row in sorted((row for row in rows if row["group"] in ("all", OTHER_FAMILIES)), key=lambda row: row["group"]):
+    shown = sorted((row for row in rows if row["group"] in ("all", OTHER_FAMILIES)), key=lambda row: row["group"])
+    for row in shown:
         for kind in KINDS:
             found = [row["over_windows"].get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
-            cells = [f"{f['median']:.3f} / {f['p90']:.3f}" if f else "-" for f in found]
-            table.add_row(row["group"], str(row["n"]), one_line(row["method"]), kind.strip("_") or "3-D", *cells)
+            cells = [f"{f['median']:.3f} / {f['p90']:.3f} ({f['n']})" if f else "-" for f in found]
+            table.add_row(row["group"], str(row["n"]), sessions_text(row), one_line(row["method"]),
+                          kind.strip("_") or "3-D", *cells)
     options.show(table)
+    options.show(" ".join(filter(None, ("Windows of one flight, and flights of one session, are alike: their number "
+                                        "says little of how sure a median is.",
+                                        interval_note(shown, [name for name, *_ in ENDS])))))
+
+
+def _clock_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The clock of a table, and who had a vote in it."""
+    heard = list(dict.fromkeys(kind for row in rows for kind in row["clock_evidence"]))
+    turned = list(dict.fromkeys(kind for row in rows for kind in row.get("clock_evidence_attitude", ())))
+    clock = next((row["clock"] for row in rows), AS_RECORDED)
+    if clock == AS_RECORDED:
+        return f"clock {clock}"
+    said = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
+    return said + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
@@ -368,7 +390,7 @@ def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
         lines.append(([row["group"], row["method"], str(row["n"]), sessions_text(row)], row["metrics"]))
         if published := row.get("published"):
             lines.append(([row["group"], "(published)", str(row["published_n"]), ""], published))
-    title = (f"Task 3, {protocol}: {data_word(options)} data, clock {options.clock}, mean ± SD over n flights, "
+    title = (f"Task 3, {protocol}: {data_word(options)} data, {_clock_text(rows)}, mean ± SD over n flights, "
              f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
     options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
     options.show(interval_note(rows, [name for name, *_ in columns]))

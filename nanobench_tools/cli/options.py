@@ -235,17 +235,23 @@ class Options:
             print(text, file=sys.stderr, flush=True)
 
     def show(self, table: Any) -> None:
-        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. A reader that has gone (head, less)
-        does not stop the work."""
+        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. In a file or pipe a row of a table is
+        one line, however wide. A reader that has gone (head, less) does not stop the work."""
         if self.quiet or str(self.json) == "-":
             return
         from rich.console import Console
         from rich.measure import Measurement
 
         wide = Console(width=10_000)
-        console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-        if not isinstance(table, str):  # rather a line that the terminal folds than a number cut short
-            console.width = max(console.width, Measurement.get(wide, wide.options, table).minimum)
+        terminal = sys.stdout.isatty()
+        console = Console(width=None if terminal else 160, highlight=False)
+        if not isinstance(table, str):  # rather a line that the terminal folds than a number or a name cut short
+            for column in getattr(table, "columns", ()):
+                if column.no_wrap:
+                    column.min_width = max(Measurement.get(wide, wide.options, cell).maximum
+                                           for cell in (column.header, *column.cells))
+            size = Measurement.get(wide, wide.options, table)
+            console.width = max(console.width, size.minimum if terminal else size.maximum)
         with console.capture() as text:
             console.print(table)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
 def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplained: bool) -> int:
     """Every number that was set by looking at data: value, unit, what it does, what it was set on.
 
-    AREA shows one part, such as audit or mismatch; without it all are shown. "not recorded" means that nobody wrote
-    down what a number was set on. Whole models stand as one row each: they are files of their own.
+    AREA shows one part, such as audit or mismatch; without it all are shown. --origins and --unexplained then keep to
+    the modules that ask for its settings. "not recorded" means that nobody wrote down what a number was set on. Whole
+    models stand as one row each: they are files of their own.
     """
     from ..settings import areas as known
     from ..settings import everything, models
-    from ..settings.literals import by_module
+    from ..settings.literals import by_module, modules_of
     from ..settings.literals import origins as declared
     from ..settings.literals import unexplained as left
 
@@ -35,13 +37,15 @@ def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplaine
         raise UsageError(f"no area {', '.join(map(repr, unknown))}; there are {', '.join(known())}")
     chosen = [entry for entry in everything().values() if not areas or entry.area in areas]
     files = () if areas else models()
-    bare = left() if unexplained else []
+    asking = modules_of(areas) if areas and (origins or unexplained) else None
+    bare = [b for b in left() if asking is None or b.module in asking] if unexplained else []
+    said = [o for o in declared() if asking is None or any(map(o.speaks_of, asking))] if origins else []
     for area in dict.fromkeys(entry.area for entry in chosen):
         options.show(_table(area, [entry for entry in chosen if entry.area == area]))
     if files:
         options.show(_models(files))
     if origins:
-        options.show(_origins(declared()))
+        options.show(_origins(said))
     if unexplained:
         options.show(_bare(bare))
     unknown_n = sum(entry.set_on == "not_recorded" for entry in chosen)
@@ -51,7 +55,7 @@ def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplaine
         "settings": [{"key": s.key, "value": s.value, "unit": s.unit, "does": s.does, **_set_on(s.set_on), "how": s.how}
                      for s in chosen],
         "models": [{"file": m.file, "does": m.does, **_set_on(m.set_on)} for m in files],
-        "origins": [vars(origin) for origin in declared()] if origins else [],
+        "origins": [vars(origin) for origin in said],
         "unexplained": by_module(bare),
     })
 
@@ -104,7 +108,7 @@ def _models(files: tuple[Model, ...]) -> Any:
     return table
 
 
-def _origins(declared: tuple[Origin, ...]) -> Any:
+def _origins(declared: Sequence[Origin]) -> Any:
     table = _plain_table("numbers of another origin", "where", "origin", "why")
     for origin in declared:
         table.add_row(origin.where, origin.kind, one_line(origin.why))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -33,6 +33,15 @@ class OnClock:
     def evidence(self) -> list[str]:
         """The kinds of streams that had a vote in any of the warps."""
         return evidence_of(self.flights)
+
+    def evidence_for(self, names: Iterable[str]) -> list[str]:
+        """The same for the flights of these ``names`` alone, such as those of one row."""
+        wanted = set(names)
+        return evidence_of(flight for flight in self.flights if flight.name in wanted)
+
+    def moving(self, names: Iterable[str]) -> int:
+        """How many of the flights had a moving error taken out."""
+        return sum(warp.moving for name in names if (warp := self.warps.get(name)) is not None)
 
 
 Choice = tuple[str, tuple[str, ...]]

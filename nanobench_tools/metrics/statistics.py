@@ -196,7 +196,8 @@ def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probabi
 
 def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> dict[str, Any]:
     """{mean, std (ddof 0), median, p90, ci95: [lo, hi] | None, n, sessions, design_effect, intra_class (correlation)}
-    over flights; unit of ``values``; and ``ci_why`` where the interval is missing or not to be trusted.
+    over flights; unit of ``values``; and ``ci_why`` where the interval is missing or not to be trusted. One flight has
+    neither deviation nor interval.
 
     A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out and n says so;
     with none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
@@ -204,6 +205,8 @@ def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Label
     >>> found = summary([1.0, 3.0])
     >>> found["std"], summary([2.0])["ci95"], summary([2.0])["ci_why"]
     (1.0, None, 'one flight')
+    >>> summary([2.0])["std"] is None
+    True
     """
     return summary_table(np.asarray(values, float)[:, None], seed, sessions)[0]
 
@@ -240,13 +243,18 @@ def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[dict[str, Any
     found = []
     for k in range(x.shape[1]):
         ends = None if equal[k] else interval.ends(k)
-        one = {"mean": float(mean[k]), "std": 0.0 if equal[k] else float(std[k]), "median": float(median[k]),
+        one = {"mean": float(mean[k]), "std": _spread(std[k], equal[k], len(x)), "median": float(median[k]),
                "p90": float(p90[k]), "ci95": ends, "n": len(x), "sessions": interval.sessions,
                "design_effect": None if effect is None or equal[k] else float(effect[k]),
                "intra_class": None if alike is None or equal[k] else float(alike[k])}
         why = "all flights have the same value" if equal[k] and len(x) > 1 else _reason(ends, interval.why)
         found.append({**one, "ci_why": why} if why else one)
     return found
+
+
+def _spread(std: float, equal: bool, n: int) -> float | None:
+    """Equal values have none but what rounding makes, one value says nothing of it."""
+    return None if n < 2 else 0.0 if equal else float(std)
 
 
 def _reason(ends: list[float] | None, why: str) -> str:

@@ -151,14 +151,16 @@ def prediction_clocks(body: Mapping[str, Any], recorded: str, labels: Mapping[st
 
 def gates(rows: Sequence[Mapping[str, Any]], recorded: Sequence[Mapping[str, Any]], labels: Mapping[str, int],
           seed: int = 0) -> dict[str, dict[str, Any]]:
-    """{what: {ratio, ci95, n}} of the gate on another clock over the same flights as ``recorded``: path gap, how far
+    """{what: {ratio, ci95, n, mean, mean_recorded}} of the gate on another clock over the same flights as ``recorded``: path gap, how far
     lag and RMSE ratio are off, and the share of flights that fail."""
     ours, theirs = ({row["flight"]: _gate_errors(row) for row in found} for found in (rows, recorded))
     names = [name for name in ours if name in theirs]
     if not names:
         return {}
     a, b = (np.array([list(of[name].values()) for name in names], float) for of in (ours, theirs))
-    return dict(zip(ours[names[0]], paired_ratio(a, b, seed, [labels[name] for name in names]), strict=True))
+    found = paired_ratio(a, b, seed, [labels[name] for name in names])
+    return {what: {**one, "mean": float(a[:, k].mean()), "mean_recorded": float(b[:, k].mean())}
+            for k, (what, one) in enumerate(zip(ours[names[0]], found, strict=True))}
 
 
 def _gate_errors(row: Mapping[str, Any]) -> dict[str, float]:

@@ -55,8 +55,12 @@ def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("po
 
     clock: ``retimed``, ``joint`` or ``offset``; judged: which logged estimates you will judge on it, so that they get
     no vote (``votes``); ``joint`` needs ``judged=()``. Values, their order and ``samples`` stay. InputError where no
-    time error can be identified.
+    time error can be identified, and where stamps were moved before: what is left would be taken for a time error once
+    more.
     """
+    if flight.provenance.clock_evidence:
+        raise InputError(flight.provenance.path, "its stamps were moved before, by "
+                         f"{', '.join(flight.provenance.clock_evidence)}", "use the recording as it was read")
     warp = find_warp(flight, clock, judged)
     if warp is None:
         reading = read_clocks(Context(flight)).get("imu")

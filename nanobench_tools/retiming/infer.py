@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ..delays.hmm import add_student_evidence, log_evidence, posterior
 from ..delays.packet_delay import CELL_S, log_step_prior
-from ..settings import count, number
+from ..settings import count, number, setting
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.mocap_derivatives import truth_of
@@ -39,6 +39,10 @@ SLOWEST_M_S = number("retiming.infer.slowest_m_s")
 
 INFLATION = number("retiming.infer.inflation")
 """The posterior of a clock without the position is too sure by this factor."""
+
+RATES: tuple[float, ...] = setting("retiming.infer.rates")
+"""A link delivers as ``delivery`` says or moves the delay ten times as rarely, at even odds: asked only where a moving
+clock is compared with constants."""
 
 PASSES = count("retiming.infer.passes")
 BESIDE_S = number("retiming.infer.beside_s")
@@ -154,11 +158,18 @@ def _posterior(evidence: list[Evidence], rows_s: np.ndarray, grid: Grid, delay: 
 
 
 def _log_ratio(likelihood: np.ndarray, grid: Grid) -> float:
-    """Logarithm of how much likelier all paths together are than all constants together."""
-    moving = log_evidence(likelihood, grid.log_transition, grid.up)
+    """Logarithm of how much likelier all paths together are than all constants together; how often the delay moves is
+    not known (RATES). At the full rate alone, where steps are seen to be rare, a clock that moves rarely but far would
+    lose to one that never moves."""
     stay = grid.log_transition.shape[1] - 1 - grid.up
-    constants = np.logaddexp.reduce(likelihood.sum(axis=0)) - np.log(likelihood.shape[1])
-    return moving - float(constants + (grid.log_transition[1:, stay] - grid.log_prior[stay]).sum())
+    known = grid.log_transition - grid.log_prior
+    constants = np.logaddexp.reduce(likelihood.sum(axis=0)) - np.log(likelihood.shape[1]) + known[1:, stay].sum()
+    paths = []
+    for rate in RATES:
+        prior = rate * np.exp(grid.log_prior)
+        prior[stay] += 1.0 - rate
+        paths.append(log_evidence(likelihood, known + np.log(prior), grid.up))
+    return float(np.logaddexp.reduce(paths) - np.log(len(paths)) - constants)
 
 
 def _gauge(evidence: list[Evidence], delay: np.ndarray) -> None:

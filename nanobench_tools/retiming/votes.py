@@ -25,6 +25,8 @@ def voters(clock: str, judged: Iterable[str] = ()) -> tuple[str, ...]:
     One name alone may be given as it is. Raises UsageError for ``joint`` where a logged estimate is judged, and for
     clocks and estimates there are none of.
     """
+    if judged is None:
+        raise UsageError(f"judged is None: name what is judged on the clock ({', '.join(ESTIMATES)}), or () for nothing")
     judged = {judged} if isinstance(judged, str) else set(judged)
     if clock not in CLOCKS:
         raise UsageError(f"no clock {clock!r}; there are {', '.join(CLOCKS)}")
@@ -48,10 +50,16 @@ def evidence_of(flights: Iterable[Flight]) -> list[str]:
     return list(dict.fromkeys(kind for flight in flights for kind in flight.provenance.clock_evidence))
 
 
-def votes(clock: str, evidence: Iterable[str]) -> str:
-    """What a row says it was given of ``clock``; ``evidence``: the kinds of streams that had a vote."""
-    names = ", ".join(evidence) or "no stream"
-    return {"offset": f"; stamps less the flight's constant offset, found off-line from {names}",
-            "retimed": f"; stamps less the moving error, found off-line from {names} against motion capture",
-            "joint": f"; stamps less the moving error, found off-line from {names} against motion capture: the "
-                     "logged position helped to set this clock"}.get(clock, "")
+def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
+    """What a row says it was given of ``clock``; ``evidence``: the kinds of streams that had a vote in it; moving:
+    whether any of its flights had a moving error taken out."""
+    heard = list(evidence)
+    if clock == AS_RECORDED:
+        return ""
+    if not heard:
+        return "; stamps as recorded, as no stream told their time error"
+    names = ", ".join(heard)
+    if clock == "offset" or not moving:
+        return f"; stamps less the flight's constant offset, found off-line from {names}"
+    said = f"; stamps less the moving error, found off-line from {names} against motion capture"
+    return said + (": the logged position helped to set this clock" if "position" in heard else "")

@@ -14,7 +14,7 @@ import functools
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from . import FOLDER
@@ -38,6 +38,8 @@ LIMITS = frozenset({"min", "max", "clip", "minimum", "maximum"})
 """Functions whose arguments bound a value."""
 KNOWN = frozenset({9.81, 0.025, 0.975, 1.4826, 1.96})
 """Gravity, and of the normal distribution: ends of 95 %, standard deviations to them and over median deviations."""
+ASKS = frozenset({"number", "count", "setting"})
+"""Functions of ``settings`` by which a module asks for a number."""
 SHAPES = frozenset({"range", "zeros", "ones", "empty", "eye", "slice"})
 """Functions whose arguments are places or lengths."""
 
@@ -64,10 +66,15 @@ class Origin:
     why: str
 
     def covers(self, literal: Literal) -> bool:
-        module, _, scope = self.where.partition(":")
-        if scope:
-            return module == literal.module and (literal.scope == scope or literal.scope.startswith(f"{scope}."))
-        return module == literal.module or (module.endswith("/") and literal.module.startswith(module))
+        scope = self.where.partition(":")[2]
+        if scope and literal.scope != scope and not literal.scope.startswith(f"{scope}."):
+            return False
+        return self.speaks_of(literal.module)
+
+    def speaks_of(self, module: str) -> bool:
+        """Whether any number of ``module`` (path below the root) is covered."""
+        named = self.where.partition(":")[0]
+        return named == module or (named.endswith("/") and module.startswith(named))
 
 
 @functools.cache
@@ -82,6 +89,19 @@ def sources() -> Iterator[tuple[str, str]]:
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+
+
+def modules_of(areas: Collection[str]) -> set[str]:
+    """The modules that ask for settings of any of ``areas``."""
+    return {module for module, text in sources() if any(_area(call) in areas for call in ast.walk(ast.parse(text)))}
+
+
+def _area(node: ast.AST) -> str:
+    """Of the setting that a call asks for; empty for any other node."""
+    if not isinstance(node, ast.Call) or not node.args or ast.unparse(node.func).rpartition(".")[2] not in ASKS:
+        return ""
+    key = node.args[0]
+    return key.value.partition(".")[0] if isinstance(key, ast.Constant) and isinstance(key.value, str) else ""
 
 
 def literals(module: str, text: str) -> list[Literal]:

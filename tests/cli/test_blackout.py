@@ -81,3 +81,22 @@ def test_pictures_and_attribution(nanobench, recordings, tmp_path):
     assert body["attribution"]["n_replayed"] == 3
     assert "SYNTHETIC" in shown
     assert "process noise doubled" in shown
+
+
+def test_the_tables_say_sessions_windows_and_who_set_the_clock(nanobench, wandering, monkeypatch):
+    """As a pipe sees them: every cell whole; voters in the titles and in what was given."""
+    monkeypatch.setattr(protocol, "EVERY_S", 1000.0)
+    code, shown, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--method", "drag_ekf",
+                                 "--clock", "retimed", "--jobs", 1)
+    assert code == 0, err
+    said = " ".join(shown.split())
+    assert said.count("clock retimed set by gyro, acceleration, attitude") == 2
+    assert "found off-line from gyro, acceleration, attitude against motion capture" in said
+    lines = shown.splitlines()
+    head = next(line for line in lines if line.split()[:4] == ["group", "n", "sessions", "method"])
+    row = lines[lines.index(head) + 1].split()
+    assert row[0] == "all"
+    assert row[row.index("drag_ekf") + 1] == "3-D"
+    assert row[row.index("3-D") + 4] == f"({row[1]})"  # one window a flight
+    assert "says little of how sure a median is" in said
+    assert "…" not in shown

@@ -34,3 +34,18 @@ def test_the_verb_takes_areas_and_refuses_others(nanobench):
     assert err.strip().splitlines() == [err.strip()]
     assert "audit" in err
     assert "audit" in areas()
+
+
+def test_origins_and_unexplained_numbers_keep_to_the_area(nanobench, tmp_path):
+    """Against a search of the source text: who asks for settings of retiming."""
+    asking = {module for module, text in literals.sources()
+              if re.search(r"^[^\"#]*(number|count|setting)\(\"retiming\.", text, re.MULTILINE)}
+    assert {"nanobench_tools/retiming/steps.py", "nanobench_tools/retiming/ticks.py"} < asking
+    code, _, _ = nanobench("settings", "retiming", "--origins", "--unexplained", "--json", tmp_path / "s.json")
+    body = json.loads((tmp_path / "s.json").read_text())
+    assert code == 0
+    assert body["origins"]
+    assert {origin["where"].partition(":")[0] for origin in body["origins"]} <= asking
+    assert set(body["unexplained"]) <= asking
+    everywhere = {origin.where for origin in literals.origins() if origin.where.partition(":")[0] in asking}
+    assert {origin["where"] for origin in body["origins"]} == everywhere

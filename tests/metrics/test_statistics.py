@@ -26,7 +26,7 @@ def test_summary_by_hand():
 
 
 def test_one_flight_has_no_interval():
-    assert summary([2.0]) == {"mean": 2.0, "std": 0.0, "median": 2.0, "p90": 2.0, "ci95": None, "n": 1,
+    assert summary([2.0]) == {"mean": 2.0, "std": None, "median": 2.0, "p90": 2.0, "ci95": None, "n": 1,
                               "sessions": None, "design_effect": None, "intra_class": None,
                               "ci_why": "one flight"}
 

@@ -128,4 +128,6 @@ def test_gates_are_compared_over_the_same_flights():
     assert {name: one["ratio"] for name, one in found.items()} == pytest.approx(
         {"path_gap_m": 0.5, "lag_off_s": 0.25, "rmse_ratio_off": 0.5, "failed_share": 0.5})
     assert {one["n"] for one in found.values()} == {2}
+    assert found["path_gap_m"]["mean"] == pytest.approx(
+        found["path_gap_m"]["ratio"] * found["path_gap_m"]["mean_recorded"])
     assert compare.gates([], recorded, LABELS) == {}

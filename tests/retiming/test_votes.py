@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.errors import UsageError
+from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.practice import nulls
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.retiming.apply import find_warp
@@ -33,6 +33,18 @@ def test_no_warp_is_looked_for_as_recorded():
         find_warp(None, "as-recorded")
 
 
+def test_judged_has_to_be_said():
+    with pytest.raises(UsageError, match=r"judged is None: name what .* or \(\) for nothing"):
+        voters("retimed", None)
+
+
+def test_what_a_row_was_given_names_only_who_was_heard():
+    """A joint clock without gyro takes nothing out, and one that does not move heard no position."""
+    assert votes("joint", ()) == "; stamps as recorded, as no stream told their time error"
+    assert "position" not in votes("joint", ("gyro",), moving=False)
+    assert "constant offset, found off-line from gyro" in votes("retimed", ("gyro",), moving=False)
+
+
 def test_joint_hears_all_and_judges_no_estimate():
     assert set(ESTIMATES) < set(voters("joint"))
     with pytest.raises(UsageError, match="joint cannot judge the logged position"):
@@ -56,6 +68,21 @@ def test_a_retimed_flight_carries_its_voters(flight):
         warp = find_warp(flight, clock)
         assert warp.moving or clock == "offset"
         assert evidence_of([retime(flight, warp)]) == list(voters(clock))
+
+
+def test_stamps_are_moved_once(flight):
+    moved = flight.retimed()
+    for again in (moved, flight.retimed("offset")):
+        with pytest.raises(InputError, match="stamps were moved before, by gyro.*use the recording as it was read"):
+            again.retimed()
+
+
+@pytest.mark.parametrize("wander_s", [0.0, 0.005])
+def test_a_small_wander_is_believed_and_none_is_not(crowd, wander_s):
+    """5 ms were not, where only a link that moves as often as it can was weighed against a constant clock."""
+    flown = nulls.living(crowd.log("medium trefoil", wander_sd_s=wander_s)[0])
+    for judged in (("attitude",), ("position", "velocity")):
+        assert find_warp(flown, "retimed", judged).moving == (wander_s > 0.0)
 
 
 @pytest.mark.parametrize("velocity", [False, True])
