@@ -151,8 +151,8 @@ def prediction_clocks(body: Mapping[str, Any], recorded: str, labels: Mapping[st
 
 def gates(rows: Sequence[Mapping[str, Any]], recorded: Sequence[Mapping[str, Any]], labels: Mapping[str, int],
           seed: int = 0) -> dict[str, dict[str, Any]]:
-    """{what: {ratio, ci95, n, mean, mean_recorded}} of the gate on another clock over the same flights as ``recorded``: path gap, how far
-    lag and RMSE ratio are off, and the share of flights that fail."""
+    """{what: {ratio, ci95, n, mean, mean_recorded}} of the gate on another clock over the same flights as
+    ``recorded``: path gap, how far lag and RMSE ratio are off, and the share of flights that fail."""
     ours, theirs = ({row["flight"]: _gate_errors(row) for row in found} for found in (rows, recorded))
     names = [name for name in ours if name in theirs]
     if not names:

@@ -26,7 +26,7 @@ def voters(clock: str, judged: Iterable[str] = ()) -> tuple[str, ...]:
     clocks and estimates there are none of.
     """
     if judged is None:
-        raise UsageError(f"judged is None: name what is judged on the clock ({', '.join(ESTIMATES)}), or () for nothing")
+        raise UsageError(f"judged is None: name what is judged ({', '.join(ESTIMATES)}), or () for nothing")
     judged = {judged} if isinstance(judged, str) else set(judged)
     if clock not in CLOCKS:
         raise UsageError(f"no clock {clock!r}; there are {', '.join(CLOCKS)}")

@@ -73,7 +73,7 @@ def test_a_retimed_flight_carries_its_voters(flight):
 def test_stamps_are_moved_once(flight):
     moved = flight.retimed()
     for again in (moved, flight.retimed("offset")):
-        with pytest.raises(InputError, match="stamps were moved before, by gyro.*use the recording as it was read"):
+        with pytest.raises(InputError, match=r"stamps were moved before, by gyro.*use the recording as it was read"):
             again.retimed()
 
 
