@@ -40,7 +40,7 @@ def test_origins_and_unexplained_numbers_keep_to_the_area(nanobench, tmp_path):
     """Against a search of the source text: who asks for settings of retiming."""
     asking = {module for module, text in literals.sources()
               if re.search(r"^[^\"#]*(number|count|setting)\(\"retiming\.", text, re.MULTILINE)}
-    assert {"nanobench_tools/retiming/steps.py", "nanobench_tools/retiming/ticks.py"} < asking
+    assert {"nanobench_tools/retiming/steps.py", "nanobench_tools/retiming/sender_timestamps.py"} < asking
     code, _, _ = nanobench("settings", "retiming", "--origins", "--unexplained", "--json", tmp_path / "s.json")
     body = json.loads((tmp_path / "s.json").read_text())
     assert code == 0
