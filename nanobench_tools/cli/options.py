@@ -171,9 +171,10 @@ class Options:
                  select: Callable[[str], list[Case]]) -> Iterator[tuple[str, list[Case]]]:
         """(protocol, cases) of every protocol: those asked for, else all ``known`` that find something to score.
 
-        Raises the InputError of ``select`` for a protocol that was asked for, and the first one when none finds any.
+        Raises the InputError of ``select`` for a protocol that was asked for, and the last one when none finds any.
         """
-        reasons = []
+        reasons: list[InputError] = []
+        unsaid: list[str] = []
         wanted = tuple(dict.fromkeys(asked or known))
         for protocol in wanted:
             try:
@@ -182,11 +183,15 @@ class Options:
                 if asked:
                     raise
                 reasons.append(error)
-                self.say(f"protocol {protocol} left out: {error}")
+                unsaid.append(f"protocol {protocol} left out: {error}")
                 continue
+            while unsaid:
+                self.say(unsaid.pop(0))
             yield protocol, cases
-        if reasons and len(reasons) == len(wanted):
-            raise reasons[0]
+        if reasons and len(reasons) == len(wanted):  # the error says it
+            raise reasons[-1]
+        for line in unsaid:
+            self.say(line)
 
     def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
         from ..harness import manifest

@@ -33,7 +33,7 @@ from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, pu
 from .selection import distinct, without_copies
 from .sessions import Sessions, row_keys
 from .tables import group_order, groups_of, summaries
-from .usable import MOCAP, POSE, cut_by, usable
+from .usable import MOCAP, POSE, cut_by, missing, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"
@@ -93,8 +93,10 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
             raise InputError(place, f"no {what} is left for protocol {protocol!r} among {len(flights)} recordings: "
                                     + "; ".join(f"{n} {cut}" for cut, n in Counter(cuts.values()).most_common(3)),
                              "nanobench audit shows the faults")
-        raise InputError(place, f"no {what} with motion capture, estimator, attitude and motor streams for protocol "
-                                f"{protocol!r} among {len(flights)} recordings")
+        lacks = Counter(lack for f in flights if (lack := missing(f, NEEDED)))
+        raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings"
+                         + "".join(f"; {lack} in {n}" for lack, n in lacks.most_common(3)),
+                         "it needs motion capture, the onboard estimate, its attitude and the motors' commands")
     return cases
 
 

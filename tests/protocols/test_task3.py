@@ -290,8 +290,15 @@ def test_unknown_protocols_list_the_known_ones():
 
 def test_nothing_to_score_names_the_place():
     bare = made_flight().without_streams("estimator")
-    with pytest.raises(InputError, match=r"made\.csv: no flight with"):
+    with pytest.raises(InputError, match=r"made\.csv: no flight for protocol .clean."):
         task3.select([bare], {bare.name: verdict(bare)}, "clean")
+
+
+def test_what_recordings_lack_is_counted():
+    flights = [made_flight(name) for name in "abc"]
+    bare = [flights[0].without_streams("estimator"), flights[1].without_streams("estimator"), flights[2].without_streams("motor")]
+    with pytest.raises(InputError, match=r"no estimator stream in 2; no motor stream in 1; it needs motion capture"):
+        task3.select(bare, {f.name: verdict(f) for f in bare}, "clean")
 
 
 def test_slices_count_once_in_clean_and_alone_when_alone():
