@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
+from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, score
 
 from .data import MOST_WINDOWS, cut
@@ -41,17 +42,18 @@ def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> di
 
 
 def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
-                 windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True) -> dict[str, dict[str, Any]]:
+                 windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True,
+                 sessions: Mapping[str, int] | None = None) -> dict[str, dict[str, Any]]:
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window: their parameters
-    are searched once. ``windows``: about how many are fitted to. judged: as of ``GreyBox``. backward: what is set per
-    window is also learnt for starts that look back only, as ``backward`` (gains and their ridge; None where nothing is
-    set)."""
+    are searched once. ``windows``: about how many are fitted to. judged, sessions: as of ``GreyBox``. backward: what is
+    set per window is also learnt for starts that look back only, as ``backward`` (gains and their ridge; None where
+    nothing is set)."""
     vehicle = Vehicle(mass_kg=mass_kg)
     found: dict[str, dict[str, Any]] = {}
     first: GreyBox | None = None
     for rung in rungs:
         model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold,
-                        judged=judged)
+                        judged=judged, sessions=sessions or sessions_of([case.flight for case in cases]))
         model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
         first = first or model
         found[rung.name] = _found(rung, model, mass_kg)

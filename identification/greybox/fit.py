@@ -14,8 +14,10 @@ from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
+from nanobench_tools.metrics.statistics import UNKNOWN
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.model import find_term, typical
+from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
@@ -48,7 +50,8 @@ class GreyBox:
     seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
     where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap. soft: priors in place of those
     for the same parameters. hold: terms that stay as they are. judged: with intervals, what the flights do not tell,
-    and whether the model flies; a fit that only predicts needs none of them.
+    and whether the model flies; a fit that only predicts needs none of them. sessions {flight: label}: intervals draw
+    sessions, then flights within them; without it ``fit`` finds them by the flights' dates.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -64,6 +67,7 @@ class GreyBox:
     soft: tuple[Prior, ...] = ()
     hold: tuple[str, ...] = ()
     judged: bool = True
+    sessions: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.adapt not in ADAPTS:
@@ -77,8 +81,10 @@ class GreyBox:
 
     def fit(self, flights: Sequence[Flight | Case]) -> GreyBox:
         """Fits to whole flights (or the cases of a protocol). InputError when they cannot tell anything."""
-        cuts = cut(_cases(flights), past=self.adapt == "past")
-        return self.fit_cuts(cuts)
+        cases = _cases(flights)
+        if not self.sessions:
+            self.sessions = sessions_of([case.flight for case in cases])
+        return self.fit_cuts(cut(cases, past=self.adapt == "past"))
 
     def fit_cuts(self, cuts: Sequence[Cut], like: GreyBox | None = None) -> GreyBox:
         """The same from windows that were cut already. ``like``: a model with the same terms that was fitted to the
@@ -104,7 +110,8 @@ class GreyBox:
         solution, unseen = known
         problem = solution.problem
         self.solution_, self.data_ = solution, data
-        ci95 = bootstrap(solution, self.seed) if self.judged else None
+        labels = [self.sessions.get(name, UNKNOWN) for name in data.names]
+        ci95 = bootstrap(solution, self.seed, labels) if self.judged else None
         parameters = {name: {"value": float(v), "ci95": None if ci95 is None or name not in ci95 else list(ci95[name]),
                              "unit": unit} for name, v, unit in
                       zip(model.names, solution.model.values, model.units, strict=True)}

@@ -1,4 +1,5 @@
-"""How well flights identify parameters: bootstrap over flights, Fisher information, what trades against what, profiles.
+"""How well flights identify parameters: bootstrap over sessions and flights, Fisher information, what trades against
+what, profiles.
 
 Everything but the profiles uses the normal equations of every flight at the optimum, so a bootstrap of a thousand
 draws costs as much as one iteration. Nuisances of the flights are eliminated from them first.
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nanobench_tools.metrics.statistics import Labels, weights
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.settings import count, number
 
@@ -40,21 +42,23 @@ def reduced(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     return gradient, hessian
 
 
-def bootstrap(solution: Solution, seed: int = 0) -> dict[str, tuple[float, float]] | None:
-    """95 % interval of every free parameter over flights drawn with replacement, one Gauss-Newton step per draw; None
-    with fewer than FEWEST_FLIGHTS flights."""
+def bootstrap(solution: Solution, seed: int = 0, sessions: Labels = None) -> dict[str, tuple[float, float]] | None:
+    """95 % interval of every free parameter, one Gauss-Newton step per draw: sessions are drawn, then flights within
+    them. sessions (F,): of every flight; unknown ones leave flights alone to be drawn. None with fewer than
+    FEWEST_FLIGHTS flights, and of one session."""
     problem = solution.problem
     on = np.flatnonzero(problem.free)
     flown = solution.normal.windows > 0
     if flown.sum() < FEWEST_FLIGHTS:
+        return None
+    counts = weights(int(flown.sum()), None if sessions is None else np.asarray(sessions)[flown], seed, DRAWS)
+    if counts is None:
         return None
     gradient, hessian = reduced(solution)
     gradient, hessian = gradient[flown], hessian[flown]
     matrix, target = problem.prior_rows()
     values = solution.model.values
     pull, stiff = (matrix.T @ (matrix @ values - target))[on], (matrix.T @ matrix)[np.ix_(on, on)]
-    rng = np.random.default_rng(seed)
-    counts = rng.multinomial(len(gradient), np.full(len(gradient), 1.0 / len(gradient)), DRAWS)
     total = np.einsum("df,fij->dij", counts, hessian) + stiff
     slope = counts @ gradient + pull
     size = np.sqrt(np.maximum(np.einsum("dii->di", total), 1e-300))

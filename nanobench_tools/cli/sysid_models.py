@@ -45,7 +45,9 @@ def fitted(options: Options, train: Sequence[Case], wanted: str,
 
     chosen = rungs(None if wanted == "all" else SHORT)
     place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg}
-    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, **shared, "backward": True},
+    sessions = options.sessions.by_name(case.flight for case in train)
+    items = [make_item(fit_together, {"cases": list(train), "rungs": lot, **shared, "backward": True,
+                                      "sessions": sessions},
                        f"fit {' and '.join(rung.name for rung in lot)}", file=place)
              for lot in sorted(alike(chosen), key=len, reverse=True)]
     again = [make_item(held_out_item, {"cases": rest, "others": left_out, "rungs": lot, **shared},

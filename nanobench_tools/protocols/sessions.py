@@ -73,6 +73,11 @@ def labels_of(recordings: Sequence[Any], sessions: Sessions | None = None) -> np
     return (sessions or Sessions.of(recordings)).labels(recordings)
 
 
+def sessions_of(recordings: Sequence[Any]) -> dict[str, int]:
+    """{name: label} of recordings among themselves alone."""
+    return Sessions.of(recordings).by_name(recordings)
+
+
 def row_keys(labels: np.ndarray | Sequence[int], metrics: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """{sessions, design_effect: {metric: ...}} of a row over flights of these sessions, from its summaries, and
     ``ci_why`` where no interval of it is there or to be trusted."""
@@ -110,16 +115,18 @@ def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()
 
 
 def parameters_note(labels: np.ndarray) -> str:
-    """What the intervals of fitted parameters are: refits to drawn training flights; labels: sessions of these.
-    Sessions are not drawn: most training flights are often of one, and refits to the few others say little."""
+    """What the intervals of fitted parameters are: refits to drawn training flights; labels: sessions of these."""
     n, found = len(labels), session_count(labels)
     if n < 2:
         return ""
     if found is None:
         return f"Intervals of parameters draw {n} training flights alone: their sessions are unknown."
+    if found == 1:
+        return f"No interval of parameters: {n} training flights of {why_not(n, labels)}."
     most = np.unique(labels, return_counts=True)[1].max()
-    return (f"Intervals of parameters draw {n} training flights alone, of {found} session{'s' * (found > 1)}"
-            f"{f' ({most} of one)' if found > 1 else ''}: too narrow where sessions differ.")
+    few = f"; {found} sessions: too narrow to trust" if found < FEW_SESSIONS else ""
+    return (f"Intervals of parameters draw {found} sessions, then flights within them ({n} training flights, {most} of "
+            f"one session){few}.")
 
 
 def _flights(row: Mapping[str, Any]) -> int:

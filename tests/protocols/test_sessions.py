@@ -77,11 +77,12 @@ def test_a_table_says_how_far_to_trust_its_intervals():
     assert interval_note([{"n": 3}]) == ""
 
 
-def test_parameters_say_that_flights_alone_were_drawn():
+def test_parameters_say_what_was_drawn():
     assert parameters_note(np.array([0, 0, 0, 1])) == (
-        "Intervals of parameters draw 4 training flights alone, of 2 sessions (3 of one): too narrow where sessions "
-        "differ.")
-    assert "of 1 session:" in parameters_note(np.array([0, 0]))
+        "Intervals of parameters draw 2 sessions, then flights within them (4 training flights, 3 of one session); 2 "
+        "sessions: too narrow to trust.")
+    assert parameters_note(np.arange(6)).endswith("(6 training flights, 1 of one session).")
+    assert parameters_note(np.array([0, 0])).startswith("No interval of parameters: 2 training flights of one session")
     assert "sessions are unknown" in parameters_note(np.array([0, -1]))
     assert parameters_note(np.array([0])) == ""
 

@@ -295,8 +295,8 @@ def test_nothing_to_score_names_the_place():
 
 
 def test_what_recordings_lack_is_counted():
-    flights = [made_flight(name) for name in "abc"]
-    bare = [flights[0].without_streams("estimator"), flights[1].without_streams("estimator"), flights[2].without_streams("motor")]
+    bare = [made_flight(name).without_streams(lacks) for name, lacks in zip("abc", ("estimator", "estimator", "motor"),
+                                                                            strict=True)]
     with pytest.raises(InputError, match=r"no estimator stream in 2; no motor stream in 1; it needs motion capture"):
         task3.select(bare, {f.name: verdict(f) for f in bare}, "clean")
 

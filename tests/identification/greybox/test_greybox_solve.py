@@ -112,6 +112,20 @@ def test_few_flights_give_no_interval():
     assert bootstrap(solve(problem_of(model, made_windows(model, n=40, flights=1, noise=1.0)))) is None
 
 
+def test_sessions_that_differ_widen_intervals_and_one_session_has_none():
+    """Thrust of two sessions in three is one percent off: within a session all flights agree."""
+    model = true_model()
+    nuisances = (SCALE,)
+    labels = np.repeat([0, 1, 2], 4)
+    off = np.array([-0.02, 0.0, 0.02])[labels][:, None] * np.array([n.vector(model) for n in nuisances])
+    solution = solve(problem_of(model, made_windows(model, n=240, flights=12, noise=0.3, seed=3, own=off)))
+    alone, nested = bootstrap(solution), bootstrap(solution, sessions=labels)
+    name = next(n for n in nested if n.startswith("thrust"))
+    assert np.ptp(nested[name]) > 1.3 * np.ptp(alone[name])
+    assert bootstrap(solution, sessions=np.full(12, -1)) == alone
+    assert bootstrap(solution, sessions=np.zeros(12)) is None
+
+
 def test_what_is_not_told_is_named_with_the_flight_that_would():
     """At one battery voltage nothing tells PWM from voltage, and a scale of thrust trades against its curve."""
     model = true_model()
