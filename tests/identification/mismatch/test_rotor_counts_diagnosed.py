@@ -67,15 +67,19 @@ def test_a_recording_of_another_number_of_motors_is_one_line(flights):
     assert "\n" not in str(error.value)
 
 
+def parameter(term, name):
+    return next(p for p in find_term(term).parameters if p.name == name)
+
+
 def test_scales_and_tolerances_grow_with_the_vehicle():
     small, large = Vehicle(mass_kg=0.03), vehicle_of(6, 4.085, 0.0325 * 2**0.5 * 8.0)
     assert (heavier(small), wider(small)) == (1.0, 1.0)
     assert heavier(large) == pytest.approx(100.0)
     assert wider(large) == pytest.approx(8.0, rel=1e-4)
     model = Model(large, {"thrust_pwm": {"c": (0.0, 10.0, 10.0)}, "thrust_rpm": {"k_f": 2.3e-8 / 1.5}})
-    assert growth(model, "force_world.f_N") == pytest.approx(100.0)
-    assert growth(model, "frame_tilt.roll_rad") == 1.0
-    assert growth(model, "drag_rotor.d") == pytest.approx(100.0 / 15.0)
+    assert growth(model, parameter("force_world", "f_N")) == pytest.approx(100.0)
+    assert growth(model, parameter("frame_tilt", "roll_rad")) == 1.0
+    assert growth(model, parameter("drag_rotor", "d")) == pytest.approx(100.0 / 15.0)
 
 
 @pytest.mark.parametrize("mass_kg", [0.03, 0.0349, 0.04085, 0.046])
