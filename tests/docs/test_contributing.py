@@ -23,7 +23,7 @@ NAMED = [*COMMANDS, *(words for words in re.findall(r"`([^`\n]+)`", TEXT) if wor
 SETUP = configparser.ConfigParser()
 SETUP.read(ROOT / "setup.cfg", encoding="utf-8")
 GOALS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-ELSEWHERE = ("/tmp/", "python3")
+ELSEWHERE = ("build/fresh/", "python3")
 """A command that the release's own steps make."""
 
 

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from test_foreign_package import nanobench, placed, python
+from foreign_install import nanobench, python
 
 TERM = "cross_wind_lift"
 SENTENCE = "Air that comes from the side lifts the body."
@@ -62,11 +62,6 @@ def value_in(case) -> float:
 
 def about(script: str) -> str:
     return script.replace("{TERM!r}", repr(TERM))
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    return placed(tmp_path_factory.mktemp("installed"))
 
 
 @pytest.fixture(scope="module")

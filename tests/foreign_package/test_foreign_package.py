@@ -1,16 +1,11 @@
 """A package of somebody else, found by its entry points alone, goes through every verb like ours."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from foreign_install import nanobench, placed, python
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
 KIND = "stuttering_gyro"
 AT_S = 8.0
 
@@ -67,38 +62,9 @@ assert found and abs(found[0].start_s - truth["start_s"]) < 0.2, found
 """
 
 
-def placed(folder: Path) -> Path:
-    """``folder`` with the package and the ``dist-info`` that an installer writes."""
-    shutil.copytree(HERE / "nanobench_foreign", folder / "nanobench_foreign",
-                    ignore=shutil.ignore_patterns("__pycache__"))
-    about = folder / "nanobench_foreign-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: nanobench-foreign\nVersion: 1.0\n")
-    shutil.copy(HERE / "entry_points.txt", about)
-    return folder
-
-
-def python(cwd: Path, path: Path | None, *words: object) -> str:
-    """What Python prints, in ``cwd`` with the packages of ``path`` beside ours; fails with what it said."""
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(str(place) for place in (path, ROOT) if place)}
-    done = subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, timeout=300, env=env,
-                          cwd=cwd)
-    assert done.returncode == 0, done.stderr
-    return done.stdout + done.stderr
-
-
-def nanobench(cwd: Path, path: Path | None, *words: object) -> str:
-    return python(cwd, path, "-m", "nanobench_tools.cli.main", *words)
-
-
 def about(script: str) -> str:
     """A script with the names of this file in it."""
     return script.replace("{KIND!r}", repr(KIND)).replace("{AT_S}", str(AT_S))
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    return placed(tmp_path_factory.mktemp("installed"))
 
 
 @pytest.fixture(scope="module")
