@@ -12,7 +12,7 @@ import numpy as np
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.estimator import correlated_noise
-from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number, setting
 
 from .plant import Cell, Plant, closed_loop_model, hover_ratio

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nanobench_tools.firmware.motors import MotorOutput
+from nanobench_tools.firmware.motor_output import MotorOutput
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number

@@ -14,7 +14,7 @@ import numpy as np
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError, how_to_install
 from nanobench_tools.firmware.flatness import body_rates
-from nanobench_tools.firmware.motors import MotorOutput
+from nanobench_tools.firmware.motor_output import MotorOutput
 from nanobench_tools.firmware.records import WRENCH
 from nanobench_tools.guard import Guard
 from nanobench_tools.methods import Reference, VehicleState

@@ -17,7 +17,7 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import parameter_values, rows, settled
 from nanobench_tools.physics.model import QUATERNION, RIGID, ROTOR, STATE, VELOCITY
 from nanobench_tools.physics.rollout import compiled_step
-from nanobench_tools.practice.plant import CONTACT_RAD_S, battery_load, legs
+from nanobench_tools.practice.rigid_bodies import CONTACT_RAD_S, battery_load, legs
 
 STEP_S = 0.002
 """Step of the integration and shortest period of a controller."""

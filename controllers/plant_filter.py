@@ -16,7 +16,7 @@ from nanobench_tools.firmware.kalman import defaults
 from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, task_step
 from nanobench_tools.firmware.kept import kept
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
-from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number, setting
 
 from .plant import Plant

@@ -22,7 +22,7 @@ from nanobench_tools.practice.estimator import (
     VELOCITY_LAG_S,
     correlated_noise,
 )
-from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number
 
 from .plant import STEP_S, Plant

@@ -16,14 +16,14 @@ from numba.extending import intrinsic
 from nanobench_tools.firmware.kept import kept
 from nanobench_tools.firmware.stabilizer import FULL, stabilizer_step
 from nanobench_tools.physics.lanes import LANES
-from nanobench_tools.practice.plant import (
+from nanobench_tools.practice.rigid_bodies import (
     CONTACT_DAMPING,
     CONTACT_RAD_S,
     FRICTION,
     FRICTION_SPEED_M_S,
     LEVELLING_RAD_S,
 )
-from nanobench_tools.practice.vehicle import OPEN_CIRCUIT
+from nanobench_tools.practice.vehicle_parameters import OPEN_CIRCUIT
 
 STEP_S = 0.001
 _KEY = repr((LANES, CONTACT_DAMPING, CONTACT_RAD_S, FRICTION, FRICTION_SPEED_M_S, LEVELLING_RAD_S,

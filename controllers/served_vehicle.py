@@ -17,8 +17,8 @@ from nanobench_tools.physics.lanes import LANES
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, STATE, VELOCITY
 from nanobench_tools.physics.rollout import compiled_step
 from nanobench_tools.physics.simulator import loads, read_simulator
-from nanobench_tools.practice.plant import CONTACT_RAD_S
-from nanobench_tools.practice.vehicle import OPEN_CIRCUIT, VEHICLE
+from nanobench_tools.practice.rigid_bodies import CONTACT_RAD_S
+from nanobench_tools.practice.vehicle_parameters import OPEN_CIRCUIT, VEHICLE
 
 from .ensemble import shipped_simulator
 from .plant import MOST_DELAY_S, closed_loop_model

@@ -23,7 +23,7 @@ from nanobench_tools.settings import count, number
 from .ensemble import Ensemble, draw
 from .gains import Gain
 from .mismatch import LATE_S
-from .simulated import flown, made
+from .simulated_flights import flown, made
 
 LOST_M = 4.0
 STEP = number("control.tuning.step")

@@ -8,7 +8,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
 from nanobench_tools.settings import number
 
-from .stamps import densest_stamps
+from .report_times import densest_stamps
 
 SLOPE_S = number("imu.constant_velocity.slope_s")
 """The velocity is the slope of the poses over this time: 11 poses at 100 Hz give it to about 1 mm/s."""

@@ -7,7 +7,7 @@ import numpy as np
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
 
-from .stamps import densest_stamps
+from .report_times import densest_stamps
 
 
 class HoldPosition:

@@ -22,7 +22,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
-from nanobench_tools.firmware.motors import YAW_ARM_M
+from nanobench_tools.firmware.motor_output import YAW_ARM_M
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS, thrust_of_voltage
 from nanobench_tools.flight import Flight, Span, intersect_spans
 from nanobench_tools.physics import Model, Vehicle

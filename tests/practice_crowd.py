@@ -10,7 +10,7 @@ from nanobench_tools.practice.clock import ClockError
 from nanobench_tools.practice.flights import _recording
 from nanobench_tools.practice.flying import Flown, flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 
 SEED = 53

@@ -79,7 +79,7 @@ def fits(data: Path) -> dict[str, Any]:
 def real(data: Path) -> dict[str, Any]:
     """A diagnosis of three flights by the shipped plant with pieces taken away."""
     import controllers
-    from identification.mismatch.diagnose import diagnose_flights
+    from identification.mismatch.diagnosis import diagnose_flights
     from nanobench_tools.physics.simulator import read_simulator
 
     shipped = read_simulator(Path(str(controllers.__file__)).with_name("recorded_vehicle.toml"))
@@ -91,7 +91,7 @@ def real(data: Path) -> dict[str, Any]:
 def blind() -> dict[str, Any]:
     """Six cases: truths, verdicts and scores, beside what two of them are believed to be."""
     from identification.mismatch.believe import beliefs, start_of
-    from identification.mismatch.diagnose import diagnose_flights, recorded
+    from identification.mismatch.diagnosis import diagnose_flights, recorded
     from identification.prove.make import make_cases
     from identification.prove.plan import plan_cases
     from identification.prove.score import score_case
@@ -125,7 +125,7 @@ def callable_simulator() -> dict[str, Any]:
     """A callable of its own equations diagnosed along SYNTHETIC flights."""
     import numpy as np
 
-    from identification.mismatch.diagnose import diagnose_callable, recorded
+    from identification.mismatch.diagnosis import diagnose_callable, recorded
     from identification.prove.make import make_cases
     from identification.prove.plan import plan_cases
     from nanobench_tools.physics import Vehicle

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from identification.mismatch.diagnose import diagnose
+from identification.mismatch.diagnosis import diagnose
 from identification.mismatch.recordings import look_over
 from identification.prove.airframe import draw_airframe
-from identification.prove.kinds import CaseSpec, FlightSpec, Nuisance
+from identification.prove.case_kinds import CaseSpec, FlightSpec, Nuisance
 from identification.prove.make import make_case
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.audits import audit_flights

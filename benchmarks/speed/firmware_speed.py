@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from nanobench_tools.firmware import lee, mellinger, motors, pid
+from nanobench_tools.firmware import lee, mellinger, motor_output, pid
 from nanobench_tools.firmware.records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT, WRENCH
 
 CHUNK = 20
@@ -37,7 +37,7 @@ def chain_s(code, output, drive, n: int, steps: int) -> float:
         for first in range(1, count + 1, CHUNK):
             code.run_steps(np.arange(first, first + CHUNK), parameters, state, setpoint, estimate, control, trace)
             for k in range(1, CHUNK, 2):
-                drive(2, control[k], volt, filtered, motors.BUILD, counts)
+                drive(2, control[k], volt, filtered, motor_output.BUILD, counts)
 
     run(CHUNK)
     before = time.perf_counter()
@@ -51,9 +51,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     given = parser.parse_args()
     steps = CHUNK * max(round(1000.0 * given.seconds / CHUNK), 1)
-    for name, code, output, drive in (("PID", pid, CONTROL, motors.drive_legacy),
-                                      ("Mellinger", mellinger, CONTROL, motors.drive_legacy),
-                                      ("Lee", lee, WRENCH, motors.drive_wrench)):
+    for name, code, output, drive in (("PID", pid, CONTROL, motor_output.drive_legacy),
+                                      ("Mellinger", mellinger, CONTROL, motor_output.drive_legacy),
+                                      ("Lee", lee, WRENCH, motor_output.drive_wrench)):
         for n in sorted({1, given.vehicles}):
             wall = chain_s(code, output, drive, n, steps)
             print(f"{name:10} {n:6} vehicles, {steps} steps of 1 ms: {1e9 * wall / (n * steps):7.0f} ns a step, "

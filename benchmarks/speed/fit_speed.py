@@ -23,8 +23,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from scipy.optimize import least_squares
 
-from identification.greybox.data import cases_of, cut, gather
 from identification.greybox.fit import GreyBox
+from identification.greybox.fit_windows import cases_of, cut, gather
 from identification.greybox.ladder import FULL
 from identification.greybox.ranges import bounds, held, priors
 from identification.greybox.residuals import HORIZONS, errors

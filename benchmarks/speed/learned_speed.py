@@ -21,7 +21,7 @@ from controllers.ensemble import shipped_simulator
 from controllers.learned.pilots import MppiFar
 from identification.learned.libraries import libraries, platform
 from identification.learned.networks import DEPTH, KINDS, WIDTH, network
-from identification.learned.published import LearnedPredictor, row_name
+from identification.learned.published_networks import LearnedPredictor, row_name
 from identification.published_physics import PublishedPhysics
 from nanobench_tools import so3
 from nanobench_tools.methods import Reference, VehicleState, Windows

@@ -24,9 +24,9 @@ from controllers.mpc_condense import headed
 from controllers.mpc_linear import MpcDaqp, MpcOsqp
 from controllers.nmpc import Nmpc
 from nanobench_tools.methods import Reference, VehicleState
-from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.references import path_spec
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 PRACTICE = mpc_model.practice_model()
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))

@@ -26,13 +26,13 @@ from controllers.ensemble import draw, shipped_simulator
 from controllers.plant_filter import Onboard
 from controllers.plant_flight import fly
 from controllers.plant_senses import SUBSTEPS, TICK_S, Late
-from nanobench_tools.firmware import motors, pid
+from nanobench_tools.firmware import motor_output, pid
 from nanobench_tools.firmware.onboard import PidCascade, estimates, setpoints
 from nanobench_tools.firmware.records import CONTROL, ESTIMATE, SETPOINT
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.flying import STEP_S
-from nanobench_tools.practice.plant import Plant as PracticePlant
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import Plant as PracticePlant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 REQUIRED = 1000.0
 
@@ -71,7 +71,8 @@ def chain(n: int, ticks: int) -> float:
             estimate["gyro_deg_s"][0] = np.degrees(senses.gyro())
             pid.run_steps(np.array([2 * (tick * SUBSTEPS + sub + 1)]), parameters, state, setpoint, estimate, control,
                           trace)
-            motors.drive_legacy(2, control[0], plant.battery_V.astype(np.float32), filtered, motors.BUILD, counts)
+            motor_output.drive_legacy(2, control[0], plant.battery_V.astype(np.float32), filtered, motor_output.BUILD,
+                                      counts)
             plant.advance(counts / 65535)
             senses.step()
     return time.process_time() - before

@@ -14,7 +14,7 @@ from nanobench_tools.practice import LoggingChain, path_spec, practice_flights
 from nanobench_tools.practice.flights import SPEEDS
 from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import record
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED
 
 

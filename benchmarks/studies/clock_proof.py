@@ -33,7 +33,7 @@ from nanobench_tools.practice import nulls
 from nanobench_tools.practice.clock import ClockError
 from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import Sessions

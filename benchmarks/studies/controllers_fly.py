@@ -24,7 +24,7 @@ from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.practice.flying import TICK_S, Flown, flight_rngs, fly
 from nanobench_tools.practice.references import RECORDED, PathSpec, path_spec
 from nanobench_tools.practice.timeline import PATH
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 SPEEDS = ("slow", "medium", "fast")
 SETTLED_S = 3.0

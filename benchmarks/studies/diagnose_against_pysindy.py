@@ -31,13 +31,13 @@ from typing import Any
 
 import numpy as np
 
-from identification.mismatch.diagnose import diagnose
+from identification.mismatch.diagnosis import diagnose
 from identification.mismatch.fitting import slopes
 from identification.mismatch.recordings import Recordings, look_over
 from identification.mismatch.space import MAPS, space_around
 from identification.mismatch.wrench import Wrench
+from identification.prove.blind_proof import plan
 from identification.prove.make import Case, make_cases
-from identification.prove.run import plan
 from identification.prove.score import score_case
 from identification.prove.summary import share
 from nanobench_tools.audit import audit

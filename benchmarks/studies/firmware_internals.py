@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 
 from nanobench_tools.audit import Audit, audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.firmware.motors import BUILD, compensated
+from nanobench_tools.firmware.motor_output import BUILD, compensated
 from nanobench_tools.firmware.replay import CONTROLLERS, MOTORS, Replay, build_of, flown_command, replay
 from nanobench_tools.flight import Flight, intersect_spans, mask_of
 from nanobench_tools.protocols.selection import distinct

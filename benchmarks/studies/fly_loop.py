@@ -57,33 +57,33 @@ with SimulatedCrazyflie(served(battery_V=4.15), '127.0.0.1', 0, radio=RadioOptio
 def loop(minutes: float) -> None:
     """The real-time loop, in flights of 60 s of path each."""
     from nanobench_tools.cli.fly_controllers import pilot_for
-    from nanobench_tools.radio import fly
+    from nanobench_tools.radio import mission
     from nanobench_tools.radio.fly_plan import chosen_path
     from nanobench_tools.radio.fly_session import Request, fly_session
     from nanobench_tools.radio.mocap_sources import pose_source
     from nanobench_tools.radio.safety import Limits
 
     late, sent, ticks, missed, flown = [], [], 0, 0, 0.0
-    fly_whole = fly.Flight._fly
+    fly_whole = mission.Flight._fly
 
     def watched(flight):
         watches: list[Stopwatch] = []
-        made = fly.Pacer
+        made = mission.Pacer
 
         def pacer(*given):
             flight.pacer = made(*given)
             watches.append(Stopwatch(flight))
             return flight.pacer
 
-        fly.Pacer = pacer
+        mission.Pacer = pacer
         try:
             return fly_whole(flight)
         finally:
-            fly.Pacer = made
+            mission.Pacer = made
             for watch in watches:
                 watch.report()
 
-    fly.Flight._fly = watched
+    mission.Flight._fly = watched
     while flown < 60.0 * minutes:
         server = subprocess.Popen([sys.executable, "-c", SERVE], cwd=ROOT, stdin=subprocess.PIPE,
                                   stdout=subprocess.PIPE, text=True)
@@ -108,7 +108,7 @@ def loop(minutes: float) -> None:
               f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
         if outcome.stop is not None:
             break
-    fly.Flight._fly = fly_whole
+    mission.Flight._fly = fly_whole
     if not late:
         return
     begin, send = 1e3 * np.array(late), 1e3 * np.abs(sent)

@@ -29,9 +29,9 @@ from controllers.learned.demonstrations import HELD_OUT, TEACHER, Demonstration,
 from controllers.learned.policies import KINDS, trained
 from controllers.learned.rollouts import rolled, score
 from identification.learned.libraries import libraries
-from identification.learned.published import predictor_of, task_of
-from identification.learned.rows import rows_of
+from identification.learned.published_networks import predictor_of, task_of
 from identification.learned.training import Settings, filled, train
+from identification.learned.training_rows import rows_of
 from identification.naive import Naive
 from nanobench_tools.cli.options import Options
 from nanobench_tools.flight import Flight

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.greybox.ablation_study import fit_item, predictor_of, rungs
-from identification.greybox.predictor import GreyBoxPredictor, past_inputs, start_of
+from identification.greybox.fitted_predictor import GreyBoxPredictor, past_inputs, start_of
 from nanobench_tools import so3
 from nanobench_tools.cli.options import Options
 from nanobench_tools.methods import Prediction, Windows

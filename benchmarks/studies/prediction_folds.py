@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.greybox.data import MOST_WINDOWS, Cut, _rows, cut, gather
 from identification.greybox.fit import GreyBox
+from identification.greybox.fit_windows import MOST_WINDOWS, Cut, _rows, cut, gather
+from identification.greybox.fitted_predictor import past_inputs, start_of
 from identification.greybox.ladder import FULL
-from identification.greybox.predictor import past_inputs, start_of
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.solve import Prior, flown_errors
 from nanobench_tools.cli.options import Options

@@ -17,13 +17,13 @@ import argparse
 import numpy as np
 
 from identification.mismatch.commanded import believed
-from identification.mismatch.diagnose import judge, recorded
+from identification.mismatch.diagnosis import judge, recorded
 from identification.mismatch.proof import QUANTITIES
 from identification.mismatch.refit import refit
 from identification.mismatch.space import scales
 from identification.mismatch.wrench import Wrench
+from identification.prove.blind_proof import plan
 from identification.prove.make import Case, make_cases
-from identification.prove.run import plan
 
 
 def one(case: Case) -> tuple[np.ndarray, list[tuple[bool, float, float]]] | None:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from identification.mismatch.believe import beliefs
-from identification.mismatch.diagnose import recorded
+from identification.mismatch.diagnosis import recorded
 from identification.mismatch.wrench import FORCE_ROWS, ROW_S, Wrench
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Vehicle

@@ -19,7 +19,7 @@ import daqp
 import numpy as np
 
 from controllers.ensemble import Ensemble, draw, shipped_simulator
-from controllers.simulated import flown, made
+from controllers.simulated_flights import flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import TICK_S, Paths, score, specs_of
 

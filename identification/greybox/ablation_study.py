@@ -13,10 +13,10 @@ from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, score
 
-from .data import MOST_WINDOWS, cut
 from .fit import GreyBox, nuisances_of
+from .fit_windows import MOST_WINDOWS, cut
+from .fitted_predictor import GreyBoxPredictor
 from .ladder import LADDER, Rung
-from .predictor import GreyBoxPredictor
 
 SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 """The rungs of the main job."""

@@ -21,18 +21,18 @@ from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
-from .data import Cut, FitWindows, cases_of, cut, gather
 from .fit_result import FitResult
+from .fit_windows import Cut, FitWindows, cases_of, cut, gather
+from .fitted_predictor import GreyBoxPredictor
 from .flyability import Flight as Flown
 from .flyability import flies
-from .gains import learn_gains
-from .intervals import bootstrap, not_identified, profile
 from .ladder import FULL, HEAVY, Terms
 from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
-from .predictor import GreyBoxPredictor
+from .parameter_intervals import bootstrap, not_identified, profile
 from .ranges import bounds, falling_thrust, held, priors
 from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .symmetry import joined
+from .window_gains import learn_gains
 
 ADAPTS = ("none", "inputs", "past")
 INDEPENDENT_S = number("greybox.fit.independent_s")

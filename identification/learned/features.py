@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.greybox.balance import BEFORE, MIX, VOLTS
+from identification.greybox.balance_features import BEFORE, MIX, VOLTS
 from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.settings import number

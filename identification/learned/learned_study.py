@@ -14,10 +14,10 @@ from nanobench_tools.protocols.labels import family_of
 from nanobench_tools.protocols.task1 import Case
 
 from .own import SETTINGS, held_out, lesson
-from .published import KINDS, predictor_of, row_name, train_network
-from .rows import Rows, rows_of
+from .published_networks import KINDS, predictor_of, row_name, train_network
 from .together import Work, train_together
 from .training import Settings, Trained
+from .training_rows import Rows, rows_of
 
 OWN = {"physics_network": "fit_balanced", "physics_network_past": "fit_observed"}
 """Our rows -> the physics that each corrects."""

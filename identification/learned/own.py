@@ -29,7 +29,7 @@ from .bar import Step
 from .correction import WIDTH, corrected, modules, starts, wanted
 from .features import POSITIONS, Seen, position_matrices, seen
 from .libraries import libraries
-from .published import chunked
+from .published_networks import chunked
 from .together import Work
 from .training import Settings, Task, Trained, filled, train
 

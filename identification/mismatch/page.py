@@ -13,8 +13,8 @@ from nanobench_tools.flight import Fault
 from nanobench_tools.harness.results import plain, write_bytes
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.report.environment import environment
-from nanobench_tools.report.page import _template, breakable, plotly_source, safe_json
 from nanobench_tools.report.quantities import DASH
+from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
 from nanobench_tools.version import __version__
 
 from .pictures import pictures

@@ -10,7 +10,7 @@ import numpy as np
 
 from nanobench_tools.harness.results import plain, write_bytes
 from nanobench_tools.report.environment import environment
-from nanobench_tools.report.page import _template
+from nanobench_tools.report.report_page import _template
 from nanobench_tools.version import __version__
 
 from .causes import CAUSES

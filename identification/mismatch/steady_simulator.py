@@ -14,7 +14,7 @@ from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
-from .causes.vehicle import GAINS
+from .causes.other_vehicle import GAINS
 from .weigh import PRIOR, Normal
 
 K_M_M = number("mismatch.steady_simulator.k_m_m")

@@ -15,7 +15,7 @@ from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import number
 
-from .data import Log
+from .rotor_rows import Log
 
 AVERAGE_S = number("motors.force.average_s")
 ONE_VEHICLE = number("motors.force.one_vehicle")

@@ -26,7 +26,7 @@ from nanobench_tools.physics.term import Situation, Stage
 from nanobench_tools.physics.terms.thrust_rpm import TERM as THRUST_RPM
 from nanobench_tools.settings import setting
 
-from .data import Log
+from .rotor_rows import Log
 
 WINDOW_S = setting("motors.lag.window_s")
 BEFORE_S = setting("motors.lag.before_s")

@@ -17,7 +17,7 @@ from nanobench_tools.metrics.statistics import (
 from nanobench_tools.units import factor
 
 from . import lag as lags
-from . import rotation, steady, torque
+from . import rotation, steady_speed, torque
 from .motor_study import Study, inertia
 
 KINDS = {"rate": "rate_mae_rad_s", "roll_pitch": "roll_pitch_rate_mae_rad_s", "yaw": "yaw_rate_mae_rad_s",
@@ -137,7 +137,7 @@ def speed_part(study: Study, seed: int) -> dict[str, Any]:
     assert chosen is not None
     fast, slow = study.slopes
     best = None if chosen.best is None else chosen.fits[chosen.best]
-    rows = [{"model": name, "rms_rad_s": score.rms, "equation": steady.CANDIDATES[name].equation,
+    rows = [{"model": name, "rms_rad_s": score.rms, "equation": steady_speed.CANDIDATES[name].equation,
              "trouble": score.trouble or chosen.fits[name].fit.trouble} for name, score in chosen.scores.items()]
     return {"best": chosen.best, "spread_rad_s": chosen.spread, "rows": rows,
             "parameters": {} if best is None else {n: {"value": v, "unit": best.fit.map.units[n]}
@@ -146,7 +146,7 @@ def speed_part(study: Study, seed: int) -> dict[str, Any]:
             "curves": [] if best is None else _curves(study, best)}
 
 
-def _curves(study: Study, best: steady.Steady) -> list[dict[str, Any]]:
+def _curves(study: Study, best: steady_speed.Steady) -> list[dict[str, Any]]:
     u = np.concatenate([log.joined(log.u).ravel() for log in study.logs])
     volts = np.concatenate([log.joined(log.battery_V) for log in study.logs])
     low, high = np.quantile(u, (0.002, 0.998))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.thrust.export import export
-from identification.thrust.fit import Fit
+from identification.thrust.map_export import export
+from identification.thrust.stand_fit import Fit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model, Vehicle
@@ -19,9 +19,9 @@ from nanobench_tools.settings import count, setting
 
 from . import lag as lagging
 from . import rotation as turning
-from . import steady, torque
-from .data import Log, read_logs
+from . import steady_speed, torque
 from .force import ONE_VEHICLE, Force, errors, fit_force
+from .rotor_rows import Log, read_logs
 
 MOST_FOLDS = count("motors.motor_study.most_folds")
 AGREES = setting("motors.motor_study.agrees")
@@ -58,7 +58,7 @@ class Study:
     lag_ci95: dict[str, list[float]] = field(default_factory=dict)
     best_lag: str = ""
     windows: lagging.Windows | None = None
-    chosen: steady.Chosen | None = None
+    chosen: steady_speed.Chosen | None = None
     force_rms: dict[str, np.ndarray] = field(default_factory=dict)
     axes: dict[str, list[torque.Axis | None]] = field(default_factory=dict)
     rotation: dict[str, Scores] = field(default_factory=dict)
@@ -204,21 +204,21 @@ def _lags(study: Study, seed: int) -> None:
 
 
 def _steady(study: Study) -> None:
-    blocks = [steady.blocks_of(log, study.lag) for log in study.logs]
+    blocks = [steady_speed.blocks_of(log, study.lag) for log in study.logs]
     learn = study.train
-    study.chosen = steady.choose_steady([blocks[i] for i in learn], study.k_f)
+    study.chosen = steady_speed.choose_steady([blocks[i] for i in learn], study.k_f)
     rms: dict[str, np.ndarray] = {n: np.full(len(study.logs), np.nan) for n in ("rotor speed", "PWM and voltage")}
     best = study.chosen.best
     for train, test in study.folds:
         k_f = fit_force([study.logs[i] for i in train]).k_f_per_kg * study.vehicle.mass_kg
-        fitted = None if best is None else steady.fit_steady(
-            steady.CANDIDATES[best], [blocks[i] for i in train], k_f, study.chosen.fits[best].fit.shape or None)
+        fitted = None if best is None else steady_speed.fit_steady(
+            steady_speed.CANDIDATES[best], [blocks[i] for i in train], k_f, study.chosen.fits[best].fit.shape or None)
         for i in test:
             log = study.logs[i]
             per_kg = k_f / study.vehicle.mass_kg
             rms["rotor speed"][i] = _rms(errors(log, per_kg * np.sum(log.speed**2, axis=1)))
             if fitted is not None and fitted.fit.values:
-                speed = fitted.speed(steady.lagged(log, study.lag), log.battery_V)
+                speed = fitted.speed(steady_speed.lagged(log, study.lag), log.battery_V)
                 rms["PWM and voltage"][i] = _rms(errors(log, per_kg * np.sum(speed**2, axis=1)))
     study.force_rms = rms
 

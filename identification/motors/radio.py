@@ -13,7 +13,7 @@ from nanobench_tools.practice.logging_chain import LoggingChain, received, resam
 from nanobench_tools.practice.timeline import TICK_S
 from nanobench_tools.settings import number
 
-from .data import Log
+from .rotor_rows import Log
 
 RADIO_HZ = number("motors.radio.radio_hz")
 """Packets a second that arrive on average."""

@@ -23,9 +23,9 @@ from nanobench_tools.physics.model import QUATERNION, RATE
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.settings import count, setting
 
-from .data import Log
 from .lag import BEFORE_S, Lag
 from .radio import COARSE, coarse_rows
+from .rotor_rows import Log
 
 FIT_ROWS = count("motors.rotation.fit_rows")
 SCORED_ROWS = count("motors.rotation.scored_rows")

@@ -17,7 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number, setting
 
-from .data import Log
+from .rotor_rows import Log
 
 BAND_HZ = setting("motors.torque.band_hz")
 SHIFTS_S = np.arange(-0.004, 0.0161, 0.0005)

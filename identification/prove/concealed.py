@@ -21,11 +21,11 @@ import numpy as np
 from identification.greybox.ablation_study import fit_item
 from identification.greybox.ladder import FULL, Rung
 from identification.mismatch.believe import fit_along
-from identification.mismatch.diagnose import recorded
+from identification.mismatch.diagnosis import recorded
 from identification.mismatch.space import with_other_map
-from identification.thrust.data import flown_rows
-from identification.thrust.export import rising_cubic
 from identification.thrust.flight_fit import BALANCED, find_delay, fit_flights, models
+from identification.thrust.map_export import rising_cubic
+from identification.thrust.thrust_rows import flown_rows
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.faults.kinds import log_ended
@@ -35,7 +35,7 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.protocols.task1 import Case, Split
 
-from .run import Diagnose, Run
+from .blind_proof import Diagnose, Run
 from .score import score_case
 
 STOCK_KG = 0.0270

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.practice.plant import (
+from nanobench_tools.practice.rigid_bodies import (
     POSITION,
     QUATERNION,
     RATE,
@@ -23,10 +23,10 @@ from nanobench_tools.practice.plant import (
     battery_voltage,
     rotation_columns,
 )
-from nanobench_tools.practice.vehicle import Vehicles, draw_vehicles
+from nanobench_tools.practice.vehicle_parameters import Vehicles, draw_vehicles
 
 from .airframe import POSITIONS_M, SPIN, Airframe
-from .effects.base import Air, Effect
+from .effects.effect import Air, Effect
 
 Acting = tuple[np.ndarray, Effect]
 """The vehicles (k,) of a batch that an effect acts on, and the effect."""

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
-from nanobench_tools.practice.plant import POSITION, QUATERNION, RATE, THRUST, VELOCITY, rotation_columns
-from nanobench_tools.practice.vehicle import Vehicles
+from nanobench_tools.practice.rigid_bodies import POSITION, QUATERNION, RATE, THRUST, VELOCITY, rotation_columns
+from nanobench_tools.practice.vehicle_parameters import Vehicles
 
 from .airframe import ARM_M, POSITIONS_M, SPIN, Airframe
+from .case_kinds import CaseSpec, Hidden
 from .effects import EFFECTS
 from .engine import Acting, Engine
-from .kinds import CaseSpec, Hidden
 
 SPEED_MAX_RAD_S = 5000.0
 MOST_FLIGHTS = 4

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from .condition_labels import NORMAL, Label
 from .folders import LEAVE_ONE_OUT, Judged
-from .labels import NORMAL, Label
 from .summary import share
 
 Verdict = Mapping[str, Any]

@@ -11,18 +11,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from identification.mismatch.believe import fit_along
-from identification.mismatch.diagnose import recorded
-from identification.motors.data import read_logs
+from identification.mismatch.diagnosis import recorded
 from identification.motors.lag import DOWN, UP, fit_lag, windows_of
 from identification.motors.motor_study import hover, identify, simulator
+from identification.motors.rotor_rows import read_logs
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps, loads
 
+from .blind_proof import Run
 from .concealed import RealCase
-from .run import Run
 
 SPEED = "rpm"
 BESIDE = ("drag_linear",)

@@ -19,16 +19,16 @@ from nanobench_tools.practice.flights import EPOCH_S, SECONDS_APART, SEED_SECOND
 from nanobench_tools.practice.flying import Flown, flight_rngs, fly
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.logging_chain import LoggingChain, record
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.timeline import Timeline
-from nanobench_tools.practice.vehicle import Vehicles
+from nanobench_tools.practice.vehicle_parameters import Vehicles
 from nanobench_tools.sources.nanobench import write_nanobench
 
 from .airframe import Airframe
+from .case_kinds import OUTCOMES, CaseSpec, Hidden, forbids
 from .effects import EFFECTS
 from .effects.frame_tilt import FrameTilt
 from .engine import Acting, Engine, vehicles_of
-from .kinds import OUTCOMES, CaseSpec, Hidden, forbids
 
 PLACES = 16
 """Flight j of case i has the random numbers of number 16 i + j of the seed."""

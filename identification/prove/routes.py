@@ -9,7 +9,7 @@ import numpy as np
 
 from nanobench_tools.practice.references import PathSpec, path_spec
 
-from .kinds import FlightSpec
+from .case_kinds import FlightSpec
 
 MOST, FEWEST = 6, 4
 DURATION_S = (12.0, 22.0)

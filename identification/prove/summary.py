@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from .case_kinds import OUTCOMES
 from .effects import SIZES
-from .kinds import OUTCOMES
 
 Scored = Mapping[str, Any]
 

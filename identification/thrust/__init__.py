@@ -7,6 +7,6 @@
 """
 
 from .inverse import Inverse
-from .model import ThrustModel
+from .thrust_model import ThrustModel
 
 __all__ = ["Inverse", "ThrustModel"]

@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .fit import AT_BOUND
-from .flown import Flown, join
+from .flight_rows import Flown, join
 from .maps import Map
+from .stand_fit import AT_BOUND
 
 DOUBT_S = number("thrust.balanced.doubt_s")
 """Seconds in the air that the map itself counts for beside what was remembered (training flights held out in turn)."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .fit import Fit
-from .stand import Stand
+from .stand_fit import Fit
+from .stand_series import Stand
 
 BLOCKS = 20
 DRAWS = 200

@@ -26,9 +26,9 @@ from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .balanced import balance, fit_balanced
-from .fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
-from .flown import EVERY, RATE_HZ, Flown, fly, join
+from .flight_rows import EVERY, RATE_HZ, Flown, fly, join
 from .maps import MAPS, Map, Numbers
+from .stand_fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 
 LEVEL_SD = number("thrust.flight_fit.level_sd")
 NOISE_SD = number("thrust.flight_fit.noise_sd")

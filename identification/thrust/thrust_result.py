@@ -10,16 +10,8 @@ import numpy as np
 
 from nanobench_tools.retiming.votes import evidence_of
 
-from .data import Case, fit_to_fly, flown_rows
 from .electrical import battery_resistance, motor_constants
-from .firmware import PLUS
-from .fit import Fit
-from .flight_fit import FlightModel, find_delay
-from .intervals import in_turn
-from .levels import level_rows, weight_row
-from .model import ThrustModel
-from .stand import Stand
-from .tables import (
+from .error_tables import (
     Scored,
     basis_words,
     inverse_table,
@@ -29,6 +21,14 @@ from .tables import (
     propeller_mates,
     scored,
 )
+from .firmware import PLUS
+from .flight_fit import FlightModel, find_delay
+from .flight_levels import level_rows, weight_row
+from .prediction_intervals import in_turn
+from .stand_fit import Fit
+from .stand_series import Stand
+from .thrust_model import ThrustModel
+from .thrust_rows import Case, fit_to_fly, flown_rows
 from .thrust_study import Study, study
 
 Cases = Sequence[Case]

@@ -15,12 +15,12 @@ import numpy as np
 from nanobench_tools.settings import count, number
 
 from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
-from .fit import Fit, fit_stands
 from .flight_fit import FlightFit, FlightModel, fit_flights, models
-from .flown import Flown
-from .intervals import half_width, sessions, widened
+from .flight_rows import Flown
 from .maps import MAPS, Map, Numbers
-from .stand import Stand
+from .prediction_intervals import half_width, sessions, widened
+from .stand_fit import Fit, fit_stands
+from .stand_series import Stand
 
 File = Stand | Flown
 AnyFit = Fit | FlightFit

@@ -38,7 +38,7 @@ def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains:
     with these, those of TUNED fly again."""
     from controllers.learned.demonstrations import demonstrations, shown
-    from controllers.learned.fly import corrected
+    from controllers.learned.learned_flights import corrected
     from controllers.learned.policies import KINDS, trained
     from identification.learned.libraries import libraries
 
@@ -90,7 +90,7 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
     if options.out is None or not shown.test:
         return
     from controllers.learned.policies import commands
-    from identification.learned.pictures import command_figure, learning_figure, write_page
+    from identification.learned.learning_pictures import command_figure, learning_figure, write_page
 
     flight = next((d for d in shown.test if d.controller == "pid"), shown.test[0])
     said = {kind: commands(networks[kind], flight) for kind in CLONED if kind in networks}
@@ -106,8 +106,8 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
     from controllers.learned.rollouts import rolled, score
 
     from ..protocols.published import beside
+    from ..protocols.score_tables import summaries
     from ..protocols.sessions import row_keys
-    from ..protocols.tables import summaries
     from ..protocols.task2 import PUBLISHED
 
     rows, sessions = [], options.sessions.by_name(options.flights)
@@ -140,7 +140,7 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
                summary: Mapping[str, Any] | None,
                gains: Mapping[str, Mapping[str, float]] | None = None) -> list[dict[str, Any]]:
     """Rows of the learned controllers on the ensemble of plants, with the gate's error bar."""
-    from controllers.learned.fly import PILOTS, fly_learned
+    from controllers.learned.learned_flights import PILOTS, fly_learned
 
     from ..harness import make_item
     from ..protocols.simulated import LOST_M, tabulate

@@ -111,7 +111,7 @@ def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, 
 def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], speeds: Sequence[float],
                     seconds: float) -> list[PathSpec]:
     """The paths; UsageError for an unknown controller, trajectory or too short a path, before anything is read."""
-    from controllers.simulated import settled_s
+    from controllers.simulated_flights import settled_s
 
     from ..protocols.simulated import specs_of
     from ..registry import load
@@ -130,7 +130,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
 
     Raises InputError when it was ``asked`` for and no recording can be judged.
     """
-    from controllers.gate import fly_cases
+    from controllers.gate_flights import fly_cases
 
     from ..harness import make_item
     from ..protocols import gate
@@ -254,7 +254,7 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
     """{rows, flights, solve_times, error_bar, simulated_plant}: every controller (all registered ones without
     ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
     families."""
-    from controllers.simulated import fly_controller
+    from controllers.simulated_flights import fly_controller
 
     from ..harness import make_item
     from ..protocols.simulated import solve_times, tabulate
@@ -299,7 +299,7 @@ def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | N
 def mismatch_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
                   gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, mismatch_plant}: every controller on plants that differ from what it was told in one thing each."""
-    from controllers.simulated import fly_mismatched
+    from controllers.simulated_flights import fly_mismatched
 
     from ..harness import make_item
     from ..protocols.simulated import tabulate_cases

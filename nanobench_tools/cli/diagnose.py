@@ -96,7 +96,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         recordings, verdict = _of_callable(options, simulator, mass_kg)
     else:
         model = None if simulator is None else read_simulator(Path(simulator))
-        from identification.mismatch.diagnose import diagnose as run_diagnosis
+        from identification.mismatch.diagnosis import diagnose as run_diagnosis
 
         look = _read(options)
         model = model or _beliefs(options, simulated, mass_kg)
@@ -171,7 +171,7 @@ def _is_file(simulator: str) -> bool:
 
 def _of_callable(options: Options, simulator: str, mass_kg: float) -> tuple[Recordings, Verdict]:
     """A simulator of somebody else's. Recordings without a battery are judged where it does not look at one."""
-    from identification.mismatch.diagnose import diagnose_callable
+    from identification.mismatch.diagnosis import diagnose_callable
     from identification.mismatch.equivalent import needs_battery
     from identification.mismatch.track import missing
 

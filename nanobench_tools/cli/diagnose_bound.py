@@ -25,7 +25,7 @@ GIVEN = ("start state, inputs of the window and of the half second before; the n
 def flexible(options: Options, verdict: Verdict, recordings: Recordings, simulator: Model) -> dict[str, Any] | None:
     """{flights, windows, given, simulator, flexible, corrected: {quantity: {"1", "10", "50", "sum"}}, share, sentence};
     None where too few flights can be predicted, which is said."""
-    from identification.greybox.data import cut
+    from identification.greybox.fit_windows import cut
     from identification.learned.bound import flexible_bound
 
     from ..physics.predictor import ModelPredictor

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .folders import copies_between
 from .options import Options
+from .real_folders import copies_between
 from .show import data_word
 
 if TYPE_CHECKING:

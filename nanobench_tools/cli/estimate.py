@@ -12,7 +12,7 @@ import click
 from ..errors import InputError, UsageError
 from ..retiming.votes import voters, votes
 from .estimate_pictures import aided_bands, attribution, blackout_bands
-from .methods import load_methods
+from .named_methods import load_methods
 from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 

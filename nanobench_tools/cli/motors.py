@@ -65,7 +65,7 @@ def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | 
 
     from ..harness.results import plain, write_bytes
     from ..physics.simulator import write_simulator
-    from ..report.motors import motors_page
+    from ..report.motors_page import motors_page
 
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside

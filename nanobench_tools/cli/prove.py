@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
-from .folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .options import PATH, Options, one_line, shared_options
+from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .show import data_word
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
 
 
 def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[str, Any]:
-    from identification.mismatch.diagnose import diagnose_flights
-    from identification.prove.run import diagnose_cases, open_and_score, plan, prove_body, seal_cases
+    from identification.mismatch.diagnosis import diagnose_flights
+    from identification.prove.blind_proof import diagnose_cases, open_and_score, plan, prove_body, seal_cases
 
     specs = plan(n, options.seed, kinds, engine)
     if options.out is not None:
@@ -99,7 +99,7 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[
 
 
 def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str, Any]:
-    from identification.mismatch.diagnose import diagnose_flights
+    from identification.mismatch.diagnosis import diagnose_flights
     from identification.prove.concealed import RealCase, dead_logs, diagnose_real, fit_simulators, real_cases
     from identification.prove.hidden_speed import SPEED, speed_cases, with_speed
     from identification.prove.summary import power_by_term, summarise
@@ -130,9 +130,9 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
           mass_kg: float | None) -> dict[str, Any]:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
     from identification.mismatch.steady_page import write_steady_page
+    from identification.prove.condition_labels import read_labels
     from identification.prove.folder_score import score_folders
     from identification.prove.folders import LEAVE_ONE_OUT, judge
-    from identification.prove.labels import read_labels
 
     from ..audit import find_copies
     from ..physics.simulator import read_quadrotor

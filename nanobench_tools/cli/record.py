@@ -50,7 +50,7 @@ def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: s
     from ..radio.fly_clock import HostClock
     from ..radio.fly_link import open_link
     from ..radio.mocap_sources import pose_source
-    from ..radio.record import Recorder, check_folder, recording_name
+    from ..radio.recorder import Recorder, check_folder, recording_name
 
     wanted = read_blocks(blocks) if blocks else default_blocks()
     source = pose_source(mocap, uri) if mocap else None

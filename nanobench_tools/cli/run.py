@@ -48,7 +48,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     from ..protocols.selection import distinct
     from ..report import write_report
     from ..sources.discover import default_data
-    from .clocks import ASKED, Recordings, control_on, estimate_on, sysid_on
+    from .run_clocks import ASKED, Recordings, control_on, estimate_on, sysid_on
 
     out = options.out = options.out or OUT
     stages: dict[str, Callable[[Recordings], dict[str, Any]]] = {

@@ -45,7 +45,7 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     from ..practice import CONTROLLERS, FAMILIES, LoggingChain, write_practice
     from ..registry import names
     from ..signals.controller import RESERVED
-    from .methods import load_methods
+    from .named_methods import load_methods
 
     if options.out is None:
         raise UsageError("--out DIR is needed")

@@ -138,7 +138,7 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
     """The vehicles, not yet served; their seeds follow one another."""
     from ..radio.simulated.channel import RadioOptions
     from ..radio.simulated.motion_capture import MocapOptions
-    from ..radio.simulated.onboard import Build
+    from ..radio.simulated.onboard_services import Build
     from ..radio.simulated.server import SimulatedCrazyflie
 
     hangs = given["hangs"] or (0.0, 0.0)

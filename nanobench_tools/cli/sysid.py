@@ -11,7 +11,7 @@ import click
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from ..retiming.votes import evidence_of
-from .methods import load_methods
+from .named_methods import load_methods
 from .options import AS_RECORDED, PATH, Options, shared_options
 from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, choose, exported, fitted

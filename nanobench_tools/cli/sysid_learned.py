@@ -57,7 +57,7 @@ def draw(options: Options, rows: Sequence[Mapping[str, Any]], learned: Sequence[
     """learned.html in ``--out``: errors against the horizon, learning curves, paths of a held-out helix."""
     if options.out is None or not learned:
         return
-    from identification.learned.pictures import horizon_figure, learning_figure, path_figure, write_page
+    from identification.learned.learning_pictures import horizon_figure, learning_figure, path_figure, write_page
 
     fits = [p for p in predictors if p.name in ("published_physics", "fit_balanced")]
     path = options.out / "learned.html"

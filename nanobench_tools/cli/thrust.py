@@ -60,8 +60,8 @@ def thrust_body(options: Options, flights: Sequence[Flight],
                 mass_kg: float = 0.04085) -> tuple[dict[str, Any], list[Part]]:
     """(the keys of thrust.json, the parts they are from), with the tables shown; ``given`` (train, test) replaces the
     splits. InputError when nothing can be fitted."""
-    from identification.thrust.data import sort_out
     from identification.thrust.thrust_result import whole
+    from identification.thrust.thrust_rows import sort_out
 
     left: dict[str, str] = {}
     stands, flown = sort_out(flights)
@@ -83,8 +83,8 @@ def thrust_body(options: Options, flights: Sequence[Flight],
 
 def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
             left: dict[str, str]) -> Part | None:
-    from identification.thrust.data import stand_rows
     from identification.thrust.thrust_result import stand_part
+    from identification.thrust.thrust_rows import stand_rows
 
     rows = stand_rows(stands)
     left |= rows.reasons
@@ -125,7 +125,7 @@ def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str],
 def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
            names: tuple[set[str], set[str]] | None) -> tuple[list, list, str, dict[str, str]]:
     """(training cases, test cases, how they were chosen, reasons of the recordings in neither)."""
-    from identification.thrust.data import cases_of
+    from identification.thrust.thrust_rows import cases_of
 
     from ..protocols import task1
     from ..protocols.selection import apart, distinct
@@ -163,7 +163,7 @@ def _comparable(flight: Flight) -> Flight:
 
 def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
     from ..harness.results import plain, write_bytes
-    from ..report.thrust import thrust_page
+    from ..report.thrust_page import thrust_page
 
     out.mkdir(parents=True, exist_ok=True)
     first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]

@@ -56,7 +56,7 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
     says so. Writes gains_CONTROLLER.toml to --out, which control --gains reads. A killed search goes on.
     """
     from controllers.gains import dumps
-    from controllers.simulated import made, settled_s
+    from controllers.simulated_flights import made, settled_s
     from controllers.tuning import compared, evaluate, objective, shortlist
 
     from ..harness.results import write_bytes

@@ -40,4 +40,4 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="clock", cuts=True, cuts_trim=False,
-                  injection="nanobench_tools.practice.inject.clocks:BACKWARD_TIME")
+                  injection="nanobench_tools.practice.inject.clock_faults:BACKWARD_TIME")

@@ -35,4 +35,4 @@ def _left_s(fault: Fault) -> float:
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=_left_s, whole=True,
-                  injection="nanobench_tools.practice.inject.clocks:CLOCK_DRIFT")
+                  injection="nanobench_tools.practice.inject.clock_faults:CLOCK_DRIFT")

@@ -58,4 +58,4 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=lambda fault: abs(fault.size),
-                  whole=True, injection="nanobench_tools.practice.inject.clocks:CLOCK_OFFSET")
+                  whole=True, injection="nanobench_tools.practice.inject.clock_faults:CLOCK_OFFSET")

@@ -48,4 +48,4 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, whole=True,
-                  injection="nanobench_tools.practice.inject.clocks:CLOCK_WANDER")
+                  injection="nanobench_tools.practice.inject.clock_faults:CLOCK_WANDER")

@@ -39,4 +39,4 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="clock",
-                  injection="nanobench_tools.practice.inject.clocks:DUPLICATE_TIME")
+                  injection="nanobench_tools.practice.inject.clock_faults:DUPLICATE_TIME")

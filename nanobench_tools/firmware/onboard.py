@@ -13,7 +13,7 @@ from ..methods import Reference, VehicleState
 from ..units import PWM_FULL_SCALE
 from . import lee, mellinger, pid
 from .flatness import body_rates
-from .motors import MotorOutput
+from .motor_output import MotorOutput
 from .records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT, WRENCH
 
 PERIOD_S = 0.002

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..flight import Flight
 from ..methods import VehicleState
 from ..units import PWM_FULL_SCALE
-from . import mellinger, motors, pid
+from . import mellinger, motor_output, pid
 from .onboard import estimates
 from .records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT
 from .thrust_curve import thrust_of_voltage
@@ -43,7 +43,7 @@ class Replay:
     on: np.ndarray
 
 
-def replay(flight: Flight, controller: str, build: np.ndarray = motors.BUILD) -> Replay:
+def replay(flight: Flight, controller: str, build: np.ndarray = motor_output.BUILD) -> Replay:
     """``controller`` pid or mellinger, ``build`` of the motors (1, 2).
 
     Needs estimator, attitude, gyro, setpoint, motor and battery streams.
@@ -57,10 +57,10 @@ def replay(flight: Flight, controller: str, build: np.ndarray = motors.BUILD) ->
     control, trace = np.zeros((len(steps), 1), CONTROL), np.zeros((len(steps), 1), code.STATE)
     code.run_steps(steps, code.defaults(), np.zeros(1, code.STATE), np.repeat(setpoint, HELD, axis=0),
                    np.repeat(estimate, HELD, axis=0), control, trace)
-    counts, filtered = np.zeros((len(t), 1, 4), np.int32), np.full(1, motors.VOLTAGE_START_V)
+    counts, filtered = np.zeros((len(t), 1, 4), np.int32), np.full(1, motor_output.VOLTAGE_START_V)
     volt, last = state.battery_V.astype(np.float32), slice(HELD - 1, None, HELD)
     for k, row in enumerate(control[last]):
-        motors.drive_legacy(HELD, row, volt[k:k + 1], filtered, build, counts[k])
+        motor_output.drive_legacy(HELD, row, volt[k:k + 1], filtered, build, counts[k])
     attitude = np.full((len(t), 3), np.nan)
     if controller == "pid":
         attitude = np.radians(trace["attitude_deg"][last, 0].astype(float)) * [1.0, -1.0, 1.0]
@@ -107,7 +107,7 @@ def _inputs(flight: Flight, controller: str, end_s: float = np.inf) -> tuple:
     return t, on, state, setpoint, estimate
 
 
-def flown_command(flight: Flight, time_s: np.ndarray, build: np.ndarray = motors.BUILD) -> np.ndarray:
+def flown_command(flight: Flight, time_s: np.ndarray, build: np.ndarray = motor_output.BUILD) -> np.ndarray:
     """Mean command [counts] (m,) of the four motors that the logged PWM and battery amount to: the thrust asked for
     wherever no motor is at the cap."""
     volt = flight["motor"].interpolate(MOTORS, time_s) * flight["battery"].interpolate("vbat", time_s)[:, None]
@@ -127,9 +127,9 @@ def build_of(flight: Flight) -> np.ndarray | None:
     rows = (ratio.max(axis=1) < BELOW_CAP) & (ratio.min(axis=1) > MOTOR_ON) & (command < BELOW_CAP) & (command > 0.3)
     if rows.sum() < MIN_ROWS:
         return None
-    share = flown_command(flight, t[rows], motors.BUILD) / (PWM_FULL_SCALE * command[rows])
-    full_N = float(motors.BUILD[0, 0] * np.median(share))
-    return min((motors.BUILD, motors.EARLIER_BUILD), key=lambda build: abs(float(build[0, 0]) - full_N))
+    share = flown_command(flight, t[rows], motor_output.BUILD) / (PWM_FULL_SCALE * command[rows])
+    full_N = float(motor_output.BUILD[0, 0] * np.median(share))
+    return min((motor_output.BUILD, motor_output.EARLIER_BUILD), key=lambda build: abs(float(build[0, 0]) - full_N))
 
 
 def _rotations(flight: Flight, t: np.ndarray) -> np.ndarray:

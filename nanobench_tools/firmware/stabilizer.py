@@ -11,13 +11,13 @@ import math
 import numba as nb
 import numpy as np
 
-from . import kalman, kalman_task, lee, mellinger, motors, pid
+from . import kalman, kalman_task, lee, mellinger, motor_output, pid
 from .float32 import ATTITUDE_EVERY, ONE, TO_DEG, TWO, F
 from .kalman import PX
 from .kalman_task import task_step
 from .lee import lee_step
 from .mellinger import mellinger_step
-from .motors import VOLTAGE_START_V, cap, drive, filter_voltage, mix_legacy, mix_wrench
+from .motor_output import VOLTAGE_START_V, cap, drive, filter_voltage, mix_legacy, mix_wrench
 from .pid import low_pass, pid_step
 from .records import CONTROL, ESTIMATE, SETPOINT, WRENCH
 
@@ -138,7 +138,7 @@ class Stabilizer:
         self.loop, self.setpoint = np.zeros(1, LOOP), np.zeros(1, SETPOINT)
         self.gains = (pid.defaults(), mellinger.defaults(), lee.defaults())
         self.states = (np.zeros(1, pid.STATE), np.zeros(1, mellinger.STATE), np.zeros(1, lee.STATE))
-        self.build = motors.BUILD.copy()
+        self.build = motor_output.BUILD.copy()
         self.kalman, self.task = kalman.defaults(), np.zeros(1, kalman_task.TASK)
         self.run = np.zeros(1, kalman_task.RUN)
         self.run["t_ms"] = tick_ms

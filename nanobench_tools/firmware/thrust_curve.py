@@ -27,7 +27,7 @@ def thrust_of_voltage(voltage_V: np.ndarray) -> np.ndarray:
 def voltage_of_thrust(thrust_N):
     """Thrust [N], a float or an array -> motor voltage [V]; the cubic is strictly rising: its one real root by Cardano.
 
-    ``motors.py`` compiles this same function.
+    ``motor_output.py`` compiles this same function.
     """
     c0, c1, c2, c3 = COEFFICIENTS
     p = -c2 / (3.0 * c3)

@@ -4,7 +4,7 @@ from .flights import practice_flight, practice_flights, write_practice
 from .flying import Flown, fly
 from .logging_chain import PERFECT, LoggingChain
 from .mocap import MocapNoise
-from .onboard import CONTROLLERS
+from .onboard_crowd import CONTROLLERS
 from .references import FAMILIES, PathSpec, path_spec
 
 __all__ = ["CONTROLLERS", "FAMILIES", "PERFECT", "Flown", "LoggingChain", "MocapNoise", "PathSpec", "fly", "path_spec",

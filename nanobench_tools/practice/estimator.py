@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from .. import so3
 from ..settings import number, setting
-from .plant import POSITION, QUATERNION, VELOCITY, Plant
+from .rigid_bodies import POSITION, QUATERNION, VELOCITY, Plant
 from .timeline import TICK_S
 
 POSITION_LAG_S = number("practice.estimator.position_lag_s")

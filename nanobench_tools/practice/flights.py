@@ -13,7 +13,7 @@ from ..methods import Controller
 from ..sources.nanobench import write_nanobench
 from .flying import Flown, flight_rngs, fly
 from .logging_chain import LoggingChain, record
-from .onboard import CONTROLLERS, OnboardFleet
+from .onboard_crowd import CONTROLLERS, OnboardFleet
 from .references import RECORDED, PathSpec, path_spec
 
 EPOCH_S = 1_700_000_000.0

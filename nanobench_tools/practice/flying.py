@@ -14,11 +14,11 @@ from ..methods import Controller, VehicleState
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
-from .onboard import ControllerLog
-from .plant import POSITION, QUATERNION, RATE, VELOCITY, Plant
+from .onboard_crowd import ControllerLog
 from .references import PathSpec
+from .rigid_bodies import POSITION, QUATERNION, RATE, VELOCITY, Plant
 from .timeline import TICK_S, Events, Timeline, draw_events
-from .vehicle import Vehicles, draw_vehicles
+from .vehicle_parameters import Vehicles, draw_vehicles
 
 STEP_S = 0.002
 """Step of the physics and shortest control period: 500 Hz."""

@@ -27,8 +27,8 @@ from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
 from ..settings import number
 from .aided import Aiding, given_to
+from .score_tables import summaries
 from .sessions import row_keys
-from .tables import summaries
 from .task3 import Case, score_given
 
 WHOLE = Aiding(rate_hz=100.0, delay_s=0.0, noise_m=0.0)

@@ -16,8 +16,8 @@ import numpy as np
 from ..errors import InputError
 from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
+from .score_tables import group_order, summaries
 from .sessions import Sessions, row_keys
-from .tables import group_order, summaries
 from .task3 import Case, checked, given_and_trained
 from .usable import POSE
 

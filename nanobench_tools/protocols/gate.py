@@ -1,9 +1,9 @@
 """The gate of Task 2: does the plant, flown by the controller that flew, do what the recording did?
 
 A case is a held-out recording from the first to the last time it was in the air, as far as its log is alive. What
-flies it again (``controllers.gate``) is given setpoints, battery, the gaps of the radio and the state at the start as
-logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of the real
-one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
+flies it again (``controllers.gate_flights``) is given setpoints, battery, the gaps of the radio and the state at the
+start as logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of
+the real one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ..metrics.trajectory import rms
 from ..settings import count, number
 from ..signals.radio_gaps import radio_gaps
 from .phases import is_cut, streamed_phase
+from .score_tables import summaries
 from .selection import distinct
 from .sessions import row_keys
-from .tables import summaries
 from .usable import MOCAP, MOTORS, usable
 
 RATIO, LAG_S, GAP_M = 0.10, 0.030, 0.05

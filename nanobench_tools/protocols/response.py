@@ -42,7 +42,7 @@ LAG_S = number("prediction.response.lag_s")
 
 def reference() -> Predictor:
     """Physics with numbers from firmware, scale and ruler."""
-    from ..firmware.motors import YAW_ARM_M
+    from ..firmware.motor_output import YAW_ARM_M
     from ..firmware.thrust_curve import COEFFICIENTS
     from ..physics import Model, Vehicle
     from ..physics.predictor import ModelPredictor

@@ -24,9 +24,9 @@ from ..metrics.trajectory import rms
 from .labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
 from .published import beside
+from .score_tables import summaries
 from .selection import distinct
 from .sessions import Sessions, row_keys
-from .tables import summaries
 from .usable import MOCAP, MOTORS, usable
 
 PROTOCOLS = ("as-published", "clean")

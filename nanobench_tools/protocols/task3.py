@@ -29,10 +29,10 @@ from ..metrics.attitude import published_euler_rmse_deg
 from .labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
+from .score_tables import group_order, groups_of, summaries
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .sessions import Sessions, row_keys
-from .tables import group_order, groups_of, summaries
 from .usable import MOCAP, POSE, cut_by, missing, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")

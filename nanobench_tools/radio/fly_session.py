@@ -12,7 +12,6 @@ from ..errors import InputError
 from ..practice.references import PathSpec
 from .blocks import Block
 from .checklist import check_tables, health_blocks
-from .fly import Flight
 from .fly_clock import Clock, HostClock
 from .fly_feed import Feed
 from .fly_link import check_uri, open_link
@@ -20,9 +19,10 @@ from .fly_outcome import Listener, Outcome, summary
 from .fly_pilot import Pilot
 from .fly_plan import Plan
 from .fly_prepare import Preparation, Ready
+from .mission import Flight
 from .pose_source import PoseSource
-from .record import Recorder, check_folder, recording_name
 from .record_export import Exported, export
+from .recorder import Recorder, check_folder, recording_name
 from .safety import Limits
 from .watch import Watch
 

@@ -23,7 +23,7 @@ from .pose_source import Sink
 from .simulated.channel import RadioOptions
 from .simulated.motion_capture import MocapOptions
 from .simulated.simulation import Simulation
-from .simulated.vehicle import Vehicle
+from .simulated.vehicle_protocol import Vehicle
 
 STEP_S = 0.001
 SETTLE_S = 5.0

@@ -29,7 +29,7 @@ from .blocks import Block
 from .packets import ECHO, LOG, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
 from .pose_datagram import unpack
 from .pose_source import seen
-from .record import RAW_FOLDER
+from .recorder import RAW_FOLDER
 
 OWN = {"setpoint": {"yaw": (Variable("ctrltarget.yaw", "deg"),)}}
 """The format keeps what the firmware calls ctrltarget.yaw (a rate) in a column of degrees."""

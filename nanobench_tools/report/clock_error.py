@@ -13,7 +13,7 @@ import numpy as np
 from ..flight import Flight, Span, mask_of
 from ..metrics.timing import MINIMUM_SPEED_M_S
 from ..metrics.trajectory import rms
-from .audits import CLOCK_STREAMS, cut_spans, total
+from .audit_entry import CLOCK_STREAMS, cut_spans, total
 from .decimate import extreme_rows, pack
 from .quantities import number
 

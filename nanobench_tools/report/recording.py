@@ -13,7 +13,7 @@ import numpy as np
 from .. import so3
 from ..faults.kinds import group_of, kinds
 from ..flight import Flight, Span, Stream, mask_of
-from .audits import cut_spans, fault_counts, share_valid, span_of, streams_of, total
+from .audit_entry import cut_spans, fault_counts, share_valid, span_of, streams_of, total
 from .clock_error import clock_error
 from .decimate import at_rate, extreme_rows, pack
 from .quantities import DASH, format_number, number

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..protocols.labels import OTHER_FAMILIES
 from ..protocols.sessions import interval_note
-from .audits import CLOCK_STREAMS, fault_counts, share_clean, total
+from .audit_entry import CLOCK_STREAMS, fault_counts, share_clean, total
 from .quantities import shown
 from .tables import Cell, Column, Score, Table
 

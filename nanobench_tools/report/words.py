@@ -8,7 +8,7 @@ from typing import Any
 from ..metrics.statistics import excludes_one
 from ..protocols.compare import verdict
 from ..retiming.votes import CLOCKS
-from .audits import fault_counts, lost_in_the_air, total
+from .audit_entry import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
 from .rows import AS_RECORDED, BLACKOUT, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock, one_truth
 

@@ -16,9 +16,9 @@ from nanobench_tools.frames import MOTOR_SIGNS
 from nanobench_tools.guard import HOLD_S, SINK
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
-from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.references import path_spec
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 NAMES = ("geometric", "lead_pid", "lqr", "mellinger_full", "onboard_mellinger", "onboard_pid")
 PREVIEW = ("geometric", "lqr", "mellinger_full")

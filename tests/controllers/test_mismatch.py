@@ -6,7 +6,7 @@ import pytest
 from controllers.ensemble import draw, shipped_simulator
 from controllers.mismatch import CASES, TOLD_RADIO_S, mismatched
 from controllers.mpc_horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_leaps
-from controllers.simulated import Told, flown, made
+from controllers.simulated_flights import Told, flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import Paths, score, specs_of
 

@@ -21,9 +21,9 @@ from controllers.nmpc import Nmpc
 from nanobench_tools import registry, so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.methods import Controller, Reference, VehicleState
-from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.references import path_spec
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 KINDS = {"mpc_daqp": MpcDaqp, "mpc_osqp": MpcOsqp, "nmpc": Nmpc}
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))

@@ -10,8 +10,8 @@ from controllers.mpc_linear import MpcDaqp, MpcOsqp
 from controllers.mpc_model import practice_model
 from controllers.nmpc import Nmpc
 from nanobench_tools.methods import Reference, VehicleState
-from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, Plant
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))
 LIMIT = 0.5

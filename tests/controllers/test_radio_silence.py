@@ -7,7 +7,7 @@ import pytest
 
 from controllers.ensemble import draw, shipped_simulator
 from controllers.radio_silence import LONGER_S, SHORTEST_S, Waiting, heard, silence
-from controllers.simulated import flown, made
+from controllers.simulated_flights import flown, made
 from nanobench_tools.cli.main import main
 from nanobench_tools.methods import Reference
 from nanobench_tools.physics.simulator import loads

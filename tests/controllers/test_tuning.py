@@ -8,7 +8,7 @@ import pytest
 from controllers import gains as of_gains
 from controllers.ensemble import shipped_simulator
 from controllers.gains import Gain, around, read_gains
-from controllers.simulated import made
+from controllers.simulated_flights import made
 from controllers.tuning import LOST_M, SHORT, compared, logs, objective, search, shortlist
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from firmware_tables import columns, read, replay
 
-from nanobench_tools.firmware import lee, mellinger, motors, pid
+from nanobench_tools.firmware import lee, mellinger, motor_output, pid
 from nanobench_tools.firmware.flatness import body_rates
 from nanobench_tools.firmware.records import CONTROL, WRENCH
 
@@ -114,15 +114,15 @@ def test_legacy_mixer_and_cap(real_data):
     for name in CONTROL.names:
         control[name] = told[name]
     for one, motor in zip(control, counts, strict=True):
-        motors.mix_legacy(one, motor)
+        motor_output.mix_legacy(one, motor)
     np.testing.assert_array_equal(counts, columns(told, *(f"{m}_uncapped" for m in MOTORS)))
     for motor in counts:
-        motors.cap(motor)
+        motor_output.cap(motor)
     np.testing.assert_array_equal(counts, columns(told, *MOTORS))
     told = table(real_data, "motor_cap.csv")
     counts = columns(told, *(f"{m}_in" for m in MOTORS)).astype(np.int32)
     for motor in counts:
-        motors.cap(motor)
+        motor_output.cap(motor)
     np.testing.assert_array_equal(counts, columns(told, *MOTORS))
 
 
@@ -132,14 +132,14 @@ def test_force_torque_mixer(real_data):
     wrench["thrust_N"] = told["thrust_N"]
     wrench["torque_N_m"] = columns(told, *(f"torque_{axis}_Nm" for axis in "xyz"))
     for one, motor in zip(wrench, counts, strict=True):
-        motors.mix_wrench(one, motors.BUILD[0], motor)
+        motor_output.mix_wrench(one, motor_output.BUILD[0], motor)
     np.testing.assert_array_equal(counts, columns(told, *(f"{m}_uncapped" for m in MOTORS)))
 
 
 def test_battery_compensation(real_data):
     told = table(real_data, "battery_compensation.csv")
     command, volt = (told[name].astype(np.float32) for name in ("thrust_command", "supply_voltage_V"))
-    found = motors.compensated(command, volt, *motors.BUILD[0])
+    found = motor_output.compensated(command, volt, *motor_output.BUILD[0])
     assert worst(found, told["pwm_float"]) < 0.05
     assert worst(found.astype(int), told["pwm_int"]) <= 1
 
@@ -147,12 +147,13 @@ def test_battery_compensation(real_data):
 def test_whole_motor_chain(real_data):
     told = table(real_data, "motor_chain.csv.xz")
     n = len(told["thrust"])
-    control, filtered, counts = np.zeros(n, CONTROL), np.full(1, motors.VOLTAGE_START_V), np.zeros((n, 1, 4), np.int32)
+    control, counts = np.zeros(n, CONTROL), np.zeros((n, 1, 4), np.int32)
+    filtered = np.full(1, motor_output.VOLTAGE_START_V)
     for name in CONTROL.names:
         control[name] = told[name]
     volt, voltage = told["vbat_V"].astype(np.float32), []
     for k in range(n):
-        motors.drive_legacy(1, control[k:k + 1], volt[k:k + 1], filtered, motors.BUILD, counts[k])
+        motor_output.drive_legacy(1, control[k:k + 1], volt[k:k + 1], filtered, motor_output.BUILD, counts[k])
         voltage.append(filtered[0])
     assert worst(np.array(voltage), told["filtered_voltage_V"]) < 1e-6
     assert worst(counts[:, 0], columns(told, *MOTORS)) <= 1

@@ -5,7 +5,7 @@ import pytest
 
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.firmware import motors
+from nanobench_tools.firmware import motor_output
 from nanobench_tools.firmware.records import CONTROL
 from nanobench_tools.firmware.replay import MOTORS, build_of, flown_command, replay
 from nanobench_tools.flight import Flight, Provenance, intersect_spans, make_stream, mask_of
@@ -21,8 +21,8 @@ def steady():
     t = np.arange(0.0, 8.0, 0.01)
     n, still = len(t), np.zeros((len(t), 3))
     counts = np.zeros((1, 4), np.int32)
-    motors.drive_legacy(1000, np.array([(40000.0, 300, -200, 100)], CONTROL), np.float32([3.6]),
-                        np.float32([3.6]), motors.BUILD, counts)
+    motor_output.drive_legacy(1000, np.array([(40000.0, 300, -200, 100)], CONTROL), np.float32([3.6]),
+                        np.float32([3.6]), motor_output.BUILD, counts)
     ones = np.ones((n, 1))
     return Flight("steady", {
         "estimator": make_stream("estimator", t, np.hstack([still, still]), ("x", "y", "z", "vx", "vy", "vz")),
@@ -43,8 +43,8 @@ def flown(folder, name):
 
 
 @pytest.mark.real
-@pytest.mark.parametrize(("name", "build"), [("B2_circle_fast_rep3", motors.BUILD),
-                                             ("B2_circle_fast_rep2", motors.EARLIER_BUILD)])
+@pytest.mark.parametrize(("name", "build"), [("B2_circle_fast_rep3", motor_output.BUILD),
+                                             ("B2_circle_fast_rep2", motor_output.EARLIER_BUILD)])
 def test_pid_flights_logged_what_the_code_commands(real_data, name, build):
     flight, controller, judged = flown(real_data, name)
     assert controller == "pid"
@@ -57,7 +57,7 @@ def test_pid_flights_logged_what_the_code_commands(real_data, name, build):
         assert np.corrcoef(found.attitude_rad[rows, k], logged[rows])[0, 1] > 0.99
     command = PWM_FULL_SCALE * flight["pid"].interpolate("cmd_thrust", found.time_s)
     volt = flight["battery"].interpolate("vbat", found.time_s).astype(np.float32)
-    flown_pwm, pwm = (motors.compensated(x.astype(np.float32), volt, *build[0])
+    flown_pwm, pwm = (motor_output.compensated(x.astype(np.float32), volt, *build[0])
                       for x in (flown_command(flight, found.time_s, build), command))
     free = rows & (flight["motor"].interpolate(MOTORS, found.time_s).max(axis=1) < 0.97)
     assert abs(np.median((flown_pwm - pwm)[free])) < 40.0  # of about 55,000
@@ -77,7 +77,7 @@ def test_a_mellinger_flight_logged_what_the_code_commands(real_data):
 
 
 def test_incomplete_flights_are_refused(steady):
-    np.testing.assert_array_equal(build_of(steady), motors.BUILD)
+    np.testing.assert_array_equal(build_of(steady), motor_output.BUILD)
     assert build_of(steady.without_streams("pid")) is None
     with pytest.raises(InputError, match="has no stream battery"):
         replay(steady.without_streams("battery"), "pid")

@@ -32,7 +32,7 @@ write_nanobench(spoilt, Path(sys.argv[1]) / "spoilt.csv")
 LEFT_OUT = """
 import sys
 import numpy as np
-from identification.mismatch.diagnose import recorded
+from identification.mismatch.diagnosis import recorded
 from nanobench_tools.sources.discover import load_recordings
 
 (flight,) = load_recordings([sys.argv[1]]).flights

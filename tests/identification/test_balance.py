@@ -7,7 +7,7 @@ from identification.balance import balance
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Vehicle
-from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.protocols.task1 import training_cases
 
 NAMES = ("slow figure_eight", "fast figure_eight", "fast trefoil")

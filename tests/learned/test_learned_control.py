@@ -11,7 +11,7 @@ from controllers.ensemble import shipped_simulator
 from controllers.learned import policies
 from controllers.learned.costs import LOST, Costs
 from controllers.learned.demonstrations import Demonstration, demonstrations, shown
-from controllers.learned.fly import Corrected, _taught, pilot_of
+from controllers.learned.learned_flights import Corrected, _taught, pilot_of
 from controllers.learned.mppi import MppiSettings, improved, shifted
 from controllers.learned.pilots import ClonedPolicy, Mppi
 from controllers.learned.policies import Network, fresh, task_of, trained

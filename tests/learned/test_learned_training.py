@@ -15,9 +15,9 @@ from identification.learned.bar import Left, bars
 from identification.learned.learned_study import Wanted, family_parts, trained_rows
 from identification.learned.libraries import libraries
 from identification.learned.networks import network, physics_step
-from identification.learned.published import LearnedPredictor, chunked, task_of, train_row
-from identification.learned.rows import Rows, rows_of, unwrapped
+from identification.learned.published_networks import LearnedPredictor, chunked, task_of, train_row
 from identification.learned.training import Settings, train
+from identification.learned.training_rows import Rows, rows_of, unwrapped
 from identification.naive import Naive
 from identification.published_physics import PublishedPhysics
 from nanobench_tools import so3

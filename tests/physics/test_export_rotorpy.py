@@ -19,7 +19,7 @@ from nanobench_tools.errors import InputError, MissingExtraError
 from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.adapters.rotorpy import RotorPySimulator
 from nanobench_tools.physics.export import Assumed, export_model
-from nanobench_tools.physics.export.rotorpy import quad_params
+from nanobench_tools.physics.export.rotorpy_params import quad_params
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("rotorpy") is None,
                                 reason='ROTORPY ABSENT: pip install "nanobench-tools[rotorpy]" to fly what is exported')

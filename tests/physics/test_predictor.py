@@ -17,8 +17,8 @@ from nanobench_tools.physics.predictor import ModelPredictor
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.physics.simulator import write_simulator
 from nanobench_tools.practice import practice_flight
-from nanobench_tools.practice.plant import Plant
-from nanobench_tools.practice.vehicle import draw_vehicles
+from nanobench_tools.practice.rigid_bodies import Plant
+from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.windows import PAST, cut_windows
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identification.greybox.data import cases_of
+from identification.greybox.fit_windows import cases_of
 from nanobench_tools.flight import Span
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.physics.predictor import ModelPredictor

@@ -11,7 +11,7 @@ from nanobench_tools.practice.clock import ClockError, draw_clock
 from nanobench_tools.practice.flying import LOGGED, STEP_S, flight_rngs, fly
 from nanobench_tools.practice.logging_chain import PERFECT, LoggingChain, received, record, resample
 from nanobench_tools.practice.mocap import body_rate, savgol_derivative
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import LEAD_S
 from nanobench_tools.sources.discover import load_recordings

@@ -9,11 +9,11 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
-from nanobench_tools.firmware.motors import BUILD, compensated
+from nanobench_tools.firmware.motor_output import BUILD, compensated
 from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage, voltage_of_thrust
 from nanobench_tools.frames import MOTOR_SIGNS
 from nanobench_tools.methods import Controller, Reference, VehicleState
-from nanobench_tools.practice.onboard import Mellinger, OnboardFleet, PidCascade
+from nanobench_tools.practice.onboard_crowd import Mellinger, OnboardFleet, PidCascade
 from nanobench_tools.practice.timeline import planner
 
 

@@ -6,8 +6,8 @@ import pytest
 from nanobench_tools import so3
 from nanobench_tools.firmware.thrust_curve import voltage_of_thrust
 from nanobench_tools.frames import MOTOR_SIGNS
-from nanobench_tools.practice.plant import QUATERNION, RATE, THRUST, VELOCITY, Plant, battery_voltage
-from nanobench_tools.practice.vehicle import VEHICLE, draw_vehicles
+from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant, battery_voltage
+from nanobench_tools.practice.vehicle_parameters import VEHICLE, draw_vehicles
 
 NO_AIR = {"drag_lateral_1_s": 0.0, "drag_vertical_1_s": 0.0, "drag_torque_N_s": 0.0}
 

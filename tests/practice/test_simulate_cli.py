@@ -58,7 +58,7 @@ def test_an_own_controller_is_not_called_like_what_the_audit_says(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / f"mine_{name}.py").write_text(
-        "from nanobench_tools.practice.onboard import PidCascade\n\n\n"
+        "from nanobench_tools.practice.onboard_crowd import PidCascade\n\n\n"
         f"class Mine(PidCascade):\n    name = {name!r}\n")
     assert main(["simulate", "--controller", f"mine_{name}:Mine", "--flights", "1", "--out", "flown"]) == 2
     err = capsys.readouterr().err

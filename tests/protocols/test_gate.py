@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from made_flights import LAND_S, LIFT_S, made_flight, verdict
 
-from controllers.gate import fly_cases
+from controllers.gate_flights import fly_cases
 from nanobench_tools.audit import audit
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps
-from nanobench_tools.practice.vehicle import VEHICLE
+from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.protocols import gate
 from nanobench_tools.protocols.simulated import Paths, recovery, score, specs_of, tabulate
 from nanobench_tools.sources.nanobench_writer import write_nanobench

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools.metrics.statistics import UNKNOWN
+from nanobench_tools.protocols.score_tables import summaries
 from nanobench_tools.protocols.sessions import (
     SESSION_GAP_S,
     Sessions,
@@ -14,7 +15,6 @@ from nanobench_tools.protocols.sessions import (
     parameters_note,
     row_keys,
 )
-from nanobench_tools.protocols.tables import summaries
 
 HOUR, DAY, DATE = 3600.0, 86400.0, 1.7e9
 

@@ -16,12 +16,12 @@ from toy_vehicle import Notes, Toy
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.radio import fly_clock, fly_plan, fly_session, packets, safety_handover
-from nanobench_tools.radio.fly import Flight
 from nanobench_tools.radio.fly_clock import HostClock
 from nanobench_tools.radio.fly_guardian import Guardian
 from nanobench_tools.radio.fly_outcome import Outcome
 from nanobench_tools.radio.fly_pilot import OnboardPilot
 from nanobench_tools.radio.in_time import within
+from nanobench_tools.radio.mission import Flight
 from nanobench_tools.radio.packets import PacketWriter
 from nanobench_tools.radio.safety import Limits, Stop
 

@@ -19,7 +19,7 @@ from nanobench_tools.radio.fly_virtual import VirtualWorld
 from nanobench_tools.radio.safety import Limits
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
-from nanobench_tools.radio.simulated.onboard import Build, Onboard
+from nanobench_tools.radio.simulated.onboard_services import Build, Onboard
 from nanobench_tools.radio.simulated.supervisor import State
 
 RADIO, ROOM = RadioOptions(latency_s=0.010, loss=0.02), MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)

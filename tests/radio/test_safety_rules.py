@@ -12,8 +12,8 @@ from toy_vehicle import Notes, Toy
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.radio import fly_setpoints
-from nanobench_tools.radio.fly import Flight
 from nanobench_tools.radio.fly_pilot import OnboardPilot
+from nanobench_tools.radio.mission import Flight
 from nanobench_tools.radio.safety import Limits, LowBattery, Situation
 from nanobench_tools.radio.safety_handover import place_to_hold
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from still_vehicle import StillVehicle
 
-from nanobench_tools.radio.simulated.onboard import Build
+from nanobench_tools.radio.simulated.onboard_services import Build
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 from nanobench_tools.radio.simulated.supervisor import State
 

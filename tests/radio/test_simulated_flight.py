@@ -19,10 +19,10 @@ from nanobench_tools.firmware.stabilizer import Stabilizer, believe, sense
 from nanobench_tools.physics.lanes import LANES
 from nanobench_tools.physics.model import ROTOR
 from nanobench_tools.physics.simulator import loads
-from nanobench_tools.practice.plant import legs
-from nanobench_tools.practice.vehicle import OPEN_CIRCUIT, VEHICLE
+from nanobench_tools.practice.rigid_bodies import legs
+from nanobench_tools.practice.vehicle_parameters import OPEN_CIRCUIT, VEHICLE
 from nanobench_tools.radio.crtp import Packet
-from nanobench_tools.radio.simulated.onboard import Build, Onboard
+from nanobench_tools.radio.simulated.onboard_services import Build, Onboard
 from nanobench_tools.radio.simulated.supervisor import State
 
 

@@ -13,7 +13,7 @@ from still_vehicle import StillVehicle
 
 from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.simulated.high_level import Plan
-from nanobench_tools.radio.simulated.onboard import Onboard
+from nanobench_tools.radio.simulated.onboard_services import Onboard
 from nanobench_tools.radio.simulated.polynomial import Path, Point, at_rest, seventh_order, turn_to
 
 NUMBER = st.floats(-5.0, 5.0)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from still_vehicle import StillVehicle
 
 from nanobench_tools.radio.crtp import Packet, pack, parse
-from nanobench_tools.radio.simulated.onboard import Build, Onboard
+from nanobench_tools.radio.simulated.onboard_services import Build, Onboard
 from nanobench_tools.radio.simulated.quaternion32 import compress, decompress
 from nanobench_tools.radio.simulated.toc import Contents
 

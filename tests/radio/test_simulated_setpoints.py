@@ -12,7 +12,7 @@ from still_vehicle import StillVehicle
 from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.simulated import setpoints
 from nanobench_tools.radio.simulated.commander import HIGH_LEVEL, RADIO
-from nanobench_tools.radio.simulated.onboard import Onboard
+from nanobench_tools.radio.simulated.onboard_services import Onboard
 from nanobench_tools.radio.simulated.quaternion32 import compress
 from nanobench_tools.radio.simulated.supervisor import State
 

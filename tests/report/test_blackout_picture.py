@@ -2,7 +2,7 @@
 
 import pytest
 
-from nanobench_tools.report import pictures
+from nanobench_tools.report import overview_pictures
 
 
 def window(method, h, error, clock="as-recorded"):
@@ -12,7 +12,8 @@ def window(method, h, error, clock="as-recorded"):
 
 def test_median_and_quartiles_per_method():
     made = [window("one", h, h * k) for h in (1.0, 5.0) for k in (0.1, 0.2, 0.3, 0.4, 0.5)]
-    found = pictures.blackout({"windows": [*made, window("two", 1.0, 2.0), window("one", 1.0, 99.0, "retimed")]})
+    windows = [*made, window("two", 1.0, 2.0), window("one", 1.0, 99.0, "retimed")]
+    found = overview_pictures.blackout({"windows": windows})
     assert [p["title"] for p in found["panels"]] == ["3-D error", "horizontal error", "vertical error"]
     line = found["panels"][0]["lines"][0]
     assert (line["name"], line["x"]) == ("one", [1.0, 5.0])
@@ -24,12 +25,12 @@ def test_median_and_quartiles_per_method():
 def test_drift_and_consistency_have_a_panel_each():
     made = [{**window("one", 1.0, 0.1), "drift_percent": d, "inside_3_sigma": i}
             for d, i in ((2.0, True), (6.0, False))]
-    found = pictures.blackout({"windows": [*made, {**window("two", 1.0, 0.1), "inside_3_sigma": None}]})
+    found = overview_pictures.blackout({"windows": [*made, {**window("two", 1.0, 0.1), "inside_3_sigma": None}]})
     drift, inside = found["panels"][3:]
     assert (drift["unit"], drift["lines"][0]["y"]) == ("%", [4.0])
     assert [(line["name"], line["y"]) for line in inside["lines"]] == [("one", [50.0])]
 
 
 def test_without_windows_it_says_so():
-    assert "absent" in pictures.blackout(None)
-    assert "absent" in pictures.blackout({"windows": []})
+    assert "absent" in overview_pictures.blackout(None)
+    assert "absent" in overview_pictures.blackout({"windows": []})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools.protocols.simulated import call_counts, solve_times
-from nanobench_tools.report import control
+from nanobench_tools.report import control_pictures
 
 TIMES = (0.05 * np.arange(40)).tolist()
 GOAL = np.column_stack([np.cos(TIMES), np.sin(TIMES), np.ones(40)])
@@ -32,7 +32,7 @@ BODY = {"rows": [*ROWS, row("good", "oval", 0.5, 9.0)],
 
 
 def test_the_race_is_at_the_highest_speed_and_every_second_sample():
-    (one,) = control.pictures(BODY)["race"]["sets"]
+    (one,) = control_pictures.pictures(BODY)["race"]["sets"]
     assert one["name"] == "circle, 1 m/s"
     assert [f["name"] for f in one["flights"]] == ["good", "bad"]
     assert one["flights"][1]["error"] == [0.3] * 20
@@ -40,7 +40,7 @@ def test_the_race_is_at_the_highest_speed_and_every_second_sample():
 
 
 def test_error_against_speed_compares_the_same_families_and_the_ranking_has_the_gates_bar():
-    found = control.pictures(BODY)
+    found = control_pictures.pictures(BODY)
     assert found["speeds"]["families"] == ["circle", "star"]  # the oval was flown at one speed
     line = found["speeds"]["panels"][0]["lines"][0]
     assert (line["name"], line["x"]) == ("good", [0.5, 1.0])
@@ -56,12 +56,12 @@ def test_error_against_speed_compares_the_same_families_and_the_ranking_has_the_
     ({}, {"synthetic": True}, "SYNTHETIC recording")])
 def test_the_recording_says_whether_a_flight_is_real(flights, results, word):
     body = BODY | results | {"gate_flights": [one | flights for one in BODY["gate_flights"]]}
-    (one,) = control.pictures(body)["gateflights"]["sets"]
+    (one,) = control_pictures.pictures(body)["gateflights"]["sets"]
     assert [f["name"] for f in one["flights"]] == [word, "simulated"]
 
 
 def test_the_gap_of_a_real_flight_is_its_distance():
-    (one,) = control.pictures(BODY)["gateflights"]["sets"]
+    (one,) = control_pictures.pictures(BODY)["gateflights"]["sets"]
     assert one["flights"][0]["error"][0] == pytest.approx(0.1 * np.sqrt(3.0), abs=1e-4)
 
 
@@ -70,11 +70,11 @@ def test_solver_times_are_shares_of_all_commands_and_lose_none():
     times = solve_times([{"controller": "quick", "call_counts": call_counts(calls)}] * 2 + [{"controller": "silent"}])
     assert sum(times[0]["counts"]) == 8
     assert times[0]["counts"][-1] == 2  # nine seconds are beyond
-    line, = control.pictures({"solve_times": times})["solver"]["lines"]
+    line, = control_pictures.pictures({"solve_times": times})["solver"]["lines"]
     assert sum(line["percent"]) == pytest.approx(100.0)
     most = line["ms"][int(np.argmax(line["percent"]))]
     assert most == pytest.approx(0.02, rel=0.15)
 
 
 def test_without_results_every_picture_says_why():
-    assert all("absent" in picture for picture in control.pictures(None).values())
+    assert all("absent" in picture for picture in control_pictures.pictures(None).values())

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from nanobench_tools.report import page, write_report
+from nanobench_tools.report import report_page, write_report
 
 NASTY = "</script><script>alert(1)</script> & \"q\" 'a' Ünï–☃ \\frac{1}{2} $x_1^2$ %"
 
@@ -84,7 +84,7 @@ def test_names_can_do_no_harm(tmp_path, make):
     outside = re.sub(r"<script[^>]*>.*?</script>", "", text, flags=re.S)
     assert "alert(1)" in outside
     assert "<script>alert" not in text
-    assert Reader(text).tags.count("script") == len(page.SCRIPTS) + 3
+    assert Reader(text).tags.count("script") == len(report_page.SCRIPTS) + 3
     latex = (tmp_path / "audit_flights.tex").read_text()
     assert r"\textbackslash{}frac\{1\}\{2\} \$x\_1\textasciicircum{}2\$ \%" in latex
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_decimate import unpack
 
-from nanobench_tools.report.audits import fault_counts, share_clean, share_valid, total
+from nanobench_tools.report.audit_entry import fault_counts, share_clean, share_valid, total
 from nanobench_tools.report.recording import payload
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.cli.clocks import ASKED
+from nanobench_tools.cli.run_clocks import ASKED
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.audits import audit_flights
 from nanobench_tools.harness.clocks import on_clock

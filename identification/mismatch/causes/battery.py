@@ -5,7 +5,7 @@ From the trim alone it cannot be told from another mass; flights at other states
 
 from __future__ import annotations
 
-from .base import Body, Cause, Hypothesis, interval
+from .cause import Body, Cause, Hypothesis, interval
 from .mass import alike
 
 

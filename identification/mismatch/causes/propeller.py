@@ -12,7 +12,7 @@ import numpy as np
 
 from nanobench_tools.settings import number
 
-from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+from .cause import Body, Cause, Hypothesis, Size, draws, interval, motor_words
 
 MOST_LOSS = number("mismatch.propeller.most_loss")
 """Share of its thrust beyond which one motor cannot be made up for."""

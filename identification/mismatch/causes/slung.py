@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from nanobench_tools.settings import number
 
-from .base import Body, Cause, Hypothesis, interval
+from .cause import Body, Cause, Hypothesis, interval
 from .weight import loads, where
 
 UNSEEN = number("mismatch.slung.unseen")

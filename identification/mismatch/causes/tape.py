@@ -9,7 +9,7 @@ import numpy as np
 
 from nanobench_tools.settings import number
 
-from .base import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+from .cause import Body, Cause, Hypothesis, Size, draws, interval, motor_words
 
 LOSS = number("mismatch.tape.loss")
 """Most that a strip of a tenth of a millimetre does to the lift of a blade; more is damage, whatever did it."""

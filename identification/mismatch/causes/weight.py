@@ -13,7 +13,7 @@ import numpy as np
 
 from nanobench_tools.settings import number
 
-from .base import Body, Cause, Hypothesis, Size, draws, interval
+from .cause import Body, Cause, Hypothesis, Size, draws, interval
 
 MOST = number("mismatch.weight.most")
 """Of the vehicle's mass: more it does not lift."""

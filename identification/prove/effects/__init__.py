@@ -6,7 +6,6 @@ Of terms from other packages: the injector they declare, or one made of their ex
 from nanobench_tools.physics.vocabulary import added
 
 from .angular_damping import AngularDamping
-from .base import SIZES, Air, Effect
 from .com_offset import ComOffset
 from .command_delay import CommandDelay
 from .drag_linear import DragLinear
@@ -14,6 +13,7 @@ from .drag_quadratic import DragQuadratic
 from .drag_rotor import DragRotor
 from .drag_torque import DragTorque
 from .dropout import Dropout
+from .effect import SIZES, Air, Effect
 from .force_world import ForceWorld
 from .frame_tilt import FrameTilt
 from .ground_effect import GroundEffect
@@ -26,7 +26,7 @@ from .mass import Mass
 from .motor_imbalance import MotorImbalance
 from .motor_lag import MotorLag
 from .of_term import effect_of
-from .periodic import Periodic
+from .periodic_force import Periodic
 from .rotor_gyro import RotorGyro
 from .saturation import Saturation
 from .tether import Tether

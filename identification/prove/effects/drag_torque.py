@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from .base import Effect, near
+from .effect import Effect, near
 
 
 class DragTorque(Effect):

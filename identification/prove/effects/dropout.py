@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .base import Effect, near
+from .effect import Effect, near
 
 MOST = 120
 """So many losses are drawn for a flight; they last beyond any of these recordings."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from nanobench_tools import so3
 
-from .base import Effect, near
+from .effect import Effect, near
 
 
 class FrameTilt(Effect):

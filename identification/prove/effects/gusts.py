@@ -6,7 +6,7 @@ import numpy as np
 
 from nanobench_tools.practice.estimator import correlated_noise
 
-from .base import Effect, near
+from .effect import Effect, near
 
 TICK_S, TICKS = 0.01, 9000
 

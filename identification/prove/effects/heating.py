@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .base import Effect, near
+from .effect import Effect, near
 
 
 class Heating(Effect):

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from .base import Effect, near
+from .effect import Effect, near
 
 
 class Inflow(Effect):

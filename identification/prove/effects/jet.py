@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .base import Effect, near, turned
+from .effect import Effect, near, turned
 
 
 class Jet(Effect):

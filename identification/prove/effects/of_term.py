@@ -19,7 +19,7 @@ from nanobench_tools.physics.ops import NUMPY
 from nanobench_tools.physics.term import Parameter, Situation, Stage, Term
 
 from ..airframe import POSITIONS_M, SPIN, Airframe
-from .base import SIZES, Air, Effect, near
+from .effect import SIZES, Air, Effect, near
 
 TIMES = {"small": 0.5, "medium": 1.0, "large": 2.0}
 """Of what is typical, where a term declares no sizes."""

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..airframe import SPIN
-from .base import Effect, near
+from .effect import Effect, near
 
 
 class RotorGyro(Effect):

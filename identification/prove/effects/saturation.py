@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .base import Effect
+from .effect import Effect
 
 
 class Saturation(Effect):

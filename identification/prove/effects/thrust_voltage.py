@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from nanobench_tools.physics.model import Model
 
-from .base import Effect
+from .effect import Effect
 
 CHARGES = {"small": (0.80, 0.95), "medium": (0.55, 0.97), "large": (0.36, 1.0)}
 """Lowest and highest charge at the start of the flights (share)."""

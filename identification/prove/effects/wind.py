@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from .base import Effect, near, turned
+from .effect import Effect, near, turned
 
 
 class Wind(Effect):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from .base import Effect, either, near
+from .effect import Effect, either, near
 
 
 class YawTorque(Effect):

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from ... import so3
 from ...errors import InputError, MissingExtraError
 from ..equations import Equations
-from ..export.rotorpy import SCHEMA, commands_beside, quad_params
+from ..export.rotorpy_params import SCHEMA, commands_beside, quad_params
 from ..inputs import rows
 from ..model import POSITION, QUATERNION, RATE, RIGID, ROTOR, STATE, VELOCITY, Model
 from ..ops import NUMPY

@@ -13,7 +13,7 @@ from ..model import Model
 from .account import Account, Exported
 from .code import write_casadi, write_code
 from .drone_models import write_drone_models
-from .rotorpy import write_rotorpy
+from .rotorpy_params import write_rotorpy
 from .rotors import Assumed
 from .urdf import write_urdf
 

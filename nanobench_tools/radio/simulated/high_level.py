@@ -11,7 +11,7 @@ import numpy as np
 
 from ...firmware.records import ABSOLUTE, SETPOINT
 from ..crtp import Packet, Port
-from .memory import TRAJECTORY_BYTES
+from .mem import TRAJECTORY_BYTES
 from .polynomial import Path, Point, at_rest
 
 EVERY_MS = 10

@@ -14,10 +14,10 @@ from ..crtp import NULL, Port, parse
 from ..pose_datagram import PORT_OFFSET, SUBSCRIPTION_S
 from .channel import RadioOptions
 from .motion_capture import MocapOptions
-from .onboard import Build
+from .onboard_services import Build
 from .simulation import Simulation
 from .supervisor import State
-from .vehicle import Vehicle
+from .vehicle_protocol import Vehicle
 
 SILENCE_S, CLOSED_S = 1.0, 0.3  # of the host's own clock
 """A client that is silent for so long has gone; the shorter one holds after the zero set-point cflib closes with."""

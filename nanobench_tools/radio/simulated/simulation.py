@@ -5,8 +5,8 @@ from __future__ import annotations
 from ..crtp import Packet, pack, parse
 from .channel import Channel, RadioOptions, repeated
 from .motion_capture import MocapOptions, MotionCapture
-from .onboard import SLICE_MS, Build, Onboard
-from .vehicle import Vehicle
+from .onboard_services import SLICE_MS, Build, Onboard
+from .vehicle_protocol import Vehicle
 
 
 class Simulation:

@@ -10,8 +10,8 @@ pytest.importorskip("casadi")
 from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox.ablation_study import fit_item, predictor_of
-from identification.greybox.data import Cut
 from identification.greybox.fit import GreyBox, tidy
+from identification.greybox.fit_windows import Cut
 from identification.greybox.flyability import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.solve import Prior
@@ -153,7 +153,7 @@ def test_without_casadi_nothing_is_fitted_and_one_line_says_so(monkeypatch, caps
 
 @pytest.mark.real
 def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data):
-    from identification.greybox.data import cases_of
+    from identification.greybox.fit_windows import cases_of
     from nanobench_tools.protocols.task1 import score
     from nanobench_tools.sources.discover import load_recordings
 

@@ -11,8 +11,8 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
-from identification.greybox.intervals import bootstrap, information, not_identified, profile
 from identification.greybox.nuisance import SCALE, TRIMS
+from identification.greybox.parameter_intervals import bootstrap, information, not_identified, profile
 from identification.greybox.ranges import bounds, held, priors
 from identification.greybox.residuals import HORIZONS, errors
 from identification.greybox.sensitivity import sensitivities

@@ -14,17 +14,17 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
-from identification.greybox.balance import BEFORE, balance, newest
+from identification.greybox.balance_features import BEFORE, balance, newest
 from identification.greybox.fit import nuisances_of
-from identification.greybox.gains import _seen, learn_gains
+from identification.greybox.fitted_predictor import GreyBoxPredictor
 from identification.greybox.nuisance import STARTS, terms_of
-from identification.greybox.predictor import GreyBoxPredictor
 from identification.greybox.ranges import bounds
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.sensitivity import sensitivities
 from identification.greybox.solve import Problem
 from identification.greybox.starts import NAMES, moved
 from identification.greybox.symmetry import Features, joined
+from identification.greybox.window_gains import _seen, learn_gains
 from nanobench_tools import so3
 from nanobench_tools.flight import Span
 from nanobench_tools.physics import Vehicle

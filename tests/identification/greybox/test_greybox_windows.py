@@ -66,10 +66,10 @@ def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future
     pytest.importorskip("casadi")
     from made_windows import TERMS
 
-    from identification.greybox.data import _rows
     from identification.greybox.fit import nuisances_of
+    from identification.greybox.fit_windows import _rows
+    from identification.greybox.fitted_predictor import GreyBoxPredictor
     from identification.greybox.nuisance import terms_of
-    from identification.greybox.predictor import GreyBoxPredictor
     from nanobench_tools.physics import Vehicle
 
     flight = made_flight("made")
@@ -91,7 +91,7 @@ def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future
 
 
 def test_useless_flights_are_one_line():
-    from identification.greybox.data import cut, gather
+    from identification.greybox.fit_windows import cut, gather
     from nanobench_tools.errors import InputError
 
     flight = made_flight("made")

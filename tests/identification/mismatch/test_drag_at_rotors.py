@@ -8,7 +8,7 @@ import numpy as np
 from carried_tracks import MODEL, C, track_of
 
 from identification.mismatch import fitting
-from identification.mismatch.diagnose import _named
+from identification.mismatch.diagnosis import _named
 from identification.mismatch.fitting import Slopes, fit
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench

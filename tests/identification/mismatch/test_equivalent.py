@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from carried_tracks import MASS_KG, MODEL, C, wrench_of
 
-from identification.mismatch.diagnose import diagnose_callable
+from identification.mismatch.diagnosis import diagnose_callable
 from identification.mismatch.equivalent import along, equivalent, needs_battery
 from identification.mismatch.recordings import Recordings
 from nanobench_tools import so3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from many_rotors import flights_of, model_of
 
-from identification.mismatch.diagnose import diagnose_flights, recorded
+from identification.mismatch.diagnosis import diagnose_flights, recorded
 from identification.mismatch.measured_speed import of_speed, with_speed
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
-from identification.mismatch.diagnose import _named, diagnose
+from identification.mismatch.diagnosis import _named, diagnose
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, _one_step, _period, gusts
 from identification.mismatch.memory import fit_memory

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from identification.mismatch.diagnose import _no_vehicle
+from identification.mismatch.diagnosis import _no_vehicle
 
 WHY = {"inertia": "inertia would be 5.3 times what is believed: no vehicle"}
 

@@ -7,7 +7,7 @@ import pytest
 from carried_tracks import MODEL, wrench_of
 
 from identification.mismatch.decide import Decision
-from identification.mismatch.diagnose import _named
+from identification.mismatch.diagnosis import _named
 from identification.mismatch.space import space_around
 from identification.mismatch.verdict import power
 from identification.mismatch.wrench import Wrench

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from many_rotors import flights_of, model_of, vehicle_of
 
-from identification.mismatch.diagnose import diagnose_flights, recorded
+from identification.mismatch.diagnosis import diagnose_flights, recorded
 from identification.mismatch.size import growth, heavier, wider
 from identification.mismatch.space import scales, space_around
 from nanobench_tools.errors import InputError

@@ -9,7 +9,7 @@ import pytest
 from carried_tracks import MASS_KG, MODEL, C, track_of
 
 from identification.mismatch import fitting
-from identification.mismatch.diagnose import _named
+from identification.mismatch.diagnosis import _named
 from identification.mismatch.fitting import Slopes, fit
 from identification.mismatch.memory import Memory
 from identification.mismatch.space import space_around

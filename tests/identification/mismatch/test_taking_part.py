@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.mismatch.diagnose import diagnose, recorded
+from identification.mismatch.diagnosis import diagnose, recorded
 from identification.mismatch.taking_part import cutting, taking_part
 from identification.mismatch.track import NEEDED
 from identification.prove.airframe import Airframe
+from identification.prove.case_kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.effects import EFFECTS
-from identification.prove.kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.make import make_case
 from nanobench_tools.audit import Audit
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream

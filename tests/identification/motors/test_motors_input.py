@@ -10,8 +10,8 @@ import pytest
 from made_logs import MASS, ROW_S, flight, usd
 
 from identification.motors import identify
-from identification.motors.data import read_log, read_logs
 from identification.motors.radio import averaged_rows, coarse_rows, sampled, thinned
+from identification.motors.rotor_rows import read_log, read_logs
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identification.motors import lag
-from identification.motors.data import read_logs
 from identification.motors.force import fit_force
 from identification.motors.motor_study import hover
+from identification.motors.rotor_rows import read_logs
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.sources.discover import load_recordings
 

@@ -8,9 +8,9 @@ from made_logs import INERTIA, K_F, K_M, MASS, ROW_S, SLOPE, flight, fly
 from scipy.integrate import solve_ivp
 
 from identification.motors import lag
-from identification.motors.data import read_log
 from identification.motors.motor_result import body
 from identification.motors.motor_study import hover, simulator
+from identification.motors.rotor_rows import read_log
 from nanobench_tools.physics import Vehicle
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from identification.prove.airframe import Airframe
+from identification.prove.case_flights import _place, forget, given, keep, kept
+from identification.prove.case_kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance, forbids
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
-from identification.prove.flown import _place, forget, given, keep, kept
-from identification.prove.kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance, forbids
 from identification.prove.make import make_case, make_cases, write_case
 from identification.prove.plan import QUOTAS, plan_cases
 from identification.prove.seal import open_truth, seal, write_truth

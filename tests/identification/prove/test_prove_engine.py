@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from identification.prove.airframe import Airframe, draw_airframe
+from identification.prove.case_kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN
 from identification.prove.engine import Engine, vehicles_of
-from identification.prove.kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.make import PLACES, effects_of, simulators, true_airframes, truth_of
 from nanobench_tools import so3
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.practice.flying import STEP_S, fly
-from nanobench_tools.practice.onboard import OnboardFleet
+from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import Events
 

@@ -12,11 +12,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "mismatch"))
 from hover_flights import hover
 
+from identification.prove.condition_labels import Label, read_labels
 from identification.prove.folder_score import dose_and_response, score_folder
 from identification.prove.folders import judge
-from identification.prove.labels import Label, read_labels
-from nanobench_tools.cli.folders import copies_between
 from nanobench_tools.cli.main import main
+from nanobench_tools.cli.real_folders import copies_between
 from nanobench_tools.errors import InputError
 from nanobench_tools.harness import run_items
 from nanobench_tools.physics.simulator import read_simulator

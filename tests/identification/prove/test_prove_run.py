@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from identification.mismatch import diagnose as mismatch
-from identification.prove import run as proof
+from identification.mismatch import diagnosis as mismatch
+from identification.prove import blind_proof as proof
 from identification.prove.plan import plan_cases
 from identification.prove.seal import seal
 from nanobench_tools.cli.main import main

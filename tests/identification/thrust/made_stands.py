@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.thrust.stand import Stand
+from identification.thrust.stand_series import Stand
 
 GRAM_N = 9.81e-3
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.thrust.flight_fit import effect_columns, find_delay, fit_flights, models
-from identification.thrust.flown import Flown, fly
-from identification.thrust.intervals import half_width
+from identification.thrust.flight_rows import Flown, fly
+from identification.thrust.prediction_intervals import half_width
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream

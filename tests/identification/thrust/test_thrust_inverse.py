@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_stands import dc_law, drive, made
 
-from identification.thrust.export import export
 from identification.thrust.firmware import motor_voltage
-from identification.thrust.fit import fit_stands
 from identification.thrust.inverse import invert
+from identification.thrust.map_export import export
 from identification.thrust.maps import MAPS
+from identification.thrust.stand_fit import fit_stands
 
 FITTED = [n for n, m in MAPS.items() if m.fixed is None]
 FITS = {n: fit_stands(MAPS[n], [made(dc_law, noise_N=2e-4)]) for n in FITTED}

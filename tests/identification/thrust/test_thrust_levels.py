@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from identification.thrust.balanced import balance
+from identification.thrust.error_tables import basis_words, pair_with_firmware
 from identification.thrust.firmware import PLUS
 from identification.thrust.flight_fit import FlightModel, fit_flights, models
-from identification.thrust.flown import LIFT_S, Flown, fly
-from identification.thrust.intervals import half_width, in_turn, refit_spread, sessions, widened
-from identification.thrust.levels import FIRST_S, later, level_rows, trust, weight_row
+from identification.thrust.flight_levels import FIRST_S, later, level_rows, trust, weight_row
+from identification.thrust.flight_rows import LIFT_S, Flown, fly
 from identification.thrust.maps import MAPS
-from identification.thrust.model import ThrustModel
-from identification.thrust.tables import basis_words, pair_with_firmware
+from identification.thrust.prediction_intervals import half_width, in_turn, refit_spread, sessions, widened
+from identification.thrust.thrust_model import ThrustModel
 from identification.thrust.thrust_study import Study, bootstrap, folds_of, held_out
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.units import GRAVITY_M_S2

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.thrust.export import casadi_function
 from identification.thrust.firmware import LEGACY, PLUS, motor_voltage
-from identification.thrust.fit import Fit
+from identification.thrust.map_export import casadi_function
 from identification.thrust.maps import MAPS, speed_voltage
+from identification.thrust.stand_fit import Fit
 from nanobench_tools.physics.ops import NUMPY
 
 SHAPES = {"power_law": {"a": 1.7, "b": 1.4}, "dc_motor": {"rho": 0.1, "e_0": -0.02},

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.thrust.data import stand_rows
-from identification.thrust.tables import same_propeller
+from identification.thrust.error_tables import same_propeller
+from identification.thrust.thrust_rows import stand_rows
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.sources.discover import load_recordings
 

@@ -8,8 +8,8 @@ from made_stands import dc_law, drive, made, text
 
 from identification.thrust import ThrustModel
 from identification.thrust.choose import choose
-from identification.thrust.fit import fit_stands
 from identification.thrust.maps import MAPS
+from identification.thrust.stand_fit import fit_stands
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 

@@ -1,0 +1,25 @@
+"""Another vehicle: every motor has a gain of its own, and its thrust stands at another angle to its sensors."""
+
+from __future__ import annotations
+
+from nanobench_tools.settings import number
+
+from .cause import Body, Cause, Hypothesis
+
+GAINS = number("mismatch.other_vehicle.gains")
+LEVEL_M_S2 = number("mismatch.other_vehicle.level_m_s2")
+"""Standard deviation between vehicles of one type: thrust of a motor and propeller, and the mounting of the sensors
+(1.2 degrees)."""
+
+
+def make(body: Body) -> list[Hypothesis]:
+    return [Hypothesis("vehicle", (), 1.0, spread={"gains": GAINS, "level": LEVEL_M_S2})]
+
+
+def say(sizes, motors) -> str:
+    return "This is another vehicle: gains of the motors and the angle between thrust and sensors differ at once"
+
+
+PRIOR = number("mismatch.other_vehicle.prior")
+"""Probability before anything is seen."""
+CAUSE = Cause("vehicle", None, PRIOR, make, say, "another vehicle")

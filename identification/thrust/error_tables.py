@@ -1,0 +1,201 @@
+"""Rows of the result: errors of every model on training and held-out files, and of single files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.metrics.statistics import design_effect, pooled_interval
+from nanobench_tools.protocols.sessions import labels_of
+from nanobench_tools.settings import number
+
+from .firmware import LEGACY, PLUS
+from .flight_fit import BALANCED, FlightModel
+from .flight_rows import Flown
+from .stand_series import Stand
+from .thrust_study import AnyFit, File, Study, errors, is_flown, predicted, study
+
+SAME_PROPELLER = number("thrust.error_tables.same_propeller")
+"""Thrust per squared rotor speed of one type of propeller is the same within this factor; types differ by 1.4."""
+
+POINTS = 300
+"""Rows of a file kept for pictures."""
+
+
+class Scored:
+    """Errors of one model on files: [(file, errors (n,))], the fits they came from may differ (held out in turn)."""
+
+    def __init__(self, name: str, split: str, uses: str, status: str, given: str = "") -> None:
+        self.name, self.split, self.uses, self.status, self.given = name, split, uses, status, given
+        self.files: list[File] = []
+        self.errors: list[np.ndarray] = []
+        self.widths: list[float] = []
+
+    def add(self, file: File, found: np.ndarray, width: float) -> None:
+        self.files.append(file)
+        self.errors.append(found)
+        self.widths.append(width)
+
+    def row(self, seed: int) -> dict[str, Any]:
+        """The row of the table; ci95 of the RMS by drawing sessions and files, null where ``ci_why`` says why."""
+        flown = is_flown(self.files)
+        key = "rms_m_s2" if flown else "rms_N"
+        squares = np.array([np.sum(e**2) for e in self.errors])
+        counts = np.array([len(e) for e in self.errors])
+        labels = labels_of(self.files)
+        interval, effect = pooled_interval(squares, counts, labels, seed), design_effect(squares / counts, labels)
+        ends = interval.ends()
+        rms = float(np.sqrt(squares.sum() / counts.sum()))
+        inside = sum(int(np.sum(np.abs(e) <= w)) for e, w in zip(self.errors, self.widths, strict=True))
+        known = all(np.isfinite(w) for w in self.widths)
+        return {"model": self.name, "split": self.split, "kind": "flight" if flown else "stand",
+                "rms_N": None if flown else rms, "rms_m_s2": rms if flown else None, "n": int(counts.sum()),
+                "files": len(self.files), "ci95": None if ends is None else [float(np.sqrt(x)) for x in ends],
+                "sessions": interval.sessions, "design_effect": {key: None if effect is None else float(effect)},
+                **({"ci_why": interval.why} if interval.why else {}),
+                "bias": float(np.concatenate(self.errors).mean()),
+                "coverage95": inside / float(counts.sum()) if known else None, "status": self.status,
+                "uses": self.uses, "given": self.given,
+                "files_covered90": self._covered_files() if known else None}
+
+    def _covered_files(self) -> float:
+        """Share of the files with nine tenths of their rows inside the interval."""
+        return float(np.mean([np.mean(np.abs(e) <= w) >= 0.9 for e, w in zip(self.errors, self.widths, strict=True)]))
+
+    def per_file(self) -> list[dict[str, Any]]:
+        """One entry per file."""
+        key = "rms_m_s2" if is_flown(self.files) else "rms_N"
+        return [{"file": f.name, "model": self.name, "split": self.split, key: float(np.sqrt(np.mean(e**2))),
+                 "bias": float(e.mean()), "n": len(e)} for f, e in zip(self.files, self.errors, strict=True)]
+
+
+def scored(found: Study, files: Sequence[File], split: str) -> list[Scored]:
+    """Every model of a study on ``files``; models without values are left out (their fits say why)."""
+    return [result for name in found.candidates if (result := score(found, name, files, split)).files]
+
+
+def score(found: Study, name: str, files: Sequence[File], split: str) -> Scored:
+    """One model on the files that have what it needs."""
+    candidate, fit = found.candidates[name], found.fits[name]
+    result = Scored(name, split, uses(candidate), fit.trouble or "ok", getattr(candidate, "given", ""))
+    for file in files:
+        if fit.values and can_predict(candidate, fit, file):
+            result.add(file, errors(fit, file), found.width_at(name, file))
+    return result
+
+
+def can_predict(candidate: Any, fit: AnyFit, file: File) -> bool:
+    """Whether ``file`` has the voltage and the velocity a model needs."""
+    if isinstance(file, Stand):
+        return file.battery_V is not None or not candidate.uses_voltage
+    return file.moving or not candidate.effects
+
+
+def uses(candidate: Any) -> str:
+    """What a model is and takes, in words."""
+    return candidate.uses if isinstance(candidate, FlightModel) else candidate.equation
+
+
+def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, dict[str, Any]]]:
+    """(every model on every series, fitted without it; what each was fitted to and which map was chosen).
+
+    A series is predicted from the others of the same propeller (told by thrust per squared rotor speed, where that was
+    measured), from all others if there are none of the same, and from its own other PWM bands if it is alone.
+    """
+    results: dict[str, Scored] = {}
+    chosen: dict[str, dict[str, Any]] = {}
+    for out in stands:
+        others = [s for s in stands if s is not out]
+        same = [s for s in others if same_propeller(s, out)]
+        basis = same or others
+        found = study(basis or [out], mass_kg, seed, draws=0)
+        chosen[out.name] = {"best": found.best, "fitted_to": [s.name for s in basis],
+                            "same_propeller": bool(same) if np.isfinite(out.thrust_per_speed2) else None,
+                            "own_bands": None if same else own_bands(out, mass_kg, seed)}
+        for name, candidate in found.candidates.items():
+            fit = found.fits[name]
+            result = results.setdefault(name, Scored(name, "test", uses(candidate), "ok"))
+            if not fit.values or not can_predict(candidate, fit, out):
+                continue
+            if fit.trouble:
+                result.status = f"without {out.name}: {fit.trouble}"
+            missed = errors(fit, out) if basis else np.concatenate(found.scores[name].errors)
+            result.add(out, missed, found.half_width[name])
+        picked = results.setdefault("chosen", Scored("chosen", "test", "the map chosen without the file", "ok"))
+        if found.best:
+            missed = errors(found.fits[found.best], out) if basis else np.concatenate(found.scores[found.best].errors)
+            picked.add(out, missed, found.half_width[found.best])
+    for result in results.values():
+        result.given = basis_words([propeller_mates(f, [s for s in stands if s is not f]) for f in result.files])
+    return [r for r in results.values() if r.files], chosen
+
+
+def propeller_mates(stand: File, train: Sequence[File]) -> int:
+    """How many training series are of the propeller of ``stand``; 0 where that cannot be told."""
+    return sum(isinstance(s, Stand) and isinstance(stand, Stand) and same_propeller(s, stand) for s in train)
+
+
+def basis_words(mates: Sequence[int]) -> str:
+    """What the fits of a row's series were made from, by how many other series of their own propeller there were.
+
+    >>> basis_words([1, 1, 0])
+    '2 of 3 series: one other series of their propeller, whose battery and motors need not be theirs; 1 of 3: none'
+    """
+    said = {0: "none", 1: "one other series of their propeller, whose battery and motors need not be theirs"}
+    found = [f"{mates.count(k)} of {len(mates)}: {said.get(k, f'{k} series of their propeller')}"
+             for k in sorted(set(mates), reverse=True)]
+    return "; ".join([found[0].replace(":", " series:", 1), *found[1:]]) if found else ""
+
+
+def own_bands(stand: Stand, mass_kg: float, seed: int) -> dict[str, Any]:
+    """{best, rms_N, firmware_N}: a series of whose propeller there is no other, each of its PWM bands predicted from
+    the rest of it."""
+    found = study([stand], mass_kg, seed, draws=0)
+    theirs = [s.rms for n, s in found.scores.items() if n.startswith("firmware") and np.isfinite(s.rms)]
+    return {"best": found.best, "rms_N": found.scores[found.best].rms if found.best else None,
+            "firmware_N": min(theirs, default=None)}
+
+
+def same_propeller(a: Stand, b: Stand) -> bool:
+    ratio = a.thrust_per_speed2 / b.thrust_per_speed2
+    return bool(1.0 / SAME_PROPELLER < ratio < SAME_PROPELLER)
+
+
+def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
+    """Rows of a file for pictures: PWM (mean of the motors), voltage, what was measured and what the fit says."""
+    thin = -(-len(file) // POINTS)
+    few = file.rows(slice(None, None, thin))
+    says = predicted(fit, few)
+    measured = few.force if isinstance(few, Flown) else few.thrust_N
+    pwm = few.u.mean(axis=1) if isinstance(few, Flown) else few.u
+    return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(few.voltage, 4),
+            "measured": measured, "predicted": says}
+
+
+def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float] | np.ndarray) -> dict[str, Any]:
+    """{voltage_V, thrust_N, limit_N, pwm}: PWM ratios (voltage x thrust) of a fitted model, null where the motor
+    cannot."""
+    found = model.inverse(np.asarray(thrusts)[None, :], np.asarray(voltages)[:, None])
+    pwm = np.where(found.saturated | found.below, np.nan, found.pwm)
+    return {"voltage_V": list(map(float, voltages)), "thrust_N": list(map(float, thrusts)),
+            "limit_N": found.limit_N[:, 0], "pwm": pwm}
+
+
+def pair_with_firmware(part_rows: Sequence[Mapping[str, Any]], best: str) -> list[dict[str, Any]]:
+    """[{file, best, firmware, beaten, firmware_scaled, scaled_beaten}] of test files: RMS of the chosen map, of the
+    better of the firmware's two cubics as published, and of the better one given the same as the chosen map (a scale
+    from the training files; the weight the flight carried where that map has it); None without such a row."""
+    found = []
+    key = "rms_m_s2" if part_rows and "rms_m_s2" in part_rows[0] else "rms_N"
+    kind = BALANCED if best.endswith(BALANCED) else ""
+    tested = [e for e in part_rows if e["split"] == "test"]
+    for name in dict.fromkeys(e["file"] for e in tested):
+        of = {e["model"]: e[key] for e in tested if e["file"] == name}
+        theirs = [of[f"firmware_{p.name}"] for p in (PLUS, LEGACY) if f"firmware_{p.name}" in of]
+        scale = min((of[m] for p in (PLUS, LEGACY) if (m := f"scaled_{p.name}{kind}") in of), default=None)
+        if best in of and theirs:
+            found.append({"file": name, "rms": of[best], "firmware": min(theirs), "beaten": of[best] < min(theirs),
+                          "firmware_scaled": scale, "scaled_beaten": None if scale is None else of[best] < scale})
+    return found

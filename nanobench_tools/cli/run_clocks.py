@@ -1,0 +1,164 @@
+"""The main job on several clocks: every row says its clock, and those of the published protocols are never moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .options import AS_RECORDED, Options
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..flight import Flight
+    from ..harness.clocks import Choice
+
+MERGED = ("rows", "per_flight", "windows", "bands")
+"""Lists of a result that hold one part after the other."""
+
+SIMULATOR_RETIMED = "simulator_retimed.toml"
+OF_ONE_CLOCK = ("best", "best_chosen_on", "parameters", "simulator", "simulator_note", "fits")
+"""What sysid.json says about the models as they were fitted on one clock."""
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """All recordings with their audits, and the one clock that was asked for; None: as recorded, and on
+    further clocks what a clock changes much: logged estimates, dead reckoning, prediction."""
+
+    options: Options
+    flights: Sequence[Flight]
+    audits: Mapping[str, Audit]
+    clock: str | None = None
+
+
+BRACKETED = ("drag_matrix_ekf",)
+"""Dead reckoning that ``run`` shows on every clock, from nothing taken out to all that can be."""
+
+ASKED: tuple[Choice, ...] = (("offset", ("position", "velocity")), ("retimed", ("position", "velocity")),
+                            ("retimed", ("attitude",)), ("joint", ()))
+"""Every clock that ``run`` puts each distinct recording on, with the logged estimates that are judged on it."""
+
+Part = tuple[str, Callable[[], dict[str, Any]]]
+"""(what it is, what makes its body)."""
+
+
+def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
+    """One body from the ``parts``: their rows one after the other, all else from the first that has it.
+
+    A part that finds nothing to score is left out and said; InputError when that is all of them.
+    """
+    body: dict[str, Any] = {}
+    errors: list[InputError] = []
+    for what, make in parts:
+        try:
+            found = make()
+        except InputError as error:
+            options.say(f"{what} left out: {error}")
+            errors.append(error)
+            continue
+        merged: dict[str, Any] = {key: [*body.get(key, []), *found[key]] for key in MERGED if key in found}
+        if "clocks" in found:
+            merged["clocks"] = {**body.get("clocks", {}), **found["clocks"]}
+        body = {**found, **body, **merged}
+    if errors and len(errors) == len(parts):
+        raise errors[0]
+    return body
+
+
+def estimate_on(given: Recordings) -> dict[str, Any]:
+    """estimate.json. No judged estimate has a vote in its clock (``retiming.votes``); on further clocks what was
+    logged in flight and dead reckoning are scored, each distinct recording once."""
+    from ..protocols import compare
+    from ..protocols.selection import distinct
+    from ..protocols.task3 import BLACKOUT, PROTOCOLS
+    from .estimate import LOGGED, RECKONING, estimate_body, see
+    from .named_methods import load_methods
+
+    def recorded(*protocols: str) -> dict[str, Any]:
+        return estimate_body(given.options, see(given.options, given.flights, given.audits), protocols)
+
+    def moved(clock: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        alone = given.clock is not None
+        seen = see(options, given.flights if alone else distinct(given.flights)[0], given.audits)
+        return estimate_body(options, seen, ("clean",), None if alone else load_methods("estimators", LOGGED), None,
+                             alone)
+
+    def reckoned(clock: str, methods: Sequence[str] = RECKONING) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        seen = see(options, distinct(given.flights)[0], given.audits)
+        return estimate_body(options, seen, (BLACKOUT,), load_methods("estimators", methods), None, False)
+
+    clocks = (AS_RECORDED, "retimed") if given.clock is None else (given.clock,)
+    further: list[Part] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
+    if given.clock is None:
+        further += [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock, BRACKETED))
+                    for clock in ("offset", "joint")]
+    body = _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
+    compare.clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
+    return body
+
+
+def control_on(given: Recordings) -> dict[str, Any]:
+    """control.json; the gate of the shipped plant on the one clock, by default as recorded."""
+    from ..protocols.task2 import PROTOCOLS
+    from .control import control_body
+    from .control_plants import Chosen, gate_body
+
+    def recorded(*protocols: str) -> dict[str, Any]:
+        return control_body(given.options, given.flights, given.audits, protocols)
+
+    def moved(clock: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        return control_body(options, *options.on_clock(given.flights, given.audits), ("clean",))
+
+    def gate() -> dict[str, Any]:
+        options = replace(given.options, clock=given.clock or AS_RECORDED)
+        flights, audits = options.on_clock(given.flights, given.audits)
+        return gate_body(options, flights, audits, Chosen.of(options, None, ()), recorded=given.flights)
+
+    body = _parts(given, PROTOCOLS, recorded, moved)
+    return {**body, **gate()}
+
+
+def sysid_on(given: Recordings) -> dict[str, Any]:
+    """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
+    clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
+    in ``by_clock``."""
+    from ..protocols import compare
+    from ..protocols.selection import distinct
+    from ..protocols.task1 import JUDGED
+    from .sysid import SIMULATOR, sysid_body
+
+    alone = given.clock is not None
+    found: dict[str, dict[str, Any]] = {}
+
+    def on(clock: str, simulator: str) -> dict[str, Any]:
+        options = replace(given.options, clock=clock)
+        flights = given.flights if alone or clock == AS_RECORDED else distinct(given.flights)[0]
+        found[clock] = sysid_body(options, *options.on_clock(flights, given.audits, JUDGED), simulator=simulator,
+                                  recorded=None if clock == AS_RECORDED else flights)
+        return found[clock]
+
+    files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}
+    body = join(given.options, [(f"clock {clock}", partial(on, clock, name)) for clock, name in files.items()])
+    compare.prediction_clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
+    first, *others = found
+    return {**body, "clock": first, "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
+
+
+def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., dict[str, Any]],
+           moved: Callable[[str], dict[str, Any]], clocks: Sequence[str] = (),
+           further: Sequence[Part] = ()) -> dict[str, Any]:
+    """All protocols as recorded and ``clean`` on more ``clocks``, or ``clean`` on the one clock asked for; then the
+    ``further`` parts."""
+    if given.clock is None:
+        parts: list[Part] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in clocks)]
+    else:
+        parts = [(p, partial(recorded, p)) for p in protocols if p != "clean"]
+        clean = partial(recorded, "clean") if given.clock == AS_RECORDED else partial(moved, given.clock)
+        parts.append((f"clean, clock {given.clock}", clean))
+    return join(given.options, [*parts, *further])

@@ -1,0 +1,174 @@
+"""The practice vehicle in the air and on the ground: n rigid bodies at once, RK4.
+
+States are kept component first, (17, n), so that every operation runs over the vehicles; ``Plant`` shows
+them with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same alone as in a crowd.
+Equations (DESIGN terms): m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w,
+tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..firmware.thrust_curve import thrust_of_voltage
+from ..units import GRAVITY_M_S2
+from .vehicle_parameters import OPEN_CIRCUIT, Vehicles
+
+POSITION, VELOCITY, QUATERNION, RATE, THRUST = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 17)
+STATES = 17
+
+CONTACT_RAD_S = 200.0
+"""Eigenfrequency of the legs on the ground; sinks 0.25 mm under the weight, a bounce lasts 16 ms."""
+CONTACT_DAMPING = 0.35
+"""Share of critical damping; rebounds by about a third of the speed."""
+FRICTION = 0.6
+"""Coulomb coefficient of the legs (rubber on mat), smoothed below FRICTION_SPEED_M_S."""
+FRICTION_SPEED_M_S = 0.02
+LEVELLING_RAD_S = 60.0
+"""Eigenfrequency with which four legs press the body level while the whole weight stands on them."""
+
+
+def battery_voltage(charge: np.ndarray, motor: np.ndarray, vehicles: Vehicles) -> np.ndarray:
+    """Charge left (n,), PWM ratios (4, n) -> terminal voltage (n,) V.
+
+    """
+    return np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + battery_load(
+        motor, vehicles.resistance_ohm, vehicles.motor_conductance_A_V))
+
+
+def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V: np.ndarray) -> np.ndarray:
+    """(n,): open-circuit over terminal voltage is 1 more than this, at PWM ratios (4, n).
+
+    Each motor draws u_i (u_i V) G from the cell, so V = OCV - R G V sum u_i^2 has a closed solution.
+    """
+    return resistance_ohm * conductance_A_V * np.sum(motor * motor, axis=0)
+
+
+def legs(depth_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Specific force (3, n) m/s^2 of legs that are pressed in by depth (n,), at velocity (3, n) world: spring, damper
+    and friction; zero for a vehicle in the air."""
+    push = CONTACT_RAD_S**2 * np.maximum(depth_m, 0.0) - 2 * CONTACT_DAMPING * CONTACT_RAD_S * velocity_m_s[2]
+    normal = np.where(depth_m > 0.0, np.maximum(push, 0.0), 0.0)
+    friction = -FRICTION * normal * np.tanh(velocity_m_s[:2] / FRICTION_SPEED_M_S)
+    return np.concatenate([friction, normal[None]])
+
+
+def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
+    """Quaternions (4, n) x, y, z, w -> the columns (body axes seen in the world) of R, each three arrays (n,)."""
+    x, y, z, w = q
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2, w * x2, w * y2, w * z2
+    return ((1.0 - (yy + zz), xy + wz, xz - wy),
+            (xy - wz, 1.0 - (xx + zz), yz + wx),
+            (xz + wy, yz - wx, 1.0 - (xx + yy)))
+
+
+class Plant:
+    """n vehicles from rest on the ground; ``step`` advances all by one period.
+
+    position_m (n, 3) world is where each vehicle stands, yaw_rad (n,); its legs begin to touch at ``ground_z`` (n,),
+    a quarter of a millimetre higher.
+    """
+
+    def __init__(self, vehicles: Vehicles, position_m: np.ndarray, yaw_rad: np.ndarray, *,
+                 gravity_m_s2: float = GRAVITY_M_S2) -> None:
+        n = len(vehicles)
+        self.vehicles, self.gravity = vehicles, gravity_m_s2
+        self.state = np.zeros((STATES, n))
+        self.state[POSITION] = position_m.T
+        self.state[8], self.state[9] = np.sin(yaw_rad / 2.0), np.cos(yaw_rad / 2.0)
+        self.ground_z = position_m[:, 2] + gravity_m_s2 / CONTACT_RAD_S**2
+        self.charge = vehicles.charge_at_start.copy()
+        self.battery_V = battery_voltage(self.charge, np.zeros((4, n)), vehicles)
+        self.command_N = np.zeros((4, n))
+        self.motor = np.zeros((4, n))
+        self._load = self.mean_ratio = np.zeros(n)
+        self.disturbance_m_s2 = np.zeros((3, n))
+        self.flicker = np.zeros((4, n))
+        jx, jy, jz = vehicles.inertia_xx_kg_m2, vehicles.inertia_yy_kg_m2, vehicles.inertia_zz_kg_m2
+        self._inertia, self._inertia_turn = np.stack([jx, jy, jz]), np.stack([jz - jy, jx - jz, jy - jx])
+        self._drag_difference = vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s
+
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple]:
+        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
+        p = self.vehicles
+        columns = (ax, ay, az), (bx, by, bz), (cx, cy, cz) = rotation_columns(s[QUATERNION])
+        v, (t1, t2, t3, t4) = s[VELOCITY], s[THRUST]
+        vx, vy, vz = v
+        right, left, forward, turn = t1 + t2, t3 + t4, t2 - t1, t3 - t4
+        lift = (right + left) / p.mass_kg + self._drag_difference * (vx * cx + vy * cy + vz * cz)
+        force = self.disturbance_m_s2 - p.drag_lateral_1_s * v
+        force[0] += cx * lift
+        force[1] += cy * lift
+        force[2] += cz * lift
+        moment = np.empty((3, s.shape[1]))
+        moment[0] = (left - right) * p.arm_m - p.drag_torque_N_s * (vx * bx + vy * by + vz * bz)
+        moment[1] = (forward + turn) * p.arm_m + p.drag_torque_N_s * (vx * ax + vy * ay + vz * az)
+        moment[2] = (forward - turn) * p.yaw_arm_m
+        if (s[2] < self.ground_z).any():
+            self._add_contact(s, (az, bz), force, moment)
+        return force, moment, columns
+
+    def _add_contact(self, s: np.ndarray, tilt: tuple[np.ndarray, np.ndarray], force: np.ndarray,
+                     moment: np.ndarray) -> None:
+        """Spring, damper, friction and levelling of the legs; exactly zero for a vehicle in the air.
+
+        tilt: world height of the ends of body x and y; the moment turns them to zero.
+        """
+        w = s[RATE]
+        pushed = legs(self.ground_z - s[2], s[VELOCITY])
+        normal = pushed[2]
+        force += pushed
+        level = np.stack([-tilt[1], tilt[0], np.zeros_like(normal)])
+        share = np.minimum(normal / GRAVITY_M_S2, 1.0)
+        moment += share * self._inertia * (LEVELLING_RAD_S**2 * level - LEVELLING_RAD_S * w)
+
+    def derivative(self, s: np.ndarray) -> np.ndarray:
+        """Time derivative of the state (17, n)."""
+        force, moment, _ = self.forces(s)
+        w = s[RATE]
+        half = 0.5 * w
+        (x, y, z, qw), (wx, wy, wz), (hx, hy, hz) = s[QUATERNION], w, half
+        out = np.empty_like(s)
+        out[POSITION] = s[VELOCITY]
+        out[VELOCITY] = force
+        out[5] -= self.gravity
+        out[6] = qw * hx + y * hz - z * hy
+        out[7] = qw * hy + z * hx - x * hz
+        out[8] = qw * hz + x * hy - y * hx
+        out[9] = -(x * hx + y * hy + z * hz)
+        moment[0] -= self._inertia_turn[0] * (wy * wz)
+        moment[1] -= self._inertia_turn[1] * (wz * wx)
+        moment[2] -= self._inertia_turn[2] * (wx * wy)
+        out[RATE] = moment / self._inertia
+        out[THRUST] = (self.command_N - s[THRUST]) / self.vehicles.motor_tau_s
+        return out
+
+    def apply(self, motor: np.ndarray) -> None:
+        """PWM ratios (n, 4), clipped to 0..1, held from now on; sets battery_V and the thrust they ask for."""
+        u = np.clip(motor.T, 0.0, 1.0)
+        p = self.vehicles
+        self.battery_V = battery_voltage(self.charge, u, p)
+        self.motor = u
+        self._load = np.sum(u * u, axis=0)
+        self.mean_ratio = 0.25 * np.sum(u, axis=0)
+        self.command_N = p.thrust_scale * p.motor_gain * (1.0 + self.flicker) * thrust_of_voltage(u * self.battery_V)
+
+    def step(self, dt_s: float) -> None:
+        """One RK4 step [s] with the held command; the quaternion is normalised, the cell discharged."""
+        s = self.state
+        k1 = self.derivative(s)
+        k2 = self.derivative(s + (0.5 * dt_s) * k1)
+        k3 = self.derivative(s + (0.5 * dt_s) * k2)
+        k4 = self.derivative(s + dt_s * k3)
+        s = s + (dt_s / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+        q = s[QUATERNION]
+        q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        self.state = s
+        current = self.vehicles.motor_conductance_A_V * self.battery_V * self._load
+        self.charge = self.charge - dt_s * current / self.vehicles.capacity_A_s
+
+    def specific_force(self) -> np.ndarray:
+        """What an ideal accelerometer shows, body frame (3, n) m/s^2."""
+        (x, y, z), _, columns = self.forces(self.state)
+        return np.stack([x * a + y * b + z * c for a, b, c in columns])
