@@ -11,7 +11,8 @@ import numpy as np
 
 from .errors import InputError
 from .flight import Flight
-from .harness.results import plain, write_bytes
+from .harness.results import write_bytes
+from .result import to_json
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
@@ -49,7 +50,7 @@ def write_parquet(flight: Flight, path: Path) -> Path:
                    for quantity, unit, column in zip(stream.quantities, stream.unit, stream.columns, strict=True)]
         about = {"flight": flight.name, "stream": name, "epoch_s": flight.epoch_s, "samples": stream.samples,
                  "synthetic": flight.provenance.synthetic, "sha256": flight.provenance.sha256,
-                 "metadata": plain(flight.metadata)}
+                 "metadata": to_json(flight.metadata)}
         schema = pa.schema(fields, metadata={"nanobench": json.dumps(about)})
         buffer = pa.BufferOutputStream()
         columns = [pa.array(stream.time_s), *map(pa.array, stream.values.T)]

@@ -154,12 +154,12 @@ def _flights(data: Path, many: int) -> list[Any]:
 
 def write(path: Path, data: Path | None, only: list[str]) -> None:
     """All the numbers of the code on the import path."""
-    from nanobench_tools.harness.results import plain
+    from nanobench_tools.result import to_json
 
     parts: dict[str, Any] = {"exports": exports, "blind": blind, "callable": callable_simulator}
     if data is not None:
         parts |= {"fits": lambda: fits(data), "real": lambda: real(data)}
-    found = {name: plain(part()) for name, part in parts.items() if not only or name in only}
+    found = {name: to_json(part()) for name, part in parts.items() if not only or name in only}
     path.write_text(json.dumps(found, indent=1, default=str), encoding="utf-8")
 
 

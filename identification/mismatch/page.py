@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.flight import Fault
-from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.harness.results import write_bytes
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.report.environment import environment
 from nanobench_tools.report.quantities import DASH
 from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
+from nanobench_tools.result import to_json
 from nanobench_tools.version import __version__
 
 from .pictures import pictures
@@ -48,7 +49,7 @@ def write_page(verdict: Verdict, recordings: Recordings, path: Path, synthetic: 
 
 def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     """The page as text."""
-    body, drawn = plain(verdict.to_json()), plain(pictures(verdict, recordings))
+    body, drawn = to_json(verdict.to_json()), to_json(pictures(verdict, recordings))
     held_out = bool(verdict.proof and verdict.proof.held_out)
     real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
     return environment(breakable=breakable, dash=DASH).get_template("mismatch.html").render(

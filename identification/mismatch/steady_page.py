@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.harness.results import write_bytes
 from nanobench_tools.report.environment import environment
 from nanobench_tools.report.report_page import _template
+from nanobench_tools.result import to_json
 from nanobench_tools.version import __version__
 
 from .causes import CAUSES
@@ -28,7 +29,7 @@ def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthe
                       dose: Mapping[str, Any] | None = None) -> None:
     """cases {title: verdict of ``steady.compare``}; above them summary: sentences, table: heads and rows, one a case,
     dose {cut_mm, loss_percent}: of cut propellers."""
-    drawn = [{"id": f"case-{k}", "title": title, "body": plain(body), **_pictures(plain(body))}
+    drawn = [{"id": f"case-{k}", "title": title, "body": to_json(body), **_pictures(to_json(body))}
              for k, (title, body) in enumerate(cases.items())]
     text = environment().get_template("steady.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, css=_template("report.css"), cases=drawn,

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.harness.results import plain, write_bytes
+from nanobench_tools.harness.results import write_bytes
+from nanobench_tools.result import to_json
 
 
 def text_of(truths: Sequence[Mapping[str, Any]]) -> bytes:
     """One JSON list, keys sorted, so that equal truths have equal bytes."""
-    return (json.dumps(plain(list(truths)), sort_keys=True, indent=1, allow_nan=False) + "\n").encode()
+    return (json.dumps(to_json(list(truths)), sort_keys=True, indent=1, allow_nan=False) + "\n").encode()
 
 
 def seal(truths: Sequence[Mapping[str, Any]]) -> str:

@@ -63,9 +63,10 @@ def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | 
     """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
     from identification.motors.motor_study import simulator
 
-    from ..harness.results import plain, write_bytes
+    from ..harness.results import write_bytes
     from ..physics.simulator import write_simulator
     from ..report.motors_page import motors_page
+    from ..result import to_json
 
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside
@@ -74,7 +75,7 @@ def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | 
     folder.mkdir(parents=True, exist_ok=True)
     write_simulator(simulator(study), folder / "simulator.toml")
     if options.out is not None:
-        page = motors_page(plain(content), options.synthetic)
+        page = motors_page(to_json(content), options.synthetic)
         write_bytes(options.out / "motors.html", page.encode(errors="replace"))
         options.say(f"{options.out / 'motors.html'} ({len(page) / 1e6:.1f} MB)")
     return str(folder / "simulator.toml")

@@ -162,8 +162,9 @@ def _comparable(flight: Flight) -> Flight:
 
 
 def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
-    from ..harness.results import plain, write_bytes
+    from ..harness.results import write_bytes
     from ..report.thrust_page import thrust_page
+    from ..result import to_json
 
     out.mkdir(parents=True, exist_ok=True)
     first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]
@@ -171,7 +172,7 @@ def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence
         write_bytes(out / "terms.toml", first["toml"].encode())
     if first.get("firmware"):
         write_bytes(out / "thrust_firmware.h", first["firmware"].encode())
-    page = thrust_page(plain(body), options.synthetic)
+    page = thrust_page(to_json(body), options.synthetic)
     write_bytes(out / "thrust.html", page.encode(errors="replace"))
     options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 

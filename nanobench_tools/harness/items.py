@@ -7,9 +7,10 @@ import traceback
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from ..errors import NanobenchError
+from ..result import from_json
 from .identity import item_key
 from .store import Store, encode
 from .threads import one_thread
@@ -17,21 +18,28 @@ from .threads import one_thread
 
 @dataclass(frozen=True)
 class Item:
-    """One piece of work: a module-level ``function`` that turns ``kwargs`` into a JSON-able dict.
+    """One piece of work: a module-level ``function`` that turns ``kwargs`` into what ``to_json`` takes, an object.
 
     key: ``item_key``; label: what a person calls it; file: the input it is about (found in ``kwargs`` if empty).
     """
 
     key: str
-    function: Callable[..., dict[str, Any]]
+    function: Callable[..., Any]
     kwargs: Mapping[str, Any]
     label: str
     file: str = ""
 
+    def read(self, value: dict[str, Any]) -> Any:
+        """What the function gave (a dataclass, if it says that it returns one) from its JSON ``value``."""
+        try:
+            return from_json(get_type_hints(self.function).get("return"), value)
+        except NameError:  # names that only a type checker imports are of no result
+            return value
+
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one item: a value, or one line of error."""
+    """What came of one item: a value as JSON, or one line of error."""
 
     value: dict[str, Any] | None = None
     error: str | None = None
@@ -40,7 +48,7 @@ class Outcome:
 Results = Generator[tuple[Item, Outcome]]
 
 
-def make_item(function: Callable[..., dict[str, Any]], kwargs: Mapping[str, Any], label: str,
+def make_item(function: Callable[..., Any], kwargs: Mapping[str, Any], label: str,
               inputs: Sequence[str] = (), file: str = "") -> Item:
     """An Item with its key. ``inputs``: content hashes of the files that ``kwargs`` only names."""
     return Item(item_key(function, kwargs, inputs), function, kwargs, label, file)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError
+from ..result import to_json
 from ..version import __version__
 
 SURROGATE = re.compile("[\ud800-\udfff]")
@@ -27,35 +24,6 @@ def envelope(schema: str, body: Mapping[str, Any], synthetic: bool, manifest: Ma
     name = schema if "/" in schema else f"nanobench-{schema}/1"
     return {"schema": name, "version": __version__, "synthetic": bool(synthetic), "manifest": dict(manifest),
             "failed": list(failed), **body}
-
-
-def plain(value: Any, nan: Any = None) -> Any:
-    """``value`` as JSON types: numpy to lists and numbers, dataclasses to objects, paths to text, keys to text.
-
-    A float that is not finite becomes ``nan`` (default ``None``, JSON's null); with ``nan=float`` it is kept.
-    Raises TypeError for anything else, with its type.
-    """
-    if value is None or isinstance(value, (bool, str)):
-        return value
-    if isinstance(value, (float, np.floating)):
-        return float(value) if nan is float or math.isfinite(value) else nan
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist(), nan)
-    if isinstance(value, Mapping):
-        return {str(key): plain(item, nan) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item, nan) for item in value]
-    if isinstance(value, (set, frozenset)):
-        return [plain(item, nan) for item in sorted(value)]
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name), nan) for field in dataclasses.fields(value)}
-    raise TypeError(f"a {type(value).__module__}.{type(value).__qualname__} has no place in a JSON file")
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -78,7 +46,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def to_text(value: Mapping[str, Any]) -> str:
     """``value`` as indented JSON; nan and inf become null, bytes of file names that are not UTF-8 become U+FFFD."""
-    return SURROGATE.sub("\ufffd", json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False)) + "\n"
+    return SURROGATE.sub("\ufffd", json.dumps(to_json(value), indent=1, allow_nan=False, ensure_ascii=False)) + "\n"
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:

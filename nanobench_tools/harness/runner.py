@@ -20,10 +20,10 @@ from .store import Store
 
 @dataclass(frozen=True)
 class RunResult:
-    """values: key -> result, in the order of the items, failed ones left out; failed: [{item, file, error}] in the
-    same order; executed: how many were not answered from the store."""
+    """values: key -> what the function gave, in the order of the items, failed ones left out; failed: [{item, file,
+    error}] in the same order; executed: how many were not answered from the store."""
 
-    values: dict[str, dict[str, Any]]
+    values: dict[str, Any]
     failed: list[dict[str, str]]
     executed: int = 0
 
@@ -55,7 +55,8 @@ def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 
             step(len(values) + len(errors), len(errors))
     failed = [{"item": item.label, "file": _file_of(item), "error": errors[key]}
               for key, item in unique.items() if key in errors]
-    return RunResult({key: values[key] for key in unique if key in values}, failed, len(pending))
+    return RunResult({key: item.read(values[key]) for key, item in unique.items() if key in values}, failed,
+                     len(pending))
 
 
 def _results(pending: list[Item], store: Store | None, jobs: int, scheduler: str | None) -> Results:

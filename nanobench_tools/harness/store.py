@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..result import to_json
 from ..sources.cache import cache_folder
 from .identity import sha256_of
-from .results import plain, sweep, write_bytes
+from .results import sweep, write_bytes
 
 
 class Store:
@@ -63,7 +64,7 @@ class Store:
 
 def encode(value: Any) -> dict[str, Any]:
     """A value as it comes back from the store, so that fresh and stored ones are equal; nan is kept."""
-    return dict(plain(value, nan=float))
+    return dict(to_json(value, nan=float))
 
 
 USER_STORE_DAYS = 30.0

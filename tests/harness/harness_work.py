@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,16 @@ def fail(path: Path, how: str) -> dict:
 
 def scores(n: int, **kwargs) -> list[Item]:
     return [make_item(score, {"seed": seed, **kwargs}, f"score {seed}") for seed in range(n)]
+
+
+@dataclass(frozen=True)
+class Scored:
+    mean_m: float
+    by: tuple[int, ...]
+
+
+def typed(seed: int) -> Scored:
+    return Scored(float("nan"), (seed, 1))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 import json
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 from nanobench_tools import InputError, __version__
 from nanobench_tools.harness import envelope, manifest, read_json, write_json
 from nanobench_tools.harness.manifest import portable
-from nanobench_tools.harness.results import plain, sweep
+from nanobench_tools.harness.results import sweep
+from nanobench_tools.result import INLINE, OPTIONAL, Result, from_json, named, to_json
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,50 @@ def test_floats_keep_every_digit(tmp_path):
 
 def test_what_has_no_place_in_json_is_named():
     with pytest.raises(TypeError, match=r"builtins\.complex"):
-        plain({"z": 1j})
+        to_json({"z": 1j})
+
+
+@dataclass(frozen=True, repr=False)
+class Verdict(Result):
+    passed: bool = field(metadata=named("pass"))
+    counts: dict[int, int]
+    path_m: np.ndarray
+    reading: Reading | None
+    delay_s: float = 0.0
+    why: str = field(default="", metadata=OPTIONAL)
+    clock: tuple[float, float] | None = field(default=None, metadata=OPTIONAL)
+    shares: Mapping[str, float] = field(default_factory=dict, metadata=INLINE)
+
+
+def test_a_result_goes_through_json_and_comes_back():
+    one = Verdict(True, {1: 2}, np.array([[1.0, 2.0]]), Reading(0.5, Path("x")), float("nan"), "why", (0.0, 1.0),
+                  {"z": 1.0})
+    said = to_json(one)
+    assert said == {"pass": True, "counts": {"1": 2}, "path_m": [[1.0, 2.0]],
+                    "reading": {"offset_s": 0.5, "path": "x"}, "delay_s": None, "why": "why", "clock": [0.0, 1.0],
+                    "z": 1.0}
+    again = from_json(Verdict, said)
+    assert to_json(again) == said
+    assert (again.counts, again.reading, again.clock, again.shares) == (one.counts, one.reading, one.clock, one.shares)
+    assert np.isnan(again.delay_s)
+    bare = Verdict(False, {}, np.zeros(0), None)
+    assert list(to_json(bare)) == ["pass", "counts", "path_m", "reading", "delay_s"]
+    assert to_json(from_json(Verdict, to_json(bare))) == to_json(bare)
+
+
+def test_a_result_is_said_in_a_few_lines():
+    long = Verdict(True, dict.fromkeys(range(99), 1), np.zeros((500, 3)), None, 0.123456, "because " * 99)
+    assert repr(long) == ("Verdict(passed=True, counts=<99>, path_m=<500x3>, delay_s=0.1235, "
+                          "why='because because because because becau...', shares=<0>)")
+
+    @dataclass(frozen=True, repr=False)
+    class Wide(Result):
+        names: tuple[str, ...]
+        a: Verdict
+
+    assert repr(Wide(("n" * 99,) * 2, long)).endswith("a=Verdict(...))")
+    wide = make_dataclass("Many", [(f"field_{i}", int) for i in range(99)], bases=(Result,), frozen=True, repr=False)
+    assert len(repr(wide(*range(99)))) < 400
 
 
 def test_a_failing_write_leaves_the_old_file(tmp_path):

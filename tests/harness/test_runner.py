@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_work import fail, score, scores
+from harness_work import Scored, fail, score, scores, typed
 
 from nanobench_tools import MissingExtraError
 from nanobench_tools.harness import Progress, make_item, run_items
@@ -29,6 +29,15 @@ def test_values_are_those_of_the_function_as_json_types():
     assert value["by"] == {"3": expected["by"][3].tolist()}
     assert np.isnan(value["nan"])
     assert value["span"] == [0.0, 3]
+
+
+def test_a_dataclass_comes_back_as_one_fresh_and_from_the_store(tmp_path):
+    item = make_item(typed, {"seed": 3}, "typed")
+    for _ in range(2):
+        value = run_items([item], tmp_path).values[item.key]
+        assert isinstance(value, Scored)
+        assert value.by == (3, 1)
+        assert np.isnan(value.mean_m)
 
 
 def test_same_result_for_any_number_of_processes_and_order(tmp_path):

@@ -13,7 +13,7 @@ from nanobench_tools import so3
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
-from nanobench_tools.harness.results import plain
+from nanobench_tools.result import to_json
 
 
 def trim(flight: Flight) -> Trim:
@@ -120,5 +120,5 @@ def test_the_course_of_a_trim_shows_it_second_by_second_and_survives_json():
     assert course.shape[0] >= 10
     assert np.diff(course[:, 0]) == pytest.approx(1.0)
     assert course[:, 3:] == pytest.approx(np.broadcast_to(np.log(HOVER_N) + asked, (len(course), 4)), abs=0.02)
-    again = Trim.from_json(plain(found.to_json()))
+    again = Trim.from_json(to_json(found.to_json()))
     np.testing.assert_allclose(np.array(again.course), course)
