@@ -44,12 +44,12 @@ class Horizon:
         """(n, k, WIDTH), valid until the next call, and of how many vehicles ``ahead`` was no use, so that it was
         guessed.
 
-        ``reference`` is finite and whole (``Guard.admit``), what it will be ``ahead`` need not be; vehicles that are
-        ``landing`` (n,) do not look at it.
+        ``reference`` is finite and whole (``Guard.admit``), what it will be ``ahead`` need not be finite; what that
+        raises comes out. Vehicles that are ``landing`` (n,) do not look at it.
         """
         if ahead is None:
             return self._guessed(reference), 0
-        told = self._told(ahead, len(landing))
+        told = self._filled(ahead, len(landing))
         bad = _unsound(told, self._good)
         if bad == 0 and not landing.any():
             return told, 0
@@ -57,21 +57,19 @@ class Horizon:
         found[good] = told[good]
         return found, bad
 
-    def _told(self, future: Future, n: int) -> np.ndarray:
+    def _filled(self, future: Future, n: int) -> np.ndarray:
         if len(self._out) != n:
             out = self._out = np.empty((n, len(self.seconds), WIDTH))
             self._parts = [out[:, :, a:a + 3].swapaxes(0, 1) for a in (0, 3, 6, 9)] + [out[:, :, 12].T, out[:, :, 13].T]
             self._good = np.empty(n, bool)
-        try:
-            ahead = future(self.seconds)
-            found = (ahead.position_m, ahead.velocity_m_s, ahead.acceleration_m_s2, ahead.jerk_m_s3, ahead.yaw_rad,
-                     ahead.yaw_rate_rad_s)
-            for whole, part in zip(self._parts, found, strict=True):
-                if part is not None and np.ndim(part) != whole.ndim:
-                    raise ValueError("a present is no future")
-                whole[...] = 0.0 if part is None else part
-        except Exception:  # the future is anybody's code; the present has been checked
-            self._out[:] = np.nan
+        ahead = future(self.seconds)
+        found = (ahead.position_m, ahead.velocity_m_s, ahead.acceleration_m_s2, ahead.jerk_m_s3, ahead.yaw_rad,
+                 ahead.yaw_rate_rad_s)
+        for whole, part in zip(self._parts, found, strict=True):
+            if part is not None and np.ndim(part) != whole.ndim:
+                raise ValueError(f"Reference.ahead gave {np.shape(part)} where {whole.shape} was asked for: a present "
+                                 "is no future")
+            whole[...] = 0.0 if part is None else part
         return self._out
 
     def _guessed(self, reference: Reference) -> np.ndarray:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
+from nanobench_tools.metrics.statistics import draws
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.protocols.simulated import Paths, score
@@ -108,9 +109,9 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any], seed: int = 0)
     plants}. ratio is the geometric mean of RMSE after over before; its interval draws paths and plants anew, both
     whole (Owen 2007, doi:10.1214/07-AOAS122). Better means all of it below 1 and no more vehicles lost."""
     change = logs(after) - logs(before)
-    rng, (paths, plants) = np.random.default_rng(seed), change.shape
-    means = np.array([change[rng.integers(paths, size=paths)][:, rng.integers(plants, size=plants)].mean()
-                      for _ in range(DRAWN)])
+    paths, plants = change.shape
+    drawn = (draws(tuple(range(many)), own, DRAWN) for many, own in ((paths, seed), (plants, seed + 1)))
+    means = np.einsum("dp,dq,pq->d", *drawn, change) / change.size
     ends = np.exp(np.quantile(means, [0.5 - SHARE / 2, 0.5 + SHARE / 2])).tolist()
     lost = [int(np.sum(np.array(found["lost"], bool))) for found in (before, after)]
     return {"ratio": float(np.exp(change.mean())), "ci95": ends, "better": ends[1] < 1.0 and lost[1] <= lost[0],

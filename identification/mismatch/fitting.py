@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import null_space
 
+from nanobench_tools.metrics import statistics
 from nanobench_tools.physics import Model
 from nanobench_tools.settings import count, number
 
@@ -280,9 +281,8 @@ def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), dra
         beside = np.concatenate([OWN_SD * known.of_flights(model, own), beside], axis=1)
     prior = np.diag(np.full(len(fit.free), PRIOR_SD**-2.0))
     ways = _ways(model, fit.free)
-    rng, found = np.random.default_rng(seed), np.empty((draws, len(fit.free)))
-    for k in range(draws):
-        weight = rng.multinomial(many, np.full(many, 1.0 / many)).astype(float)
+    found = np.empty((draws, len(fit.free)))
+    for k, weight in enumerate(statistics.draws(tuple(range(many)), seed, draws)):
         here, what = columns @ weight, left @ weight
         if beside.shape[1]:
             nuisance = beside * np.tile(weight, beside.shape[1] // many)

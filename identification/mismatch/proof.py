@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from nanobench_tools import so3
+from nanobench_tools.metrics.statistics import draws
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.settings import count, setting
@@ -84,8 +85,7 @@ class Proof:
         nothing."""
         if not self.held_out or len(self.along) < 2:
             return False
-        drawn = np.random.default_rng(seed).choice(self.along, (2000, len(self.along))).mean(axis=1)
-        return bool(np.quantile(drawn, 0.025) > 0.0)
+        return bool(np.quantile(_drawn_means(self.along, seed), 0.025) > 0.0)
 
 
 def turned_better(without: np.ndarray, with_it: np.ndarray) -> bool:
@@ -180,16 +180,18 @@ def _rest(decision: Decision) -> Model:
 
 def relative_intervals(before: np.ndarray, after: np.ndarray, seed: int) -> dict[int, tuple[float, float]]:
     """95 % of the relative improvement at each horizon, flights drawn anew; of the quantity that improves most."""
-    rng = np.random.default_rng(seed)
     found = {}
     for k, h in enumerate(HORIZONS):
         gain = 1.0 - after[:, k] / np.maximum(before[:, k], 1e-12)
         gain = gain[:, np.isfinite(gain).all(axis=0)]
         best = gain[:, int(np.argmax(gain.mean(axis=0)))]
-        drawn = rng.choice(best, (2000, len(best))).mean(axis=1)
-        low, high = np.quantile(drawn, [0.025, 0.975])
+        low, high = np.quantile(_drawn_means(best, seed), [0.025, 0.975])
         found[h] = (float(low), float(high))
     return found
+
+
+def _drawn_means(values: np.ndarray, seed: int) -> np.ndarray:
+    return draws(tuple(range(len(values))), seed) @ values / len(values)
 
 
 def _noise(track: Track, rng: np.random.Generator) -> np.ndarray:

@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
+from scipy.stats import multivariate_t
 
 from nanobench_tools.settings import number, setting
 
@@ -139,19 +140,11 @@ def _log_density(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], freed
         if not k:
             continue
         wide = np.hypot(sd[name], h.spread.get(name, 0.0) if h is not None else 0.0)
-        total = total + _student((away**2).sum(axis=1) / wide**2, k, freedom[name]) - k * np.log(wide)
+        total = total + multivariate_t.logpdf(away, np.zeros(k), wide**2 * np.eye(k), freedom[name])
     return total
-
-
-def _student(chi2: np.ndarray, k: int, freedom: float) -> np.ndarray:
-    """ln density of a standard multivariate Student variable of k dimensions."""
-    constant = gammaln((freedom + k) / 2.0) - gammaln(freedom / 2.0) - 0.5 * k * np.log(freedom * np.pi)
-    return constant - 0.5 * (freedom + k) * np.log1p(chi2 / freedom)
 
 
 def quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, float, float]:
     """(median, 2.5 %, 97.5 %) of weighted draws."""
-    order = np.argsort(values)
-    reach = np.cumsum(weights[order])
-    low, middle, high = np.interp([0.025, 0.5, 0.975], reach / reach[-1], values[order])
+    low, middle, high = np.quantile(values, [0.025, 0.5, 0.975], weights=weights, method="inverted_cdf")
     return float(middle), float(low), float(high)

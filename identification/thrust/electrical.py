@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.stats
 
 from .stand_fit import Fit
 from .stand_series import Stand
@@ -26,11 +27,10 @@ def battery_resistance(stand: Stand, seed: int = 0) -> dict[str, Any] | None:
         return float(np.linalg.lstsq(columns[rows], voltage[rows], rcond=None)[0][1])
 
     blocks = np.array_split(np.arange(len(stand)), min(BLOCKS, len(stand)))
-    rng = np.random.default_rng(seed)
-    drawn = [resistance(np.concatenate([blocks[i] for i in rng.integers(0, len(blocks), len(blocks))]))
-             for _ in range(DRAWS)]
-    return {"value": resistance(np.arange(len(stand))), "ci95": [float(x) for x in np.percentile(drawn, [2.5, 97.5])],
-            "unit": "ohm"}
+    drawn = scipy.stats.bootstrap(
+        (np.arange(len(blocks)),), lambda drawn: resistance(np.concatenate([blocks[i] for i in drawn])),
+        vectorized=False, n_resamples=DRAWS, method="percentile", rng=np.random.default_rng(seed)).confidence_interval
+    return {"value": resistance(np.arange(len(stand))), "ci95": [float(drawn.low), float(drawn.high)], "unit": "ohm"}
 
 
 def motor_constants(fit: Fit, stand: Stand) -> dict[str, dict[str, Any]]:

@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from nanobench_tools.metrics import statistics
 from nanobench_tools.settings import count, number
 
 from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
@@ -165,9 +166,5 @@ def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], 
         pieces = [pieces[0].rows(slice(a, b)) for a, b in pairwise(bounds) if b > a]
     thin = -(-sum(map(len, pieces)) // DRAWN_ROWS)
     pieces = [p.rows(slice(None, None, thin)) for p in pieces]
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(draws):
-        counts = rng.multinomial(len(pieces), np.full(len(pieces), 1.0 / len(pieces)))
-        found.append(fit_any(candidate, pieces, counts, fit.shape or None).values)
-    return tuple(found)
+    return tuple(fit_any(candidate, pieces, counts, fit.shape or None).values
+                 for counts in statistics.draws(tuple(range(len(pieces))), seed, draws))

@@ -7,9 +7,11 @@ quantitative trajectory evaluation" (2018), section III, for position and yaw.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..errors import NanobenchError
 
@@ -60,10 +62,9 @@ def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique
         return Alignment(np.eye(3), np.zeros(3))
     mean_e, mean_t = estimate.mean(axis=0), truth.mean(axis=0)
     e, t = estimate - mean_e, truth - mean_t
-    covariance = t.T @ e / len(e)
     spread = max(np.mean(np.sum(e * e, axis=1)), np.mean(np.sum(t * t, axis=1)))
     least = _RANK_TOLERANCE * spread if unique else -1.0
-    rotation = _best_rotation(covariance, least) if mode == "se3" else _best_yaw(covariance, least)
+    rotation = (_best_rotation if mode == "se3" else _best_yaw)(e, t, least)
     return Alignment(rotation, mean_t - rotation @ mean_e)
 
 
@@ -79,17 +80,20 @@ def checked_pair(estimate: np.ndarray, truth: np.ndarray, width: int = 3) -> tup
     return a, b
 
 
-def _best_rotation(covariance: np.ndarray, least: float) -> np.ndarray:
-    """Umeyama eqs. 38-40; the sign keeps it a rotation where the best orthogonal matrix would mirror."""
-    u, singular, vt = np.linalg.svd(covariance)
-    if not singular[1] > least:
+def _best_rotation(e: np.ndarray, t: np.ndarray, least: float) -> np.ndarray:
+    """Umeyama eqs. 38-40, by SciPy."""
+    if not np.linalg.svd(t.T @ e / len(e), compute_uv=False)[1] > least:
         raise AlignmentError("the paths do not determine a rotation: one of them is a point or a straight line")
-    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    return np.asarray(u @ np.diag([1.0, 1.0, sign]) @ vt)
+    if not (e.any() and t.any()):
+        return np.eye(3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a line, where any of the best is asked for
+        return np.asarray(Rotation.align_vectors(t, e)[0].as_matrix())
 
 
-def _best_yaw(covariance: np.ndarray, least: float) -> np.ndarray:
+def _best_yaw(e: np.ndarray, t: np.ndarray, least: float) -> np.ndarray:
     """Maximises trace(Rz(yaw)^T C): tan yaw = (C10 - C01) / (C00 + C11)."""
+    covariance = t.T @ e / len(e)
     sine, cosine = covariance[1, 0] - covariance[0, 1], covariance[0, 0] + covariance[1, 1]
     if not np.hypot(sine, cosine) > least:
         raise AlignmentError("the paths do not determine a yaw: one of them has no horizontal extent")

@@ -2,8 +2,9 @@
 
 Rows of one flight are not independent, and flights of one session share propellers, battery, calibration and air. So
 intervals come from drawing sessions with replacement and then flights within each drawn session, never samples
-(two-stage bootstrap: Davison and Hinkley 1997, section 3.8). Every statistic here is a pooled mean, sum of one thing
-over sum of another, so that all of them share one matrix of draws.
+(two-stage bootstrap: Davison and Hinkley 1997, section 3.8), which SciPy lacks; its BCa serves few flights that stand
+alone. Every statistic here is a pooled mean, sum of one thing over sum of another, so that all of them share one matrix
+of draws; ``draws`` and ``weights`` are also for whoever refits to drawn flights.
 """
 
 from __future__ import annotations
