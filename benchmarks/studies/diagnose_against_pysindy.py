@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
@@ -38,12 +39,13 @@ from identification.mismatch.space import MAPS, space_around
 from identification.mismatch.wrench import Wrench
 from identification.prove.blind_proof import plan
 from identification.prove.make import Case, make_cases
-from identification.prove.score import score_case
-from identification.prove.summary import share
+from identification.prove.score import CaseScore, score_case
+from identification.prove.summary import Share
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
+from nanobench_tools.result import to_json
 
 KINDS = ("null", "single", "twin", "pair", "foreign")
 THRESHOLDS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2)
@@ -131,20 +133,18 @@ def ours(recordings: Recordings, simulator: Model, seed: int) -> dict[str, Any]:
     return diagnose(recordings, simulator, seed=seed).to_json()
 
 
-def row_of(name: str, cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    hidden = [e for c in cases for e in c["effects"]]
-    without = [c for c in cases if c["kind"] in ("null", "foreign")]
-    return {"method": name, "n": len(cases), "right": share(sum(c["right"] for c in cases), len(cases)),
-            "false_names": share(sum(c["false_name"] for c in cases), len(cases)),
-            "effects_named": share(sum(e["named"] for e in hidden), len(hidden)),
-            "named_where_nothing_is": share(sum(bool(c["named"]) for c in without), len(without)),
-            "names_per_case": float(np.mean([len(c["named"]) for c in cases])),
-            "median_s": float(np.median([c["elapsed_s"] for c in cases]))}
+def row_of(name: str, cases: Sequence[CaseScore]) -> dict[str, Any]:
+    return {"method": name, "n": len(cases), "right": Share.of(c.right for c in cases),
+            "false_names": Share.of(c.false_name for c in cases),
+            "effects_named": Share.of(e.named for c in cases for e in c.effects),
+            "named_where_nothing_is": Share.of(bool(c.named) for c in cases if c.kind in ("null", "foreign")),
+            "names_per_case": float(np.mean([len(c.named) for c in cases])),
+            "median_s": float(np.median([c.elapsed_s for c in cases]))}
 
 
-def said(entry: dict[str, Any]) -> str:
-    low, high = entry["ci95"]
-    return f"{entry['right']} of {entry['n']} [{100 * low:.0f}, {100 * high:.0f} %]"
+def said(entry: Share) -> str:
+    low, high = entry.ci95 or (math.nan, math.nan)
+    return f"{entry.right} of {entry.n} [{100 * low:.0f}, {100 * high:.0f} %]"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -158,18 +158,18 @@ def main(argv: list[str] | None = None) -> int:
     except ImportError:
         print(f"pysindy is not installed; {how_to_install('bench')}", file=sys.stderr)
         return 2
-    scored: dict[str, list[dict[str, Any]]] = {"nanobench diagnose": [], "pysindy STLSQ": []}
-    fixed: list[list[dict[str, Any]]] = [[] for _ in THRESHOLDS]
+    scored: dict[str, list[CaseScore]] = {"nanobench diagnose": [], "pysindy STLSQ": []}
+    fixed: list[list[CaseScore]] = [[] for _ in THRESHOLDS]
     for case in make_cases(plan(options.cases, options.seed, KINDS)):
         recordings = seen(case)
         verdicts = [ours(recordings, case.simulator, options.seed), *by_pysindy(recordings, case.simulator)]
         for cases, verdict in zip([*scored.values(), *fixed], verdicts, strict=True):
             cases.append(score_case(case.truth, verdict))
         last = [c[-1] for c in scored.values()]
-        print(f"{case.name} {case.spec.kind:8} {', '.join(last[0]['truth']) or '-':28} " + " | ".join(
-            f"{'right' if c['right'] else 'FALSE' if c['false_name'] else 'miss '} {c['elapsed_s']:5.1f} s "
-            f"{', '.join(c['named']) or c['outcome']}" for c in last), flush=True)
-    best = max(range(len(fixed)), key=lambda k: sum(c["right"] for c in fixed[k]))
+        print(f"{case.name} {case.spec.kind:8} {', '.join(last[0].truth) or '-':28} " + " | ".join(
+            f"{'right' if c.right else 'FALSE' if c.false_name else 'miss '} {c.elapsed_s:5.1f} s "
+            f"{', '.join(c.named) or c.outcome}" for c in last), flush=True)
+    best = max(range(len(fixed)), key=lambda k: sum(c.right for c in fixed[k]))
     scored[f"pysindy best threshold ({THRESHOLDS[best]:g})"] = fixed[best]
     rows = [row_of(name, cases) for name, cases in scored.items()]
     print(f"\nSYNTHETIC, {options.cases} cases, seed {options.seed}, pysindy {pysindy.__version__}, "
@@ -180,7 +180,7 @@ def main(argv: list[str] | None = None) -> int:
               f"{said(row['named_where_nothing_is'])}, {row['names_per_case']:.1f} names a case, "
               f"{row['median_s']:.1f} s a case (median)")
     if options.json:
-        options.json.write_text(json.dumps({"synthetic": True, "rows": rows, "cases": scored}, indent=1, default=float))
+        options.json.write_text(json.dumps(to_json({"synthetic": True, "rows": rows, "cases": scored}), indent=1))
     return 0
 
 

@@ -32,8 +32,8 @@ def one(case: Case) -> tuple[np.ndarray, list[tuple[bool, float, float]]] | None
     recordings = recorded(case.flights, "thrust_voltage" in case.simulator, case.simulator.vehicle)
     simulator = believed(case.simulator, recordings.tracks[0].commanded)
     moments, decision, shown = judge(recordings, Wrench(recordings.tracks), simulator)
-    truth = {name: p["value"] for e in case.truth["effects"] for name, p in e["parameters"].items()}
-    print(f"{case.name} ({case.spec.engine}), concealed {[e['term'] for e in case.truth['effects']]}:", end=" ")
+    truth = {name: p.value for e in case.truth.effects for name, p in e.parameters.items()}
+    print(f"{case.name} ({case.spec.engine}), concealed {[e.term for e in case.truth.effects]}:", end=" ")
     again = refit(moments, decision, shown)
     if isinstance(again, str):
         print(f"{decision.outcome}; {again}")

@@ -11,20 +11,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.harness import Item, RunResult, envelope, item_key, manifest, read_json, write_json
+from nanobench_tools.result import Result
 
 from .case_flights import forget, given, keep, kept
 from .case_kinds import CaseSpec
 from .make import Case, make_cases
 from .plan import QUOTAS, plan_cases
-from .score import score_case
+from .score import CaseScore, Verdict, score_case
 from .seal import seal
-from .summary import power_by_term, summarise
+from .summary import Summary, TermPower, power_by_term, summarise
+from .truth import Truth
 
-Diagnose = Callable[..., dict[str, Any]]
+Diagnose = Callable[..., Verdict]
 """(flights, simulator, seed=...) -> verdict.json, see ``identification.mismatch.diagnosis.diagnose_flights``."""
 Run = Callable[[Sequence[Item], str], RunResult]
 """(items, title) -> their values, see ``nanobench_tools.harness.run_items``."""
@@ -39,9 +40,36 @@ class Sealed:
     """specs and truths of the cases that could be made, in the same order; sha256 of all truths together; at: when."""
 
     specs: tuple[CaseSpec, ...]
-    truths: tuple[Mapping[str, Any], ...]
+    truths: tuple[Truth, ...]
     sha256: str
     at: str
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosed(Result):
+    """A verdict, and the seal of the truth of what was diagnosed."""
+
+    verdict: Verdict
+    truth: str
+
+
+@dataclass(frozen=True, repr=False)
+class Seal(Result):
+    """Hash of the truths, and when it was written."""
+
+    sha256: str
+    at: str
+    opened_unchanged: bool = True
+
+
+@dataclass(frozen=True, repr=False)
+class Proof(Result):
+    """prove.json of a blind proof."""
+
+    cases: tuple[CaseScore, ...]
+    summary: Summary
+    power: Mapping[str, TermPower]
+    sealed: Seal
 
 
 def plan(n: int, seed: int, kinds: Sequence[str] = (), engine: str = "practice") -> list[CaseSpec]:
@@ -66,7 +94,7 @@ def _fly(batch: Sequence[CaseSpec]) -> list[Case]:
     return cases
 
 
-def truths_item(specs: Sequence[CaseSpec], folder: Path | None = None) -> dict[str, Any]:
+def truths_item(specs: Sequence[CaseSpec], folder: Path | None = None) -> dict[str, list[Truth]]:
     """The truths of cases that fly together; flights are kept in ``folder``."""
     cases = _fly(specs)
     if folder is not None:
@@ -76,9 +104,9 @@ def truths_item(specs: Sequence[CaseSpec], folder: Path | None = None) -> dict[s
 
 
 def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose: Diagnose,
-                  folder: Path | None = None) -> dict[str, Any]:
-    """{verdict, truth: seal of the truth of what was diagnosed} of one case. ``batch``, the cases it flies with, and
-    ``folder``, where its flights may be kept, change nothing but the time."""
+                  folder: Path | None = None) -> Diagnosed:
+    """One case. ``batch``, the cases it flies with, and ``folder``, where its flights may be kept, change nothing but
+    the time."""
     case = kept(spec, folder) if folder is not None else None
     if case is None:
         flown = _flown.get(spec.name)
@@ -88,7 +116,7 @@ def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose
     verdict = diagnose(case.flights, case.simulator, seed=seed)
     if folder is not None:
         forget(spec, folder)
-    return {"verdict": verdict, "truth": case.truth}
+    return Diagnosed(verdict, case.truth)
 
 
 def seal_cases(specs: Sequence[CaseSpec], run: Run, folder: Path | None = None, seed: int | None = None) -> Sealed:
@@ -119,8 +147,8 @@ def _written(sealed: Sealed, path: Path, seed: int | None) -> Sealed:
 
 
 def diagnose_cases(sealed: Sealed, run: Run, diagnose: Diagnose, seed: int = 0,
-                   folder: Path | None = None) -> dict[str, dict[str, Any]]:
-    """{name of the case: {verdict, truth}}; failed ones left out. ``folder``: the one of ``seal_cases``."""
+                   folder: Path | None = None) -> dict[str, Diagnosed]:
+    """By name of the case; failed ones left out. ``folder``: the one of ``seal_cases``."""
     items = {}
     place = folder and folder / FLOWN
     for batch in _batches(sealed.specs):
@@ -133,29 +161,27 @@ def diagnose_cases(sealed: Sealed, run: Run, diagnose: Diagnose, seed: int = 0,
     return {name: values[item.key] for name, item in items.items() if item.key in values}
 
 
-def open_and_score(sealed: Sealed, verdicts: Mapping[str, Mapping[str, Any]],
-                   folder: Path | None = None) -> list[dict[str, Any]]:
-    """Entries of ``cases`` (prove.json). Raises InputError when a truth is not the one of the seal."""
+def open_and_score(sealed: Sealed, verdicts: Mapping[str, Diagnosed], folder: Path | None = None) -> list[CaseScore]:
+    """Raises InputError when a truth is not the one of the seal."""
     kept = sealed.sha256 if folder is None else read_json(folder / SEALED, "prove-sealed")["sha256"]
     place = SEALED if folder is None else str(folder / SEALED)
     if seal(sealed.truths) != kept:
         raise InputError(place, "the hash of the truths is not the one written before the run", "run anew")
     cases = []
     for truth in sealed.truths:
-        found = verdicts.get(truth["case"])
+        found = verdicts.get(truth.case)
         if found is None:
             continue
-        if found["truth"] != seal([truth]):
-            raise InputError(place, f"what was diagnosed as {truth['case']} is not the case that was sealed",
+        if found.truth != seal([truth]):
+            raise InputError(place, f"what was diagnosed as {truth.case} is not the case that was sealed",
                              "these packages do not make the same numbers twice: use --jobs 1")
-        cases.append(score_case(truth, found["verdict"]))
+        cases.append(score_case(truth, found.verdict))
     return cases
 
 
-def prove_body(sealed: Sealed, cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The keys of prove.json."""
-    return {"cases": list(cases), "summary": summarise(cases), "power": power_by_term(cases),
-            "sealed": {"sha256": sealed.sha256, "at": sealed.at, "opened_unchanged": True}}
+def proof_of(sealed: Sealed, cases: Sequence[CaseScore]) -> Proof:
+    """What scored cases come to."""
+    return Proof(tuple(cases), summarise(cases), power_by_term(cases), Seal(sealed.sha256, sealed.at))
 
 
 def _batches(specs: Sequence[CaseSpec]) -> list[list[CaseSpec]]:

@@ -11,6 +11,7 @@ from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.sources.nanobench_columns import STREAMS
 
 from .airframe import Airframe
+from .truth import TrueFault
 
 OUTCOMES = {"null": "none", "single": "named", "twin": "named", "pair": "named", "change": "named",
             "fault": "data_fault", "foreign": "unknown"}
@@ -26,12 +27,12 @@ COMPARED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x
 """What a recording has to hold for its physics to be compared with a simulator's."""
 
 
-def forbids(faults: Sequence[Mapping[str, Any]], flights: Sequence[str]) -> bool:
-    """Whether faults (as in a truth) leave nothing to compare: every flight has one of what is compared, from its first
+def forbids(faults: Sequence[TrueFault], flights: Sequence[str]) -> bool:
+    """Whether faults leave nothing to compare: every flight has one of what is compared, from its first
     row to its last. One that is over after some seconds, or in one flight, leaves the rest."""
     whole = those(lambda kind: kind.whole and kind.cuts)  # a clock is, too, but the motion capture shows it: put right
-    spoilt = {f["flight"] for f in faults if f["kind"] in whole
-              and f["stream"] in COMPARED and not {*f["columns"]}.isdisjoint(_named(f["stream"]))}
+    spoilt = {f.flight for f in faults if f.kind in whole
+              and f.stream in COMPARED and not {*f.columns}.isdisjoint(_named(f.stream))}
     return spoilt >= {*flights}
 
 

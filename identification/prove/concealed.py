@@ -34,9 +34,12 @@ from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.protocols.task1 import Case, Split
+from nanobench_tools.result import Result
 
 from .blind_proof import Diagnose, Run
-from .score import score_case
+from .score import CaseScore, Verdict, score_case
+from .summary import Summary, TermPower
+from .truth import TrueEffect, TrueFault, TrueParameter, Truth
 
 STOCK_KG = 0.0270
 """A bare vehicle of the type, without marker set and deck."""
@@ -52,7 +55,7 @@ THIN = 20
 
 @dataclass(frozen=True)
 class Ignorance:
-    """kind: what a table calls it; term that is missing (None: nothing is); twins: as in ``make.truth_of``;
+    """kind: what a table calls it; term that is missing (None: nothing is); twins: as of its truth;
     simulator (fitted, fitted without voltage) -> what is diagnosed."""
 
     kind: str
@@ -78,18 +81,44 @@ IGNORANCE = (
 
 @dataclass(frozen=True)
 class RealCase:
-    """flights and simulator are what a diagnosis is given; truth as of ``make.truth_of``."""
+    """flights and simulator are what a diagnosis is given."""
 
     flights: tuple[Flight, ...]
     simulator: Model
-    truth: Mapping[str, Any]
+    truth: Truth
+
+
+@dataclass(frozen=True, repr=False)
+class RealScore(CaseScore):
+    """right: what was taken away is named, whatever else is; in the control, nothing is. beside: false names that the
+    control of the same flights does not have."""
+
+    beside: tuple[str, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class RealProof(Result):
+    """prove.json of ``--concealed``; train: names of the flights that made the simulators."""
+
+    cases: tuple[RealScore, ...]
+    summary: Summary
+    power: Mapping[str, TermPower]
+    train: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LearntMap:
+    """Coefficients of MAP, and the median voltage of the flights it was fitted to."""
+
+    c: tuple[float, ...]
+    battery_V: float
 
 
 def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[Model, Model]:
     """(fitted to the training flights, the same with thrust from PWM at their median battery voltage)."""
     place, cases = split.train[0].flight.provenance.path, list(split.train)
 
-    def made(title: str, function: Callable[..., dict[str, Any]], **given: Any) -> dict[str, Any]:
+    def made(title: str, function: Callable[..., Any], **given: Any) -> Any:
         item = make_item(function, {"cases": cases, "mass_kg": mass_kg, **given}, title, file=place)
         found = run([item], title)
         if not found.values:
@@ -97,26 +126,26 @@ def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[M
         return found.values[item.key]
 
     thrust = made("fit thrust", thrust_item)
-    rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": tuple(thrust["c"])}}, hold=(MAP,))
+    rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": thrust.c}}, hold=(MAP,))
     terms = made("fit the rest", fit_item, rung=rung, seed=seed)["simulator"]
     fitted = loads(made("fit drag", drag_item, terms=terms)["simulator"])
-    blind = with_other_map(fitted, thrust["battery_V"])
+    blind = with_other_map(fitted, thrust.battery_V)
     assert blind is not None  # it has MAP
     return fitted, blind
 
 
-def thrust_item(cases: Sequence[Case], mass_kg: float) -> dict[str, Any]:
-    """{c of MAP, battery_V: median}, from what the accelerometer felt along z (``identification.thrust``), as a cubic
+def thrust_item(cases: Sequence[Case], mass_kg: float) -> LearntMap:
+    """From what the accelerometer felt along z (``identification.thrust``), as a cubic
     that rises. Predictions of half a second see too small a slope, because controllers answer gusts."""
     flown = [(case.flight, case.spans) for case in cases]
     rows = flown_rows(flown, find_delay(flown, mass_kg)).files
     u, volts = np.concatenate([f.u for f in rows]), np.concatenate([f.battery_V for f in rows])[:, None]
     thrust = fit_flights(models(mass_kg)[BALANCED_MAP], rows).fit.predict(u, volts)
-    return {"c": rising_cubic((u * volts).ravel()[::THIN], thrust.ravel()[::THIN]).tolist(),
-            "battery_V": float(np.median(volts))}
+    return LearntMap(tuple(rising_cubic((u * volts).ravel()[::THIN], thrust.ravel()[::THIN]).tolist()),
+                     float(np.median(volts)))
 
 
-def drag_item(cases: Sequence[Case], mass_kg: float, terms: Mapping[str, Any]) -> dict[str, Any]:
+def drag_item(cases: Sequence[Case], mass_kg: float, terms: Mapping[str, Any]) -> dict[str, str]:
     """{simulator: text of its TOML}: ``terms`` with drag fitted along the states of the training flights."""
     model = Model(Vehicle(mass_kg=mass_kg), terms)
     return {"simulator": dumps(fit_along(recorded([case.flight for case in cases]), model, (DRAG,)))}
@@ -132,12 +161,11 @@ def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int,
     found: list[RealCase] = []
     for number, group in enumerate(groups):
         for lack in IGNORANCE:
-            names = [f.name for f in group]
-            effects = [] if lack.term is None else [{
-                "term": lack.term, "size": "real", "foreign": False, "twins": list(lack.twins), "flights": names,
-                "parameters": _taken(fitted, lack.term)}]
-            truth = {"case": f"real_{first + len(found):03d}", "kind": lack.kind, "effects": effects, "faults": [],
-                     "engine": None, "note": f"group {number + 1}: {', '.join(names)}"}
+            names = tuple(f.name for f in group)
+            effects = () if lack.term is None else (
+                TrueEffect(lack.term, "real", names, twins=lack.twins, parameters=_taken(fitted, lack.term)),)
+            truth = Truth(f"real_{first + len(found):03d}", lack.kind, effects,
+                          note=f"group {number + 1}: {', '.join(names)}")
             found.append(RealCase(tuple(group), lack.simulator(*simulators), truth))
     return found[:n]
 
@@ -150,10 +178,9 @@ def dead_logs(split: Split, audits: Mapping[str, Audit], simulators: tuple[Model
     if not found:
         return []
     names = list(found)[:FLIGHTS]
-    faults = [{"kind": fault.kind, "flight": name, "stream": fault.stream, "size": fault.size}
-              for name in names for fault in found[name][1]]
-    truth = {"case": f"real_{number:03d}", "kind": "dead log", "effects": [], "faults": faults, "engine": None,
-             "note": ", ".join(names)}
+    faults = tuple(TrueFault(name, fault.kind, fault.stream, size=fault.size)
+                   for name in names for fault in found[name][1])
+    truth = Truth(f"real_{number:03d}", "dead log", faults=faults, note=", ".join(names))
     return [RealCase(tuple(found[name][0] for name in names), simulators[0], truth)]
 
 
@@ -165,25 +192,24 @@ def _groups(flights: Sequence[Flight], rng: np.random.Generator) -> list[list[Fl
     return [dealt[k::many][:FLIGHTS] for k in range(many)]
 
 
-def _taken(fitted: Model, term: str) -> dict[str, Any]:
+def _taken(fitted: Model, term: str) -> dict[str, TrueParameter]:
     """What the fit had and the simulator lacks."""
     if term == "mass":
-        return {"mass.m": {"value": fitted.vehicle.mass_kg, "unit": "kg", "believed": None}}
+        return {"mass.m": TrueParameter(fitted.vehicle.mass_kg, "kg", None)}
     units = dict(zip(fitted.names, fitted.units, strict=True))
-    return {name: {"value": value, "unit": units[name], "believed": None}
+    return {name: TrueParameter(value, units[name], None)
             for name, value in fitted.parameters.items() if name.startswith(f"{term}.")}
 
 
-def real_item(flights: Sequence[Flight], simulator: Model, seed: int, diagnose: Diagnose) -> dict[str, Any]:
+def real_item(flights: Sequence[Flight], simulator: Model, seed: int, diagnose: Diagnose) -> Verdict:
     """The verdict on one case."""
     return diagnose(list(flights), simulator, seed=seed)
 
 
-def diagnose_real(cases: Sequence[RealCase], run: Run, diagnose: Diagnose, seed: int = 0) -> list[dict[str, Any]]:
-    """Entries of ``cases`` (prove.json). right: what was taken away is named, whatever else is; in the control,
-    nothing is. beside: false names that the control of the same flights does not have."""
+def diagnose_real(cases: Sequence[RealCase], run: Run, diagnose: Diagnose, seed: int = 0) -> list[RealScore]:
+    """Every case diagnosed, and its truth compared with the verdict."""
     items = [make_item(real_item, {"flights": list(c.flights), "simulator": c.simulator, "seed": seed,
-                                   "diagnose": diagnose}, f"diagnose {c.truth['case']}",
+                                   "diagnose": diagnose}, f"diagnose {c.truth.case}",
                        file=c.flights[0].provenance.path) for c in cases]
     values = run(items, "diagnose").values
     scored = []
@@ -192,13 +218,13 @@ def diagnose_real(cases: Sequence[RealCase], run: Run, diagnose: Diagnose, seed:
         if item.key not in values:
             continue
         entry = score_case(case.truth, values[item.key])
-        false = [f["term"] for f in entry["findings"] if not f["right"]]
-        if case.truth["faults"]:
-            entry["right"] = bool(entry["fault_right"]) and not entry["findings"]
-        elif entry["effects"]:
-            entry["right"] = all(e["named"] for e in entry["effects"])
+        right = entry.right
+        if case.truth.faults:
+            right = bool(entry.fault_right) and not entry.findings
+        elif entry.effects:
+            right = all(e.named for e in entry.effects)
         else:
-            control[entry["note"]] = false
-        entry["beside"] = [term for term in false if term not in control.get(entry["note"], [])]
-        scored.append(entry)
+            control[entry.note] = entry.false
+        beside = tuple(term for term in entry.false if term not in control.get(entry.note, []))
+        scored.append(RealScore(**{**vars(entry), "right": right}, beside=beside))
     return scored

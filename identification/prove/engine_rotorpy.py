@@ -54,7 +54,7 @@ def on_rotorpy(spec: CaseSpec) -> CaseSpec | None:
     airframe = replace(spec.airframe, drag_N_s_m=(0.0, 0.0, 0.0), tau_down_s=spec.airframe.tau_up_s)
 
     def anew(hidden: Hidden) -> Hidden:
-        p = EFFECTS[hidden.effect].draw(hidden.size, rng, airframe)
+        p = dict(EFFECTS[hidden.effect].draw(hidden.size, rng, airframe))
         if hidden.effect == "motor_lag":
             p["tau_up_s"] = p["tau_down_s"]
         if hidden.effect == "drag_rotor":

@@ -20,6 +20,8 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness import Item, RunResult, make_item
 from nanobench_tools.physics import Model
 
+from .score import Verdict
+
 Run = Callable[[Sequence[Item], str], RunResult]
 Values = Mapping[str, Mapping[str, Any]]
 """{flight: value of ``trim_item``}"""
@@ -30,13 +32,13 @@ LEAVE_ONE_OUT = "normal, left out: "
 class Judged:
     """verdicts by folder, and by normal flight that was left out; normal: names of the flights that were normal."""
 
-    verdicts: Mapping[str, Mapping[str, Any]]
-    alarms: Mapping[str, Mapping[str, Any]]
+    verdicts: Mapping[str, Verdict]
+    alarms: Mapping[str, Verdict]
     normal: tuple[str, ...]
 
 
 def folder_item(flights: Values, normal: Values, simulator: Model | None, mass_kg: float | None,
-                least: int) -> dict[str, Any]:
+                least: int) -> Verdict:
     """The verdict on ``flights`` against ``normal``."""
     usual, usual_swings, lost = trims_in(normal)
     body = body_of(usual, mass_kg, simulator)

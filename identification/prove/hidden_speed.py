@@ -8,7 +8,6 @@ what their own rotor speed says, which is looked at afterwards.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from identification.mismatch.believe import fit_along
 from identification.mismatch.diagnosis import recorded
@@ -23,6 +22,7 @@ from nanobench_tools.physics.simulator import dumps, loads
 
 from .blind_proof import Run
 from .concealed import RealCase
+from .truth import TrueEffect, TrueParameter, Truth
 
 SPEED = "rpm"
 BESIDE = ("drag_linear",)
@@ -49,19 +49,16 @@ def speed_cases(flights: Sequence[Flight], mass_kg: float, run: Run, seed: int, 
         raise InputError(train[0].provenance.path, f"no simulator can be fitted: {result.failed[0]['error']}")
     whole = loads(result.values[item.key]["simulator"])
     blind = tuple(f.without_streams(SPEED) for f in test)
-    lag = {name: {"value": value, "unit": "s", "believed": None}
-           for name, value in measured_lag(test, mass_kg).items()}
+    lag = {name: TrueParameter(value, "s", None) for name, value in measured_lag(test, mass_kg).items()}
     note = "rotor speed hidden: " + ", ".join(f.name for f in test)
-    effect = {"term": LAG, "size": "real", "foreign": False, "twins": [], "flights": [f.name for f in test],
-              "parameters": lag}
-    return [RealCase(blind, model, {"case": f"real_{number + k:03d}", "kind": kind, "effects": effects, "faults": [],
-                                    "engine": None, "note": note})
-            for k, (kind, model, effects) in enumerate((("control, rotor speed hidden", whole, []),
-                                                        ("no motor lag, rotor speed hidden", whole.without(LAG),
-                                                         [effect])))]
+    effect = TrueEffect(LAG, "real", tuple(f.name for f in test), parameters=lag)
+    lacks: tuple[tuple[str, Model, tuple[TrueEffect, ...]], ...] = (
+        ("control, rotor speed hidden", whole, ()), ("no motor lag, rotor speed hidden", whole.without(LAG), (effect,)))
+    return [RealCase(blind, model, Truth(f"real_{number + k:03d}", kind, effects, note=note))
+            for k, (kind, model, effects) in enumerate(lacks)]
 
 
-def simulator_item(flights: Sequence[Flight], mass_kg: float, seed: int) -> dict[str, Any]:
+def simulator_item(flights: Sequence[Flight], mass_kg: float, seed: int) -> dict[str, str]:
     """{simulator: text of its TOML}."""
     found = simulator(identify(flights, mass_kg=mass_kg, seed=seed))
     return {"simulator": dumps(fit_along(recorded(flights), found, BESIDE))}

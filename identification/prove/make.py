@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,8 +26,10 @@ from nanobench_tools.sources.nanobench import write_nanobench
 from .airframe import Airframe
 from .case_kinds import OUTCOMES, CaseSpec, Hidden, forbids
 from .effects import EFFECTS
+from .effects.effect import Parameters
 from .effects.frame_tilt import FrameTilt
 from .engine import Acting, Engine, vehicles_of
+from .truth import TrueEffect, TrueFault, TrueParameter, Truth
 
 PLACES = 16
 """Flight j of case i has the random numbers of number 16 i + j of the seed."""
@@ -43,14 +44,14 @@ AT_ONCE = 120
 @dataclass(frozen=True)
 class Case:
     """flights and ``simulator`` are what a diagnosis is given; ``corrected`` is the simulator that knows all that terms
-    can say (of the flights an effect acts in), ``truth`` a JSON-able dict: see ``truth_of``."""
+    can say (of the flights an effect acts in), ``truth`` what it is to be compared with."""
 
     name: str
     spec: CaseSpec
     flights: list[Flight]
     simulator: Model
     corrected: Model
-    truth: dict[str, Any]
+    truth: Truth
 
 
 def make_case(spec: CaseSpec) -> Case:
@@ -67,7 +68,7 @@ def make_cases(specs: Sequence[CaseSpec]) -> list[Case]:
         row = 0
         for i in group:
             made = _case(flying[i], flown, row)
-            found[i] = replace(made, spec=specs[i], truth={**made.truth, "engine_wanted": specs[i].engine})
+            found[i] = replace(made, spec=specs[i], truth=replace(made.truth, engine_wanted=specs[i].engine))
             row += len(flying[i].flights)
     return [found[i] for i in range(len(specs))]
 
@@ -104,7 +105,7 @@ def true_airframes(spec: CaseSpec) -> list[Airframe]:
 
 def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
     """All effects with hooks of cases whose flights stand one after the other in a batch, those of a kind joined."""
-    parts: dict[str, list[tuple[int, dict]]] = {}
+    parts: dict[str, list[tuple[int, Parameters]]] = {}
     row = 0
     for spec in specs:
         for j in range(len(spec.flights)):
@@ -192,7 +193,7 @@ def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
             tumbled.append(flights[-1].name)
     simulator, corrected = simulators(spec, float(np.mean(np.concatenate(volts))))
     flights, faults = _with_faults(spec, flights)
-    truth = {**truth_of(spec, simulator, corrected, faults), "tumbled": tumbled}
+    truth = replace(truth_of(spec, simulator, corrected, faults), tumbled=tuple(tumbled))
     return Case(spec.name, spec, flights, simulator, corrected, truth)
 
 
@@ -209,7 +210,7 @@ def simulators(spec: CaseSpec, mean_V: float) -> tuple[Model, Model]:
     return simulator, corrected
 
 
-def _with_faults(spec: CaseSpec, flights: list[Flight]) -> tuple[list[Flight], list[dict[str, Any]]]:
+def _with_faults(spec: CaseSpec, flights: list[Flight]) -> tuple[list[Flight], list[TrueFault]]:
     """Flights with the faults of the data in them, and what was done."""
     done = []
     for number, fault in enumerate(spec.faults):
@@ -218,42 +219,32 @@ def _with_faults(spec: CaseSpec, flights: list[Flight]) -> tuple[list[Flight], l
             rng = np.random.default_rng([spec.seed, PLACES * spec.index + j, 11, number])
             given = {} if fault.size is None else {"size": fault.size}
             flights[j], found = injection.function(flights[j], rng, **given, **fault.options)
-            done.append({"flight": flights[j].name, "kind": found.kind, "stream": found.stream,
-                         "columns": list(found.columns), "start_s": found.start_s, "end_s": found.end_s,
-                         "size": found.size, "unit": found.unit})
+            done.append(TrueFault(flights[j].name, found.kind, found.stream, found.columns, found.start_s, found.end_s,
+                                  found.size, found.unit))
     return flights, done
 
 
-def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What the verdict is compared with.
-
-    case, kind, outcome; effects: [{term, size, foreign, flights (names), twins, parameters: {flat name: {value, unit,
-    believed (None where the simulator lacks it)}}, drawn}]; known: names of effects the simulator has right; faults;
-    nuisance; engine (and engine_wanted); note; corrected: simulator.toml of the simulator that knows; tumbled: names of
-    flights that fell.
-    """
+def truth_of(spec: CaseSpec, simulator: Model, corrected: Model, faults: Sequence[TrueFault]) -> Truth:
+    """What the verdict is compared with, as far as the plan and the simulators say it."""
     believed, units = simulator.parameters, dict(zip(corrected.names, corrected.units, strict=True))
-    names = [f"flight_{j + 1}" for j in range(len(spec.flights))]
+    names = tuple(f"flight_{j + 1}" for j in range(len(spec.flights)))
     effects = []
     for hidden in spec.concealed:
         effect = EFFECTS[hidden.effect]
-        drawn = {k: v for k, v in hidden.parameters.items() if k != "seed"}
         parameters = {} if effect.foreign else {
-            name: {"value": value, "unit": units[name], "believed": _believed(spec.airframe, believed, name)}
+            name: TrueParameter(value, units[name], _believed(spec.airframe, believed, name))
             for name, value in corrected.parameters.items() if name.startswith(f"{hidden.effect}.")}
-        effects.append({"term": hidden.effect, "size": hidden.size, "meaning": effect.sizes[hidden.size],
-                        "foreign": effect.foreign, "twins": list(effect.twins), "parameters": parameters,
-                        "drawn": drawn, "flights": names if hidden.flights is None else
-                        [names[j] for j in hidden.flights]})
+        flights = names if hidden.flights is None else tuple(names[j] for j in hidden.flights)
+        effects.append(TrueEffect(hidden.effect, hidden.size, flights, effect.foreign, effect.twins, parameters,
+                                  effect.sizes[hidden.size],
+                                  {k: v for k, v in hidden.parameters.items() if k != "seed"}))
     n = spec.nuisance
     outcome = OUTCOMES[spec.kind] if spec.kind != "fault" or forbids(faults, names) else "none"
-    return {"case": spec.name, "kind": spec.kind, "outcome": outcome, "effects": effects,
-            "known": [hidden.effect for hidden in spec.known], "faults": list(faults), "engine": spec.engine,
-            "note": spec.note, "corrected": dumps(corrected),
-            "nuisance": {"disturbance_m_s2": n.disturbance_m_s2, "thrust_noise": n.thrust_noise,
-                         "clock_wander_s": n.clock_wander_s, "clock_offset_s": n.clock_offset_s,
-                         "battery_period_s": n.battery_period_s,
-                         "imu_tilt_rad": list(n.imu_tilt_rad)}}
+    return Truth(spec.name, spec.kind, tuple(effects), tuple(faults), outcome, spec.engine, spec.note,
+                 known=tuple(hidden.effect for hidden in spec.known), corrected=dumps(corrected),
+                 nuisance={"disturbance_m_s2": n.disturbance_m_s2, "thrust_noise": n.thrust_noise,
+                           "clock_wander_s": n.clock_wander_s, "clock_offset_s": n.clock_offset_s,
+                           "battery_period_s": n.battery_period_s, "imu_tilt_rad": list(n.imu_tilt_rad)})
 
 
 def _believed(airframe: Airframe, believed: dict[str, float], name: str) -> float | None:

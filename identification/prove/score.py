@@ -9,6 +9,7 @@ effect that was not named counts as right when its size lies below the smallest 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,46 +17,111 @@ from scipy.optimize import linear_sum_assignment
 
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.physics.vocabulary import terms_that
+from nanobench_tools.result import Result
 
-Truth = Mapping[str, Any]
+from .truth import TrueEffect, TrueParameter, Truth
+
 Verdict = Mapping[str, Any]
+"""The content of verdict.json."""
 
 IN_PRODUCTS = terms_that(lambda term: term.in_products)
 """Terms whose parameters are only seen in a product (rho R^2): a value of one alone is not compared."""
 
 
-def score_case(truth: Truth, verdict: Verdict) -> dict[str, Any]:
-    """The entry of ``cases`` (prove.json) of one case: ``truth`` as of ``make.truth_of``, ``verdict`` as of
-    ``nanobench diagnose``.
+@dataclass(frozen=True, repr=False)
+class EffectScore(Result):
+    """Whether a concealed effect was named, ``by`` the finding of which term, ``exactly`` by its own; class_size: terms
+    that the finding stands for; below_power: not named, and below the smallest detectable size stated."""
 
-    truth: what was concealed or injected; outcome, named: what was said; right: everything there was is named, nothing
-    else is, and the outcome fits; false_name: a finding is false. effects: per concealed effect whether and by which
-    finding it was named. findings: per finding whether it is right and how sure it was. intervals: per parameter of a
-    rightly named term whether the 95 % interval covers the true value. flights_right, fault_right: whether the flights
-    of a change, and the kinds of faults with their flights, are those of the truth (None where there is none).
-    """
+    term: str
+    size: str
+    named: bool
+    by: str | None
+    exactly: bool
+    class_size: int | None
+    below_power: bool
+
+
+@dataclass(frozen=True, repr=False)
+class FindingScore(Result):
+    """Whether a finding is right, and how sure it was."""
+
+    term: str
+    equivalent: tuple[str, ...]
+    confidence: float
+    right: bool
+
+
+@dataclass(frozen=True, repr=False)
+class IntervalScore(Result):
+    """Whether a stated 95 % interval holds the true value; believed: what the simulator says, if anything."""
+
+    parameter: str
+    true: float
+    believed: float | None
+    value: float
+    ci95: tuple[float, float]
+    covered: bool
+
+
+@dataclass(frozen=True, repr=False)
+class CaseScore(Result):
+    """One case. truth: what was concealed or injected; outcome, named: what was said; right: everything there was is
+    named, nothing else is, and the outcome fits; false_name: a finding is false. intervals: of parameters of rightly
+    named terms. flights_right, fault_right: whether the flights of a change, and the kinds of faults with their
+    flights, are those of the truth (None where there is none). improvement, power: as of the verdict."""
+
+    case: str
+    kind: str
+    engine: str | None
+    note: str
+    truth: tuple[str, ...]
+    outcome: str
+    named: tuple[str, ...]
+    cause: str | None
+    right: bool
+    false_name: bool
+    unknown: bool
+    sizes: tuple[str, ...]
+    effects: tuple[EffectScore, ...]
+    foreign: tuple[str, ...]
+    findings: tuple[FindingScore, ...]
+    intervals: tuple[IntervalScore, ...]
+    flights_right: bool | None
+    fault_right: bool | None
+    improvement: Mapping[str, Any] | None
+    power: Mapping[str, Mapping[str, Any]]
+    elapsed_s: float
+
+    @property
+    def false(self) -> list[str]:
+        """Terms of the false findings."""
+        return [f.term for f in self.findings if not f.right]
+
+
+def score_case(truth: Truth, verdict: Verdict) -> CaseScore:
+    """``verdict`` as of ``nanobench diagnose``."""
     findings = list(verdict["findings"])
-    effects = [e for e in truth["effects"] if not e["foreign"]]
-    foreign = [e for e in truth["effects"] if e["foreign"]]
+    effects = [e for e in truth.effects if not e.foreign]
+    foreign = [e.term for e in truth.effects if e.foreign]
     right = [any(_names(f, e) for e in effects) for f in findings]
     given = _assigned(effects, findings)
     scored = [_effect(e, None if i is None else findings[i], verdict) for e, i in zip(effects, given, strict=True)]
-    return {
-        "case": truth["case"], "kind": truth["kind"], "engine": truth.get("engine"), "note": truth.get("note", ""),
-        "truth": [*(e["term"] for e in truth["effects"]), *dict.fromkeys(f["kind"] for f in truth["faults"])],
-        "outcome": verdict["outcome"], "named": [f["term"] for f in findings],
-        "cause": next((f["cause"] for f in findings if f.get("cause")), None),
-        "right": _right(truth, verdict, scored, bool(foreign), all(right)), "false_name": not all(right),
-        "unknown": _unknown(verdict), "sizes": [e["size"] for e in truth["effects"]],
-        "effects": scored, "foreign": [e["term"] for e in foreign],
-        "findings": [{"term": f["term"], "equivalent": list(f.get("equivalent", ())), "confidence": f["confidence"],
-                      "right": ok} for f, ok in zip(findings, right, strict=True)],
-        "intervals": [entry for e, i in zip(effects, given, strict=True) if i is not None
-                      for entry in _intervals(e, findings[i])],
-        "flights_right": _flights_right(effects, given, findings) if truth["kind"] == "change" else None,
-        "fault_right": _fault_right(truth, verdict) if truth["faults"] else None,
-        "improvement": verdict.get("improvement"), "power": verdict.get("power") or {},
-        "elapsed_s": verdict["elapsed_s"]}
+    return CaseScore(
+        truth.case, truth.kind, truth.engine, truth.note,
+        (*(e.term for e in truth.effects), *dict.fromkeys(f.kind for f in truth.faults)),
+        verdict["outcome"], tuple(f["term"] for f in findings),
+        cause=next((f["cause"] for f in findings if f.get("cause")), None),
+        right=_right(truth, verdict, scored, bool(foreign), all(right)), false_name=not all(right),
+        unknown=_unknown(verdict), sizes=tuple(e.size for e in truth.effects),
+        effects=tuple(scored), foreign=tuple(foreign),
+        findings=tuple(FindingScore(f["term"], tuple(f.get("equivalent", ())), f["confidence"], ok)
+                       for f, ok in zip(findings, right, strict=True)),
+        intervals=tuple(entry for e, i in zip(effects, given, strict=True) if i is not None
+                        for entry in _intervals(e, findings[i])),
+        flights_right=_flights_right(effects, given, findings) if truth.kind == "change" else None,
+        fault_right=_fault_right(truth, verdict) if truth.faults else None,
+        improvement=verdict.get("improvement"), power=verdict.get("power") or {}, elapsed_s=verdict["elapsed_s"])
 
 
 def class_of(finding: Mapping[str, Any]) -> set[str]:
@@ -63,15 +129,15 @@ def class_of(finding: Mapping[str, Any]) -> set[str]:
     return {finding["term"], *finding.get("equivalent", ())}
 
 
-def _names(finding: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
-    return not class_of(finding).isdisjoint({effect["term"], *effect["twins"]})
+def _names(finding: Mapping[str, Any], effect: TrueEffect) -> bool:
+    return not class_of(finding).isdisjoint({effect.term, *effect.twins})
 
 
-def _assigned(effects: Sequence[Mapping[str, Any]], findings: Sequence[Mapping[str, Any]]) -> list[int | None]:
+def _assigned(effects: Sequence[TrueEffect], findings: Sequence[Mapping[str, Any]]) -> list[int | None]:
     """Index of the finding that names each effect: a finding names one effect, rather by its own term."""
     if not effects or not findings:
         return [None] * len(effects)
-    fits = np.array([[_names(f, e) + (f["term"] == e["term"]) for f in findings] for e in effects], float)
+    fits = np.array([[_names(f, e) + (f["term"] == e.term) for f in findings] for e in effects], float)
     found: list[int | None] = [None] * len(effects)
     for row, column in zip(*linear_sum_assignment(fits, maximize=True), strict=True):
         if fits[row, column]:
@@ -79,16 +145,16 @@ def _assigned(effects: Sequence[Mapping[str, Any]], findings: Sequence[Mapping[s
     return found
 
 
-def _effect(effect: Mapping[str, Any], finding: Mapping[str, Any] | None, verdict: Verdict) -> dict[str, Any]:
-    stated = (verdict.get("power") or {}).get(effect["term"])
-    return {"term": effect["term"], "size": effect["size"], "named": finding is not None,
-            "by": None if finding is None else finding["term"],
-            "exactly": finding is not None and finding["term"] == effect["term"],
-            "class_size": None if finding is None else len(class_of(finding)),
-            "below_power": finding is None and stated is not None and below(effect, stated)}
+def _effect(effect: TrueEffect, finding: Mapping[str, Any] | None, verdict: Verdict) -> EffectScore:
+    if finding is not None:
+        term = finding["term"]
+        return EffectScore(effect.term, effect.size, True, term, term == effect.term, len(class_of(finding)), False)
+    stated = (verdict.get("power") or {}).get(effect.term)
+    return EffectScore(effect.term, effect.size, False, None, False, None,
+                       stated is not None and below(effect, stated))
 
 
-def below(effect: Mapping[str, Any], stated: Mapping[str, Any]) -> bool:
+def below(effect: TrueEffect, stated: Mapping[str, Any]) -> bool:
     """Whether an effect lies below the smallest detectable one: ``stated`` {minimum_detectable, unit, parameter}.
 
     Compared is the largest change of that parameter (of any element of it; without ``parameter``, of any parameter in
@@ -98,9 +164,9 @@ def below(effect: Mapping[str, Any], stated: Mapping[str, Any]) -> bool:
     least = stated["minimum_detectable"]
     if least is None:
         return True
-    changes = [abs(p["value"] - _before(name, p)) for name, p in effect["parameters"].items()
+    changes = [abs(p.value - _before(name, p)) for name, p in effect.parameters.items()
                if (_base(name) == _base(stated["parameter"]) if stated.get("parameter")
-                   else p["unit"] == stated["unit"])]
+                   else p.unit == stated["unit"])]
     return bool(changes) and max(changes) < least
 
 
@@ -108,9 +174,9 @@ def _base(name: str) -> str:
     return name.partition("[")[0]
 
 
-def _before(name: str, parameter: Mapping[str, Any]) -> float:
-    if parameter["believed"] is not None:
-        return parameter["believed"]
+def _before(name: str, parameter: TrueParameter) -> float:
+    if parameter.believed is not None:
+        return parameter.believed
     term, _, rest = _base(name).partition(".")
     neutral = next((p.neutral for p in find_term(term).parameters if p.name == rest), None)
     return float(neutral) if isinstance(neutral, (int, float)) else 0.0
@@ -120,42 +186,42 @@ def _unknown(verdict: Verdict) -> bool:
     return verdict["outcome"] == "unknown" or verdict.get("unknown") is not None
 
 
-def _right(truth: Truth, verdict: Verdict, scored: Sequence[Mapping[str, Any]], foreign: bool, no_false: bool) -> bool:
+def _right(truth: Truth, verdict: Verdict, scored: Sequence[EffectScore], foreign: bool, no_false: bool) -> bool:
     if not no_false:
         return False
-    if truth["faults"]:
-        return verdict["outcome"] == truth.get("outcome")
+    if truth.faults:
+        return bool(verdict["outcome"] == truth.outcome)
     if foreign and not _unknown(verdict):
         return False
     if not scored and not foreign:
-        return verdict["outcome"] == "none"
-    return all(e["named"] or (e["size"] == "small" and e["below_power"]) for e in scored)
+        return bool(verdict["outcome"] == "none")
+    return all(e.named or (e.size == "small" and e.below_power) for e in scored)
 
 
-def _flights_right(effects: Sequence[Mapping[str, Any]], given: Sequence[int | None],
+def _flights_right(effects: Sequence[TrueEffect], given: Sequence[int | None],
                    findings: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the findings name the flights in which the effects act, and no others."""
-    return all(i is not None and set((findings[i].get("where") or {}).get("flights") or ()) == set(e["flights"])
+    return all(i is not None and set((findings[i].get("where") or {}).get("flights") or ()) == set(e.flights)
                for e, i in zip(effects, given, strict=True))
 
 
 def _fault_right(truth: Truth, verdict: Verdict) -> bool:
     """Whether the data faults of the verdict hold every injected kind, in the flights it is in."""
     stated = {(f.get("flight"), f["kind"]) for f in verdict["data_faults"]}
-    return {(f["flight"], f["kind"]) for f in truth["faults"]} <= stated
+    return {(f.flight, f.kind) for f in truth.faults} <= stated
 
 
-def _intervals(effect: Mapping[str, Any], finding: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """[{parameter, true, believed, value, ci95, covered}]; of a term named by its own name only, since its twins have
-    other parameters, and of parameters that the finding gives with an interval."""
-    if finding["term"] != effect["term"] or effect["term"] in IN_PRODUCTS:
+def _intervals(effect: TrueEffect, finding: Mapping[str, Any]) -> list[IntervalScore]:
+    """Of a term named by its own name only, since its twins have other parameters, and of parameters that the finding
+    gives with an interval."""
+    if finding["term"] != effect.term or effect.term in IN_PRODUCTS:
         return []
     found = []
-    for name, true in effect["parameters"].items():
+    for name, true in effect.parameters.items():
         stated = finding["parameters"].get(name) or finding["parameters"].get(name.partition(".")[2])
         if stated is None or stated.get("ci95") is None:
             continue
         low, high = stated["ci95"]
-        found.append({"parameter": name, "true": true["value"], "believed": true["believed"], "value": stated["value"],
-                      "ci95": [low, high], "covered": bool(low <= true["value"] <= high)})
+        found.append(IntervalScore(name, true.value, true.believed, stated["value"], (low, high),
+                                   bool(low <= true.value <= high)))
     return found

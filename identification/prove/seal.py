@@ -4,32 +4,33 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.harness.results import write_bytes
-from nanobench_tools.result import to_json
+from nanobench_tools.result import from_json, to_json
+
+from .truth import Truth
 
 
-def text_of(truths: Sequence[Mapping[str, Any]]) -> bytes:
+def text_of(truths: Sequence[Truth]) -> bytes:
     """One JSON list, keys sorted, so that equal truths have equal bytes."""
     return (json.dumps(to_json(list(truths)), sort_keys=True, indent=1, allow_nan=False) + "\n").encode()
 
 
-def seal(truths: Sequence[Mapping[str, Any]]) -> str:
+def seal(truths: Sequence[Truth]) -> str:
     """SHA-256 of the truths."""
     return hashlib.sha256(text_of(truths)).hexdigest()
 
 
-def write_truth(truths: Sequence[Mapping[str, Any]], path: Path | str) -> str:
+def write_truth(truths: Sequence[Truth], path: Path | str) -> str:
     """Write the truths, whole or not at all; returns their seal."""
     write_bytes(Path(path), text_of(truths))
     return seal(truths)
 
 
-def open_truth(path: Path | str, sealed: str) -> list[dict[str, Any]]:
+def open_truth(path: Path | str, sealed: str) -> list[Truth]:
     """The truths of a file; raises InputError when they are not those of the seal."""
     path = Path(path)
     try:
@@ -38,4 +39,4 @@ def open_truth(path: Path | str, sealed: str) -> list[dict[str, Any]]:
         raise InputError(str(path), f"cannot be read: {error.strerror}", "give the file with the truth") from None
     if hashlib.sha256(data).hexdigest() != sealed:
         raise InputError(str(path), "its hash is not the one written before the run", "the truth was changed: run anew")
-    return json.loads(data)
+    return [from_json(Truth, truth) for truth in json.loads(data)]

@@ -5,17 +5,23 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
+from ..result import to_json
 from .options import PATH, Options, one_line, shared_options
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .show import data_word
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from identification.prove.blind_proof import Proof
+    from identification.prove.concealed import RealProof
+    from identification.prove.folder_score import FolderProof
+    from identification.prove.summary import Share, TermPower
 
 CASES, REAL_CASES = 200, 12
 MASS_KG = 0.04085
@@ -65,7 +71,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         if concealed is not None or kinds or labels is None:
             raise UsageError("--real needs --labels FILE" if labels is None else
                              "--real goes with neither --concealed nor --kinds")
-        return options.finish("prove", _real(options, real, labels, normal, simulator, mass_kg))
+        return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg)))
     if labels is not None or normal is not None or simulator is not None:
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
     if importlib.util.find_spec("casadi") is None:
@@ -73,15 +79,15 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     if concealed is None:
         if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:
             raise MissingExtraError("rotorpy", "rotorpy")
-        return options.finish("prove", {**_blind(options, cases or CASES, kinds, engine), "synthetic": True})
+        return options.finish("prove", {**to_json(_blind(options, cases or CASES, kinds, engine)), "synthetic": True})
     if kinds:
         raise UsageError("--kinds and --concealed do not go together")
-    return options.finish("prove", _concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG))
+    return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG)))
 
 
-def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[str, Any]:
+def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof:
     from identification.mismatch.diagnosis import diagnose_flights
-    from identification.prove.blind_proof import diagnose_cases, open_and_score, plan, prove_body, seal_cases
+    from identification.prove.blind_proof import diagnose_cases, open_and_score, plan, proof_of, seal_cases
 
     specs = plan(n, options.seed, kinds, engine)
     if options.out is not None:
@@ -91,16 +97,15 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> dict[
         raise InputError("prove", f"no case could be made: {options.failed[0]['error']}")
     options.say(f"{len(sealed.truths)} SYNTHETIC cases, truth sealed {sealed.at}: SHA-256 {sealed.sha256}")
     verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed, options.out)
-    scored = open_and_score(sealed, verdicts, options.out)
-    body = prove_body(sealed, scored)
-    show_proof(options, body, "SYNTHETIC")
+    found = proof_of(sealed, open_and_score(sealed, verdicts, options.out))
+    show_proof(options, found, "SYNTHETIC")
     options.show(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
-    return body
+    return found
 
 
-def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str, Any]:
+def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProof:
     from identification.mismatch.diagnosis import diagnose_flights
-    from identification.prove.concealed import RealCase, dead_logs, diagnose_real, fit_simulators, real_cases
+    from identification.prove.concealed import RealCase, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
     from identification.prove.hidden_speed import SPEED, speed_cases, with_speed
     from identification.prove.summary import power_by_term, summarise
 
@@ -121,13 +126,13 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> dict[str
         chosen += dead_logs(split, audits, simulators, len(chosen))
         train += [case.flight.name for case in split.train]
     scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
-    body = {"cases": scored, "summary": summarise(scored), "power": power_by_term(scored), "train": train}
-    show_real(options, body)
-    return body
+    found = RealProof(tuple(scored), summarise(scored), power_by_term(scored), tuple(train))
+    show_real(options, found)
+    return found
 
 
 def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
-          mass_kg: float | None) -> dict[str, Any]:
+          mass_kg: float | None) -> FolderProof:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
     from identification.mismatch.steady_page import write_steady_page
     from identification.prove.condition_labels import read_labels
@@ -147,84 +152,80 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     copies = copies_between(everything, find_copies([f for flights in everything.values() for f in flights]))
     judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies)
     known = read_labels(labels)
-    body = score_folders(judged, known, elsewhere)
-    body["verdicts"] = dict(judged.verdicts)
-    show_folders(options, body)
+    found = score_folders(judged, known, elsewhere)
+    show_folders(options, found)
     if options.out is not None:
         write_steady_page({**judged.verdicts, **{LEAVE_ONE_OUT + n: v for n, v in judged.alarms.items()}},
-                          options.out / "report.html", options.synthetic, sentences(body), (HEADS, rows(body)),
-                          body["summary"]["dose"]["all_motors"])
+                          options.out / "report.html", options.synthetic, sentences(found), (HEADS, rows(found)),
+                          to_json(found.summary.dose.all_motors))
         options.say(str(options.out / "report.html"))
-    return body
+    return found
 
 
-def show_proof(options: Options, body: Mapping[str, Any], word: str) -> None:
+def show_proof(options: Options, found: Proof, word: str) -> None:
     """Tables for a person: kinds, sizes, terms, what was said of what, confidence."""
-    summary, details = body["summary"], body["summary"]["details"]
-    kinds = _table(f"Blind proof: {word} data, {summary['cases']} cases \\[exact 95 % intervals]",
+    summary, details = found.summary, found.summary.details
+    kinds = _table(f"Blind proof: {word} data, {summary.cases} cases \\[exact 95 % intervals]",
                    ("kind", "cases", "right", "false names", "outcomes"))
-    for kind, row in summary["by_kind"].items():
-        kinds.add_row(kind, str(row["n"]), share_text(row), share_text(row["false_names"]),
-                      ", ".join(f"{name} {count}" for name, count in row["outcomes"].items()))
-    for engine, row in summary["by_engine"].items():
-        kinds.add_row(f"flown by {engine}", str(row["n"]), share_text(row), share_text(row["false_names"]), "")
-    kinds.add_row("all", str(summary["cases"]), "", share_text(details["false_name_rate"]), "")
+    for kind, row in summary.by_kind.items():
+        kinds.add_row(kind, str(row.n), share_text(row), share_text(row.false_names),
+                      ", ".join(f"{name} {count}" for name, count in row.outcomes.items()))
+    for engine, flown in summary.by_engine.items():
+        kinds.add_row(f"flown by {engine}", str(flown.n), share_text(flown), share_text(flown.false_names), "")
+    kinds.add_row("all", str(summary.cases), "", share_text(details.false_name_rate), "")
     options.show(kinds)
     figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))
-    for size, row in details["recall_by_size"].items():
-        quiet = f", {row['below_power']} of them rightly below the stated size" if row["below_power"] else ""
-        figures.add_row(f"{size} single effects named", share_text(row) + quiet, str(row["n"]))
-    figures.add_row("both of a pair named", share_text(summary["pairs"]["both"]), str(summary["pairs"]["both"]["n"]))
-    figures.add_row('"unknown" and no name on foreign effects', share_text(details["unknown_on_foreign"]),
-                    str(details["unknown_on_foreign"]["n"]))
-    figures.add_row("95 % intervals that hold the true value", share_text(details["coverage95"]),
-                    str(details["coverage95"]["n"]))
-    figures.add_row("right names that are the term itself", share_text(summary["classes"]["exactly"]),
-                    str(summary["classes"]["exactly"]["n"]))
-    figures.add_row("verdicts that abstain though a term is concealed", share_text(summary["abstained"]),
-                    str(summary["abstained"]["n"]))
-    for name, row, digits in (("share of the achievable improvement, median", details["share_of_achievable"], 2),
-                              ("seconds a diagnosis takes, median", summary["run_time_s"], 0)):
-        if row["n"]:
-            figures.add_row(name, f"{row['median']:.{digits}f} ({row['p10']:.{digits}f} .. {row['p90']:.{digits}f} "
-                                  "from 10 to 90 % of cases)", str(row["n"]))
+    for size, recall in details.recall_by_size.items():
+        quiet = f", {recall.below_power} of them rightly below the stated size" if recall.below_power else ""
+        figures.add_row(f"{size} single effects named", share_text(recall) + quiet, str(recall.n))
+    for name, share in (("both of a pair named", summary.pairs.both),
+                        ('"unknown" and no name on foreign effects', details.unknown_on_foreign),
+                        ("95 % intervals that hold the true value", details.coverage95),
+                        ("right names that are the term itself", summary.classes.exactly),
+                        ("verdicts that abstain though a term is concealed", summary.abstained)):
+        figures.add_row(name, share_text(share), str(share.n))
+    for name, spread, digits in (("share of the achievable improvement, median", details.share_of_achievable, 2),
+                                 ("seconds a diagnosis takes, median", summary.run_time_s, 0)):
+        if spread.n:
+            figures.add_row(name, f"{spread.median:.{digits}f} ({spread.p10:.{digits}f} .. {spread.p90:.{digits}f} "
+                                  "from 10 to 90 % of cases)", str(spread.n))
     options.show(figures)
-    options.show(_power_table(body["power"], word))
-    _show_confusion(options, summary["confusion"], word)
-    _show_calibration(options, summary["calibration"], word)
-    wrong = [c for c in body["cases"] if c["false_name"]]
-    for case in wrong:
-        options.show(f"false name in {case['case']} ({case['kind']}): {one_line(', '.join(case['truth'])) or 'nothing'}"
-                     f" was there, {one_line(', '.join(case['named']))} was named")
+    options.show(_power_table(found.power, word))
+    _show_confusion(options, summary.confusion, word)
+    _show_calibration(options, summary.calibration, word)
+    for case in found.cases:
+        if case.false_name:
+            options.show(f"false name in {case.case} ({case.kind}): {one_line(', '.join(case.truth)) or 'nothing'}"
+                         f" was there, {one_line(', '.join(case.named))} was named")
 
 
-def show_real(options: Options, body: Mapping[str, Any]) -> None:
+def show_real(options: Options, found: RealProof) -> None:
     """One row per kind of ignorance, then the cases."""
     word = data_word(options)
-    table = _table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(body['train'])} flights train, "
+    table = _table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(found.train)} flights train, "
                    "others are diagnosed \\[exact 95 % intervals]",
                    ("taken away", "cases", "named", "false names beside", "verdicts"))
-    for kind, row in body["summary"]["by_kind"].items():
-        mine = [c for c in body["cases"] if c["kind"] == kind]
-        beside = sum(bool(c["beside"]) for c in mine)
-        said = "; ".join(", ".join(c["named"]) or c["outcome"] for c in mine)
+    for kind, row in found.summary.by_kind.items():
+        mine = [c for c in found.cases if c.kind == kind]
+        beside = sum(bool(c.beside) for c in mine)
+        said = "; ".join(", ".join(c.named) or c.outcome for c in mine)
         # in the control nothing is to be named
-        table.add_row(kind, str(row["n"]), "-" if kind == "control" else share_text(row),
-                      f"{row['false_names']['right']} ({beside} not in the control)" if kind != "control" else
-                      str(row["false_names"]["right"]), one_line(said))
+        table.add_row(kind, str(row.n), "-" if kind == "control" else share_text(row),
+                      f"{row.false_names.right} ({beside} not in the control)" if kind != "control" else
+                      str(row.false_names.right), one_line(said))
     options.show(table)
-    _show_confusion(options, body["summary"]["confusion"], word)
+    _show_confusion(options, found.summary.confusion, word)
 
 
-def _power_table(power: Mapping[str, Any], word: str) -> Table:
+def _power_table(power: Mapping[str, TermPower], word: str) -> Table:
     table = _table(f"Named of single effects by size ({word}); below: not named, rightly below the stated size",
                    ("term", "small", "medium", "large", "smallest detectable, as stated"))
     for term, row in power.items():
-        cells = [f"{row[s]['named']} of {row[s]['n']}" + (f", {row[s]['below_power']} below" if row[s]["below_power"]
-                                                          else "") if s in row else "-" for s in
-                 ("small", "medium", "large")]
-        least = row["minimum_detectable"]
-        table.add_row(term, *cells, "-" if least is None else f"{least:.2g} {row['unit']}")
+        cells = ["-" if found is None else f"{found.named} of {found.n}"
+                 + (f", {found.below_power} below" if found.below_power else "")
+                 for found in (row.small, row.medium, row.large)]
+        least = row.minimum_detectable
+        table.add_row(term, *cells, "-" if least is None else f"{least:.2g} {row.unit}")
     return table
 
 
@@ -244,12 +245,12 @@ def _show_calibration(options: Options, calibration: Sequence[Sequence[float]], 
     options.show(table)
 
 
-def share_text(found: Mapping[str, Any]) -> str:
+def share_text(found: Share) -> str:
     """``12 of 15, 80 % [52, 96]``; ``-`` for no case."""
-    if not found["n"]:
+    if found.ci95 is None:
         return "-"
-    low, high = found["ci95"]
-    return f"{found['right']} of {found['n']}, {found['share']:.0%} \\[{100 * low:.0f}, {100 * high:.0f}]"
+    low, high = found.ci95
+    return f"{found.right} of {found.n}, {found.share:.0%} \\[{100 * low:.0f}, {100 * high:.0f}]"
 
 
 def _table(title: str, heads: Sequence[str]) -> Table:

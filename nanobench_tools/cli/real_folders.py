@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import InputError, UsageError
 from .options import Options, one_line
 from .show import data_word
 
 if TYPE_CHECKING:
+    from identification.prove.folder_score import FolderProof
+
     from ..flight import Flight
 
 NORMAL = "normal"
@@ -56,64 +58,63 @@ def copies_between(groups: Mapping[str, Sequence[Flight]], copies: Sequence[Sequ
     return found
 
 
-def show_folders(options: Options, body: Mapping[str, Any]) -> None:
+def show_folders(options: Options, found: FolderProof) -> None:
     """One row per folder, one per normal flight left out; then what they add up to."""
     from rich import box
     from rich.table import Table
 
     word = data_word(options)
-    table = Table(title=f"Folders diagnosed blind against {len(body['normal'])} normal flights, {word}",
+    table = Table(title=f"Folders diagnosed blind against {len(found.normal)} normal flights, {word}",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in HEADS:
         table.add_column(head, no_wrap=head == "folder")
-    for row in rows(body):
+    for row in rows(found):
         table.add_row(*row)
     options.show(table)
-    for line in sentences(body):
+    for line in sentences(found):
         options.show(line)
 
 
 HEADS = ("folder", "there", "said", "motors", "right", "thrust asked of motors 1..4, %", "sd %", "found at it")
 
 
-def rows(body: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def rows(found: FolderProof) -> list[tuple[str, ...]]:
     """Of every folder and every normal flight left out: texts under HEADS."""
-    found: list[tuple[str, ...]] = []
-    for case in body["cases"]:
-        trim, size = case["trim"], case["size"]
-        said = case["cause"] or (" or ".join(case["causes"]) if case["causes"] else case["outcome"])
-        found.append((one_line(case["case"]), ", ".join(case["truth"]) or "-", said,
-                      ", ".join(map(str, case["motors_named"])) or "-",
-                      "yes" if case["right"] else "FALSE" if case["false_name"] else
-                      "no, below the stated size" if case["below"] else "no",
+    lines: list[tuple[str, ...]] = []
+    for case in found.cases:
+        trim, size = case.trim, case.size
+        said = case.cause or (" or ".join(case.causes) if case.causes else case.outcome)
+        lines.append((one_line(case.case), ", ".join(case.truth) or "-", said,
+                      ", ".join(map(str, case.motors_named)) or "-",
+                      "yes" if case.right else "FALSE" if case.false_name else
+                      "no, below the stated size" if case.below else "no",
                       " ".join(f"{c:+.1f}" for c in trim["change_percent"]) if trim else "-",
                       f"{trim['sd_percent']:.1f}" if trim else "-",
-                      ", ".join(f"{v:.1f} %" for v in size["loss_percent"]) if size else "-"))
-    return found
+                      ", ".join(f"{v:.1f} %" for v in size.loss_percent) if size else "-"))
+    return lines
 
 
-def sentences(body: Mapping[str, Any]) -> list[str]:
+def sentences(found: FolderProof) -> list[str]:
     """What a proof on folders adds up to."""
-    summary, lines = body["summary"], []
-    for kind, row in summary["by_kind"].items():
-        lines.append(f"{kind}: right {row['right']} of {row['n']}, {row['below']} below what these flights can show, "
-                     f"{row['false_names']} false names")
-    alarms = summary["false_alarms"]
-    lines.append(f"normal flights judged by the others: {alarms['right']} false alarms of {alarms['n']}"
-                 + (f" (95 %: {alarms['ci95'][0]:.0%} to {alarms['ci95'][1]:.0%})" if alarms["ci95"] else ""))
-    dose = summary["dose"]
-    for words, row in (("one motor cut", dose["one_motor"]), ("all motors cut", dose["all_motors"])):
-        if row["spearman"] is not None:
-            lines.append(f"dose and response, {words}: Spearman {row['spearman']:.2f}, n = {row['n']}")
-    for cause, row in body["power"].items():
-        if row["minimum_detectable"] is not None:
-            size, unit = row["minimum_detectable"], row["unit"]
-            lines.append(f"smallest swing that would be found: {size:.2f} {unit}" if cause == "slung" else
-                         f"smallest {cause} that would be named: {size:.1f} {unit}")
-    for name in body["unlabelled"]:
+    summary, lines = found.summary, []
+    for kind, row in summary.by_kind.items():
+        lines.append(f"{kind}: right {row.right} of {row.n}, {row.below} below what these flights can show, "
+                     f"{row.false_names} false names")
+    alarms = summary.false_alarms
+    lines.append(f"normal flights judged by the others: {alarms.right} false alarms of {alarms.n}"
+                 + (f" (95 %: {alarms.ci95[0]:.0%} to {alarms.ci95[1]:.0%})" if alarms.ci95 else ""))
+    dose = summary.dose
+    for words, answer in (("one motor cut", dose.one_motor), ("all motors cut", dose.all_motors)):
+        if answer.spearman is not None:
+            lines.append(f"dose and response, {words}: Spearman {answer.spearman:.2f}, n = {answer.n}")
+    for cause, least in found.power.items():
+        if (size := least.minimum_detectable) is not None:
+            lines.append(f"smallest swing that would be found: {size:.2f} {least.unit}" if cause == "slung" else
+                         f"smallest {cause} that would be named: {size:.1f} {least.unit}")
+    for name in found.unlabelled:
         lines.append(f"{one_line(name)}: has no label, it was diagnosed and is not scored")
-    if body["without_folder"]:
-        lines.append(f"labels without a folder here: {one_line(', '.join(body['without_folder']))}")
+    if found.without_folder:
+        lines.append(f"labels without a folder here: {one_line(', '.join(found.without_folder))}")
     return lines
 
 

@@ -15,6 +15,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from identification.prove.make import make_case, write_case
+from identification.prove.seal import write_truth
 from identification.prove.plan import TWINS, plan_cases
 
 def hides(spec):
@@ -28,12 +29,12 @@ spec = next(s for s in plan_cases(400, 2) if s.kind == "single" and hides(s))
 spec = replace(spec, flights=tuple(replace(f, path=replace(f.path, params=short(f.path)))
                                      for f in spec.flights[:3]))
 case = make_case(spec)
-(effect,) = case.truth["effects"]
-(name, entry), = effect["parameters"].items()
-assert (effect["term"], name, entry["unit"]) == ({TERM!r}, {TERM!r} + ".k", "N s^2/m^2")
-assert 0.07 < entry["value"] < 0.09 and {TERM!r} not in case.simulator
+(effect,) = case.truth.effects
+(name, entry), = effect.parameters.items()
+assert (effect.term, name, entry.unit) == ({TERM!r}, {TERM!r} + ".k", "N s^2/m^2")
+assert 0.07 < entry.value < 0.09 and {TERM!r} not in case.simulator
 write_case(case, sys.argv[1], suffix=".csv")
-Path(sys.argv[1], "truth.json").write_text(json.dumps(case.truth))
+write_truth([case.truth], Path(sys.argv[1], "truth.json"))
 """
 
 FITTED = """
@@ -57,7 +58,7 @@ print(made.parameters_[{TERM!r} + ".k"]["value"])
 
 def value_in(case) -> float:
     """Of the parameter that was concealed."""
-    return json.loads((case / "truth.json").read_text())["effects"][0]["parameters"][f"{TERM}.k"]["value"]
+    return json.loads((case / "truth.json").read_text())[0]["effects"][0]["parameters"][f"{TERM}.k"]["value"]
 
 
 def about(script: str) -> str:
@@ -109,7 +110,9 @@ def test_without_the_package_the_simulator_is_refused_by_the_terms_name(diagnose
 def test_prove_scores_what_was_concealed(installed, case, diagnosed):
     """Dealt, flown, diagnosed and scored as ``nanobench prove`` does it, which flies longer."""
     script = ("import json, sys\nfrom identification.prove.score import score_case\n"
-              "print(json.dumps(score_case(*(json.load(open(name)) for name in sys.argv[1:]))))")
+              "from identification.prove.truth import Truth\nfrom nanobench_tools.result import from_json, to_json\n"
+              "(truth,), verdict = (json.load(open(name)) for name in sys.argv[1:])\n"
+              "print(json.dumps(to_json(score_case(from_json(Truth, truth), verdict))))")
     scored = json.loads(python(case, installed, "-c", script, case / "truth.json", diagnosed / "verdict.json"))
     assert (scored["truth"], scored["named"], scored["right"], scored["false_name"]) == ([TERM], [TERM], True, False)
     assert [entry["covered"] for entry in scored["intervals"]] == [True]

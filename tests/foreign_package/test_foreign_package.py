@@ -55,10 +55,10 @@ names = [name for name, _ in _faults()]
 assert names[-1] == {KIND!r}, names  # after ours, so that the deck of ours keeps its order
 spec = next(s for s in plan_cases(600, 1) if s.faults and s.faults[0].kind == {KIND!r})
 case = make_case(replace(spec, flights=spec.flights[:1], faults=(replace(spec.faults[0], flights=(0,)),)))
-(truth,) = case.truth["faults"]
-assert (truth["kind"], truth["stream"]) == ({KIND!r}, "imu"), truth
+(truth,) = case.truth.faults
+assert (truth.kind, truth.stream) == ({KIND!r}, "imu"), truth
 found = [f for f in audit(case.flights[0]).faults if f.kind == {KIND!r}]
-assert found and abs(found[0].start_s - truth["start_s"]) < 0.2, found
+assert found and abs(found[0].start_s - truth.start_s) < 0.2, found
 """
 
 

@@ -56,7 +56,7 @@ class Effect:
     # --- what it is ---------------------------------------------------------------------------------------------
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         """Parameters (floats, lists) of an effect of this size on this airframe."""
         raise NotImplementedError
 
@@ -66,12 +66,12 @@ class Effect:
         return airframe
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any] | None:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters | None:
         """Numbers or lists per vehicle for the hooks; None when the effect is a change of the airframe alone."""
         return None
 
     @staticmethod
-    def term(p: Parameters, airframe: Airframe) -> dict[str, Any] | None:
+    def term(p: Parameters, airframe: Airframe) -> Parameters | None:
         """Values of the term ``name`` in a simulator that knows; None for what no term says."""
         return None
 

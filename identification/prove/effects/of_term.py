@@ -6,7 +6,7 @@ show a mistake in the term's equation, which flies and is fitted alike; an ``inj
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +19,7 @@ from nanobench_tools.physics.ops import NUMPY
 from nanobench_tools.physics.term import Parameter, Situation, Stage, Term
 
 from ..airframe import POSITIONS_M, SPIN, Airframe
-from .effect import SIZES, Air, Effect, near
+from .effect import SIZES, Air, Effect, Parameters, near
 
 TIMES = {"small": 0.5, "medium": 1.0, "large": 2.0}
 """Of what is typical, where a term declares no sizes."""
@@ -45,7 +45,7 @@ def effect_of(term: Term) -> type[Effect] | None:
     has = {known.name for known in Airframe().model().terms}
     if not set(term.acts) <= set(FLOWN) or (term.needs and not has & set(term.needs)):
         return None
-    hooks: dict[str, Any] = {}
+    hooks: dict[str, Callable[..., np.ndarray]] = {}
     if Stage.INPUT_LIMIT in term.acts:
         hooks["motor"] = lambda self, motor: self.run((Stage.INPUT_LIMIT,), motor)
     if set(ASKED) & set(term.acts):
@@ -68,7 +68,7 @@ class _OfTerm(Effect):
     wants = ("lateral", "vertical", "turning")
 
     @classmethod
-    def draw(cls, size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(cls, size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         if size in cls.of.sizes:
             return {name: _near(rng, value) for name, value in cls.of.sizes[size].items()}
         asked = [p for p in cls.of.parameters if not p.optional] or [cls.of.parameters[0]]
@@ -76,7 +76,7 @@ class _OfTerm(Effect):
         return {p.name: _sized(p, factor, airframe) for p in asked}
 
     @classmethod
-    def change(cls, airframe: Airframe, p: Mapping[str, Any]) -> Airframe:
+    def change(cls, airframe: Airframe, p: Parameters) -> Airframe:
         still, values = Situation(airframe.model().vehicle, 1.0), SimpleNamespace(**_all(cls.of, p))
 
         def run(stage: Stage, value: Any) -> Any:
@@ -88,14 +88,14 @@ class _OfTerm(Effect):
                        tau_down_s=float(down), inertia_kg_m2=(jx, jy, jz))
 
     @classmethod
-    def arrays(cls, p: Mapping[str, Any], airframe: Airframe) -> dict[str, Any] | None:
+    def arrays(cls, p: Parameters, airframe: Airframe) -> Parameters | None:
         if set(cls.of.acts) <= set(SOLID):
             return None
         return {"mass_kg": airframe.mass_kg, "inertia_kg_m2": airframe.inertia_kg_m2,
                 **{f"p.{name}": p[name] for name in _names(cls.of, p)}}
 
     @classmethod
-    def term(cls, p: Mapping[str, Any], airframe: Airframe) -> dict[str, Any]:
+    def term(cls, p: Parameters, airframe: Airframe) -> Parameters:
         return {name: p[name] for name in _names(cls.of, p)}
 
     @property
@@ -122,11 +122,11 @@ class _OfTerm(Effect):
         return np.stack([np.broadcast_to(component, value.shape[1:]) for component in found])
 
 
-def _names(term: Term, p: Mapping[str, Any]) -> list[str]:
+def _names(term: Term, p: Parameters) -> list[str]:
     return [parameter.name for parameter in term.parameters if parameter.name in p]
 
 
-def _all(term: Term, p: Mapping[str, Any]) -> dict[str, Any]:
+def _all(term: Term, p: Parameters) -> Parameters:
     """Every parameter by name, None where it is not given."""
     return {parameter.name: p.get(parameter.name) for parameter in term.parameters}
 

@@ -50,10 +50,10 @@ def test_every_other_flight_is_diagnosed_without_speed_and_lag(known):
     assert all("rpm" not in f for f in (*whole.flights, *blind.flights))
     assert whole.simulator.parameters == SIMULATOR.parameters
     assert "motor_lag" not in blind.simulator
-    effect, = blind.truth["effects"]
-    assert {n: p["value"] for n, p in effect["parameters"].items()} == {
+    effect, = blind.truth.effects
+    assert {n: p.value for n, p in effect.parameters.items()} == {
         "motor_lag.tau_up_s": 0.041, "motor_lag.tau_down_s": 0.052}
-    assert [c.truth["case"] for c in (whole, blind)] == ["real_007", "real_008"]
+    assert [c.truth.case for c in (whole, blind)] == ["real_007", "real_008"]
 
 
 def test_one_flight_is_too_few(known):

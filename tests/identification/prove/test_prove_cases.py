@@ -13,6 +13,7 @@ from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
 from identification.prove.make import make_case, make_cases, write_case
 from identification.prove.plan import QUOTAS, plan_cases
 from identification.prove.seal import open_truth, seal, write_truth
+from identification.prove.truth import TrueFault, TrueParameter
 from nanobench_tools.errors import InputError
 from nanobench_tools.harness import item_key
 from nanobench_tools.physics.simulator import read_simulator
@@ -66,12 +67,12 @@ def test_simulators_lack_what_is_concealed_and_truth_says_it(cases):
     mean_V = flight["battery"]["vbat"][flight["mocap"]["pz"] > 0.15].mean()
     given = pair.simulator.values_of("thrust_pwm")["c"]
     assert sum(given) == pytest.approx(sum(x * mean_V**k for k, x in enumerate(c)), rel=1e-3)
-    assert [e["term"] for e in pair.truth["effects"]] == ["thrust_voltage", "wind"]
-    assert pair.truth["effects"][1]["parameters"]["wind.w_m_s[0]"] == {
-        "value": SPECS[1].concealed[1].parameters["w_m_s"][0], "unit": "m/s", "believed": None}
-    assert fault.truth["outcome"] == "data_fault"
-    assert fault.truth["faults"][0]["kind"] == "sign"
-    assert not any(c.truth["tumbled"] for c in cases)
+    assert [e.term for e in pair.truth.effects] == ["thrust_voltage", "wind"]
+    assert pair.truth.effects[1].parameters["wind.w_m_s[0]"] == TrueParameter(
+        SPECS[1].concealed[1].parameters["w_m_s"][0], "m/s", None)
+    assert fault.truth.outcome == "data_fault"
+    assert fault.truth.faults[0].kind == "sign"
+    assert not any(c.truth.tumbled for c in cases)
 
 
 def test_what_is_kept_between_making_and_diagnosis_is_the_same_and_whole(cases, tmp_path):
@@ -110,7 +111,7 @@ def test_what_is_read_back_is_what_was_made_and_tells_no_truth(cases, tmp_path):
 
 
 def fault(kind, stream, *columns, flights=("flight_1", "flight_2")):
-    return [{"flight": name, "kind": kind, "stream": stream, "columns": list(columns)} for name in flights]
+    return [TrueFault(name, kind, stream, columns) for name in flights]
 
 
 @pytest.mark.parametrize(("faults", "forbidden"), [
@@ -132,7 +133,7 @@ def test_the_seal_holds_the_truth(cases, tmp_path):
     truths = [c.truth for c in cases]
     sealed = write_truth(truths, tmp_path / "truth.json")
     assert sealed == seal(truths)
-    assert [t["case"] for t in open_truth(tmp_path / "truth.json", sealed)] == [c.name for c in cases]
+    assert open_truth(tmp_path / "truth.json", sealed) == truths
     (tmp_path / "truth.json").write_text((tmp_path / "truth.json").read_text().replace("wind", "drag"))
     with pytest.raises(InputError, match="hash"):
         open_truth(tmp_path / "truth.json", sealed)

@@ -8,7 +8,7 @@ import pytest
 
 from identification.greybox.ladder import FULL
 from identification.prove import concealed
-from identification.prove.concealed import dead_logs, diagnose_real, fit_simulators, real_cases
+from identification.prove.concealed import LearntMap, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
 from identification.prove.summary import summarise
 from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.prove import show_real
@@ -32,8 +32,8 @@ def split(n):
                            test=[SimpleNamespace(flight=f) for f in flights(n)])
 
 
-def thrust(cases, mass_kg):
-    return {"c": [0.01, 0.0, 0.01], "battery_V": 3.8}
+def thrust(cases, mass_kg) -> LearntMap:
+    return LearntMap((0.01, 0.0, 0.01), 3.8)
 
 
 def fitted(cases, rung, seed, mass_kg):
@@ -59,7 +59,7 @@ def simulators(monkeypatch):
 
 
 def test_what_each_simulator_lacks(simulators):
-    cases = {c.truth["kind"]: c for c in real_cases(split(6), simulators, 6, 0)}
+    cases = {c.truth.kind: c for c in real_cases(split(6), simulators, 6, 0)}
     known = {kind: case.simulator for kind, case in cases.items()}
     whole = set(FULL)
     assert {kind: whole - {t.name for t in model.terms} for kind, model in known.items()} == {
@@ -68,11 +68,11 @@ def test_what_each_simulator_lacks(simulators):
     assert {kind: model.vehicle.mass_kg for kind, model in known.items()} == pytest.approx({
         "control": 0.041, "no voltage": 0.041, "stock mass": 0.027, "mass x 0.9": 0.0369, "no drag": 0.041,
         "no motor lag": 0.041})
-    assert cases["control"].truth["effects"] == []
-    mass = cases["stock mass"].truth["effects"][0]
-    assert (mass["term"], mass["twins"], mass["parameters"]["mass.m"]["value"]) == ("mass", ["thrust_scale"], 0.041)
-    lag = cases["no motor lag"].truth["effects"][0]["parameters"]
-    assert {name: p["value"] for name, p in lag.items()} == {
+    assert cases["control"].truth.effects == ()
+    mass = cases["stock mass"].truth.effects[0]
+    assert (mass.term, mass.twins, mass.parameters["mass.m"].value) == ("mass", ("thrust_scale",), 0.041)
+    lag = cases["no motor lag"].truth.effects[0].parameters
+    assert {name: p.value for name, p in lag.items()} == {
         "motor_lag.tau_up_s": 0.03, "motor_lag.tau_down_s": 0.03}
 
 
@@ -99,18 +99,18 @@ def stubborn(flights, simulator, *, seed):
 
 
 def test_what_is_found_and_what_stands_beside_it(simulators):
-    scored = {c["kind"]: c for c in diagnose_real(real_cases(split(6), simulators, 6, 0), run, stubborn)}
-    assert {kind: c["right"] for kind, c in scored.items()} == {
+    scored = {c.kind: c for c in diagnose_real(real_cases(split(6), simulators, 6, 0), run, stubborn)}
+    assert {kind: c.right for kind, c in scored.items()} == {
         "control": False, "no voltage": False, "stock mass": True, "mass x 0.9": True, "no drag": False,
         "no motor lag": False}
-    assert all(c["false_name"] for c in scored.values())
-    assert scored["stock mass"]["beside"] == []
-    assert scored["no drag"]["beside"] == ["wind"]
+    assert all(c.false_name for c in scored.values())
+    assert scored["stock mass"].beside == ()
+    assert scored["no drag"].beside == ("wind",)
 
 
 def test_the_table_says_real_and_leaves_nothing_out(simulators, capsys):
     cases = diagnose_real(real_cases(split(6), simulators, 6, 0), run, stubborn)
-    show_real(Options(), {"cases": cases, "summary": summarise(cases), "train": ["f00"]})
+    show_real(Options(), RealProof(tuple(cases), summarise(cases), {}, ("f00",)))
     shown = capsys.readouterr().out
     assert "real recordings, 1 flights train" in shown
     lines = {line.split("  ")[0].strip(): line for line in shown.splitlines()}
@@ -140,9 +140,9 @@ def test_dead_logs_are_a_case_of_their_own(simulators):
     audits["f02"] = SimpleNamespace(faults=(dead("estimator"), dead("motor")))
     case, = dead_logs(flown, audits, simulators, 3)
     assert [f.name for f in case.flights] == ["f02"]
-    assert [(f["kind"], f["flight"], f["stream"]) for f in case.truth["faults"]] == [
+    assert [(f.kind, f.flight, f.stream) for f in case.truth.faults] == [
         ("dead_stream", "f02", "estimator"), ("dead_stream", "f02", "motor")]
-    assert (case.truth["case"], case.truth["kind"], case.truth["effects"]) == ("real_003", "dead log", [])
+    assert (case.truth.case, case.truth.kind, case.truth.effects) == ("real_003", "dead log", ())
 
 
 @pytest.mark.parametrize(("stated", "named", "right"), [([("f02", "dead_stream")], [], True), ([], [], False),
@@ -155,7 +155,7 @@ def test_a_dead_log_is_right_when_it_is_stated_and_nothing_is_named(simulators, 
               "data_faults": [{"flight": flight, "kind": kind} for flight, kind in stated], "improvement": None,
               "findings": [{"term": t, "equivalent": [], "confidence": 0.5, "parameters": {}} for t in named]}
     scored, = diagnose_real(dead_logs(split(8), audits, simulators, 0), run, partial(verdict_of, monkey))
-    assert scored["right"] is right
+    assert scored.right is right
 
 
 def verdict_of(verdict, flights, simulator, *, seed):

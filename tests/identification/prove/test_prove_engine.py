@@ -133,7 +133,7 @@ def test_flights_that_rotorpy_leaves_out_are_in_no_effect():
     late = on_rotorpy(replace(spec, concealed=(replace(wind, flights=(5,)),)))
     assert (len(late.flights), late.concealed[0].flights) == (6, (5,))
     simulator, corrected = simulators(short, 3.8)
-    assert truth_of(short, simulator, corrected, [])["effects"][0]["flights"] == ["flight_3", "flight_4"]
+    assert truth_of(short, simulator, corrected, []).effects[0].flights == ("flight_3", "flight_4")
 
 
 def test_rotorpy_flies_what_the_simulator_says():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,37 +59,38 @@ def verdict(*findings, outcome="named", change=(0.0, 0.0, 0.2, 0.0)):
 def test_scores():
     cut = Label("propeller", (3,), ((2.0, 2.0),))
     right = score_folder("a", cut, verdict(("propeller", ["propeller"], [3])), False)
-    assert right["right"]
-    assert not right["false_name"]
-    assert right["size"]["loss_percent"] == pytest.approx([18.13], abs=0.01)
+    assert right.right
+    assert not right.false_name
+    assert right.size.loss_percent == (pytest.approx(18.13, abs=0.01),)
     wrong_motor = score_folder("a", cut, verdict(("propeller", ["propeller"], [2])), False)
-    assert wrong_motor["false_name"]
-    assert not wrong_motor["right"]
+    assert wrong_motor.false_name
+    assert not wrong_motor.right
     wrong = score_folder("a", cut, verdict(("weight", ["weight"], [3])), False)
-    assert wrong["false_name"]
-    assert not wrong["right"]
+    assert wrong.false_name
+    assert not wrong.right
     both = score_folder("a", Label("mass"), verdict((None, ["mass", "battery"], [])), False)
-    assert not both["false_name"]
-    assert not both["right"]
+    assert not both.false_name
+    assert not both.right
     quiet = score_folder("a", cut, verdict(outcome="none", change=(0.0, 0.0, 0.05, 0.0)), False)
-    assert quiet["below"]
-    assert not quiet["right"]
-    assert not quiet["false_name"]
+    assert quiet.below
+    assert not quiet.right
+    assert not quiet.false_name
     alarm = score_folder("a", Label("normal"), verdict(("propeller", ["propeller"], [1])), False)
-    assert alarm["false_name"]
-    assert not alarm["right"]
+    assert alarm.false_name
+    assert not alarm.right
     strange = score_folder("a", Label("normal"), verdict(("vehicle", ["vehicle"], [])), True)
-    assert strange["right"]
-    assert not strange["false_name"]
+    assert strange.right
+    assert not strange.false_name
 
 
 def test_dose_and_response_are_ranked():
     def case(cut, loss):
-        return {"truth": ["propeller"], "motors": [3], "cut_mm": [[cut, 0.0]], "size": {"loss_percent": [loss]}}
+        made = score_folder("a", Label("propeller", (3,), ((cut, 0.0),)), verdict(outcome="none"), False)
+        return replace(made, size=replace(made.size, loss_percent=(loss,)))
 
     found = dose_and_response([case(1.0, 2.0), case(2.0, 1.0), case(3.0, 9.0)])
-    assert found["one_motor"]["spearman"] == pytest.approx(0.5)
-    assert dose_and_response([case(1.0, 2.0)])["one_motor"]["spearman"] is None
+    assert found.one_motor.spearman == pytest.approx(0.5)
+    assert dose_and_response([case(1.0, 2.0)]).one_motor.spearman is None
 
 
 def test_copies_stay_with_the_first_group():

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from identification.mismatch import diagnosis as mismatch
 from identification.prove import blind_proof as proof
 from identification.prove.plan import plan_cases
 from identification.prove.seal import seal
+from identification.prove.truth import TrueEffect, TrueFault, Truth
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.harness import run_items
@@ -39,10 +41,8 @@ def made(specs):
 
 
 def told(s):
-    effects = [{"term": h.effect, "size": h.size, "foreign": s.kind == "foreign", "twins": [], "parameters": {},
-                "flights": []} for h in s.concealed]
-    return {"case": s.name, "kind": s.kind, "engine": s.engine, "note": "", "effects": effects,
-            "faults": [{"flight": "flight_1", "kind": f.kind} for f in s.faults]}
+    return Truth(s.name, s.kind, tuple(TrueEffect(h.effect, h.size, (), s.kind == "foreign") for h in s.concealed),
+                 tuple(TrueFault("flight_1", f.kind) for f in s.faults), engine=s.engine)
 
 
 @pytest.fixture(autouse=True)
@@ -74,13 +74,13 @@ def test_a_proof_that_was_killed_goes_on(tmp_path):
     assert json.loads((tmp_path / proof.SEALED).read_text()) == written
     assert (again.sha256, again.at) == (written["sha256"], written["sealed_at"])
     assert again.sha256 == seal(again.truths)
-    assert [c["case"] for c in proof.open_and_score(again, verdicts, tmp_path)] == [s.name for s in specs]
+    assert [c.case for c in proof.open_and_score(again, verdicts, tmp_path)] == [s.name for s in specs]
 
 
 def test_truths_that_are_not_the_sealed_ones_are_refused(tmp_path):
     sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path), tmp_path)
     verdicts = proof.diagnose_cases(sealed, runner(tmp_path), silent)
-    changed = {**verdicts, "case_001": {**verdicts["case_001"], "truth": "0" * 64}}
+    changed = {**verdicts, "case_001": replace(verdicts["case_001"], truth="0" * 64)}
     with pytest.raises(InputError, match="not the case that was sealed"):
         proof.open_and_score(sealed, changed, tmp_path)
     path = tmp_path / proof.SEALED
@@ -101,7 +101,7 @@ def test_one_case_that_fails_does_not_stop_the_others(tmp_path):
     sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path))
     verdicts = proof.diagnose_cases(sealed, runner(tmp_path), failing)
     assert sorted(verdicts) == ["case_000", "case_002"]
-    assert proof.prove_body(sealed, proof.open_and_score(sealed, verdicts))["summary"]["cases"] == 2
+    assert proof.proof_of(sealed, proof.open_and_score(sealed, verdicts)).summary.cases == 2
 
 
 def test_kinds_and_engines():

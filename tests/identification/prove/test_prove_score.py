@@ -2,17 +2,16 @@
 
 import pytest
 
-from identification.prove.score import below, score_case
+from identification.prove.score import IntervalScore, below, score_case
+from identification.prove.truth import TrueEffect, TrueFault, TrueParameter, Truth
 
 
 def effect(term, size="large", twins=(), parameters=None, foreign=False, flights=("flight_1", "flight_2")):
-    return {"term": term, "size": size, "foreign": foreign, "twins": list(twins), "parameters": parameters or {},
-            "flights": list(flights)}
+    return TrueEffect(term, size, flights, foreign, twins, parameters or {})
 
 
 def truth(kind, *effects, faults=(), outcome=None):
-    return {"case": "case_007", "kind": kind, "effects": list(effects), "faults": list(faults), "engine": "practice",
-            "note": "", "outcome": outcome}
+    return Truth("case_007", kind, effects, tuple(TrueFault(**fault) for fault in faults), outcome, "practice")
 
 
 def finding(term, *equivalent, confidence=0.9, parameters=None, flights=()):
@@ -27,7 +26,7 @@ def verdict(outcome, *findings, unknown=None, power=None, faults=()):
 
 SPIKE = {"flight": "flight_1", "kind": "spike"}
 SIGN = {"flight": "flight_1", "kind": "sign"}
-SIZED = {"mass.m": {"value": 0.0404, "unit": "kg", "believed": 0.04}}
+SIZED = {"mass.m": TrueParameter(0.0404, "kg", 0.04)}
 LEAST = {"mass": {"minimum_detectable": 5e-4, "unit": "kg", "parameter": "mass.m"}}
 WIND = effect("wind")
 JET = effect("jet", foreign=True)
@@ -66,15 +65,14 @@ JET = effect("jet", foreign=True)
 ])
 def test_right_and_false(there, said, right, false_name):
     scored = score_case(there, said)
-    assert (scored["right"], scored["false_name"]) == (right, false_name)
-    assert scored["outcome"] == said["outcome"]
-    assert scored["named"] == [f["term"] for f in said["findings"]]
+    assert (scored.right, scored.false_name) == (right, false_name)
+    assert scored.outcome == said["outcome"]
+    assert scored.named == tuple(f["term"] for f in said["findings"])
 
 
 def test_a_small_effect_is_below_what_could_be_seen_by_the_parameter_the_verdict_speaks_of():
     lag = effect("motor_lag", parameters={
-        "motor_lag.tau_up_s": {"value": 0.04, "unit": "s", "believed": 0.04},
-        "motor_lag.tau_down_s": {"value": 0.05, "unit": "s", "believed": 0.04}})
+        "motor_lag.tau_up_s": TrueParameter(0.04, "s", 0.04), "motor_lag.tau_down_s": TrueParameter(0.05, "s", 0.04)})
     assert below(lag, {"minimum_detectable": 0.012, "unit": "s"})
     assert not below(lag, {"minimum_detectable": 0.008, "unit": "s"})
     assert below(lag, {"minimum_detectable": 0.008, "unit": "s", "parameter": "motor_lag.tau_up_s"})
@@ -83,8 +81,8 @@ def test_a_small_effect_is_below_what_could_be_seen_by_the_parameter_the_verdict
 
 
 def test_what_the_simulator_lacks_is_as_large_as_it_is_from_where_it_does_nothing():
-    scale = {"thrust_scale.s": {"value": 1.02, "unit": "1", "believed": None}}
-    gains = {f"motor_imbalance.g[{i}]": {"value": g, "unit": "1", "believed": None}
+    scale = {"thrust_scale.s": TrueParameter(1.02, "1", None)}
+    gains = {f"motor_imbalance.g[{i}]": TrueParameter(g, "1", None)
              for i, g in enumerate((0.98, 1.02, 1.0, 1.0))}
     for parameters, name in ((scale, "thrust_scale"), (gains, "motor_imbalance")):
         there = effect(name, parameters=parameters)
@@ -97,20 +95,19 @@ def test_intervals_are_judged_where_the_term_itself_is_named():
     there = effect("mass", twins=("thrust_scale",), parameters=SIZED)
     stated = {"mass.m": {"value": 0.0401, "ci95": [0.0399, 0.0403], "unit": "kg"}}
     scored = score_case(truth("single", there), verdict("named", finding("mass", parameters=stated)))
-    assert scored["intervals"] == [{"parameter": "mass.m", "true": 0.0404, "believed": 0.04, "value": 0.0401,
-                                    "ci95": [0.0399, 0.0403], "covered": False}]
+    assert scored.intervals == (IntervalScore("mass.m", 0.0404, 0.04, 0.0401, (0.0399, 0.0403), False),)
     bare = {"m": {"value": 0.0401, "ci95": [0.0399, 0.0405], "unit": "kg"}}
     scored = score_case(truth("single", there), verdict("named", finding("mass", parameters=bare)))
-    assert scored["intervals"][0]["covered"]
+    assert scored.intervals[0].covered
     twin = finding("thrust_scale", parameters={"thrust_scale.s": {"value": 1.0, "ci95": [0.9, 1.1], "unit": "1"}})
-    assert score_case(truth("single", there), verdict("named", twin))["intervals"] == []
+    assert score_case(truth("single", there), verdict("named", twin)).intervals == ()
 
 
 def test_flights_of_a_change_and_kinds_of_faults():
     change = truth("change", effect("mass", flights=("flight_2",)))
     for flights, right in ((("flight_2",), True), (("flight_1", "flight_2"), False)):
-        assert score_case(change, verdict("named", finding("mass", flights=flights)))["flights_right"] is right
+        assert score_case(change, verdict("named", finding("mass", flights=flights))).flights_right is right
     fault = truth("fault", faults=[SPIKE])
-    assert score_case(fault, verdict("data_fault", faults=[SPIKE]))["fault_right"]
-    assert not score_case(fault, verdict("data_fault", faults=[{**SPIKE, "flight": "flight_2"}]))["fault_right"]
-    assert score_case(truth("null"), verdict("none"))["fault_right"] is None
+    assert score_case(fault, verdict("data_fault", faults=[SPIKE])).fault_right
+    assert not score_case(fault, verdict("data_fault", faults=[{**SPIKE, "flight": "flight_2"}])).fault_right
+    assert score_case(truth("null"), verdict("none")).fault_right is None
