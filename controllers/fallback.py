@@ -41,7 +41,7 @@ class Fallback:
         self._motors = MotorOutput(n, period_s)
         self._geometric.drive_with(self._motors)
 
-    def asked(self, state: VehicleState, reference: Reference) -> tuple[Reference, np.ndarray]:
+    def commanded(self, state: VehicleState, reference: Reference) -> tuple[Reference, np.ndarray]:
         """The reference, replaced for vehicles that land by one that comes down where landing began, and which do."""
         if self._calm and state.battery_V.min() >= LEAST_V:
             return reference, self.landing

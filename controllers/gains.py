@@ -60,14 +60,14 @@ def read_gains(path: Path) -> tuple[str, dict[str, float]]:
     return name, {key: float(value) for key, value in gains.items()}
 
 
-def said_better(path: Path) -> bool:
+def reports_better(path: Path) -> bool:
     """Whether the file, which ``read_gains`` takes, says that its gains were shown to be better."""
     return bool(tomllib.loads(path.read_text(encoding="utf-8")).get("better", True))
 
 
-def dumps(controller: str, gains: Mapping[str, float], tunable: Mapping[str, Gain], said: Mapping[str, Any]) -> str:
-    """TOML of gains; ``said``: strings, numbers and lists of them on how they were found."""
-    head = {"schema": SCHEMA, "controller": controller, **said}
+def dumps(controller: str, gains: Mapping[str, float], tunable: Mapping[str, Gain], report: Mapping[str, Any]) -> str:
+    """TOML of gains; ``report``: strings, numbers and lists of them on how they were found."""
+    head = {"schema": SCHEMA, "controller": controller, **report}
     lines = [*(f"{name} = {_text(value)}" for name, value in head.items()), "", "[gains]"]
     lines += [f"{name} = {value:.6g} # {tunable[name].unit}, before: {tunable[name].value:g}"
               for name, value in gains.items()]

@@ -1,7 +1,7 @@
 """Plants that are not what a controller was told, one thing at a time: what it withstands.
 
 Everything else is that of the median plant. A controller that is not on board sends its commands by a radio that it
-believes to be TOLD_RADIO_S late.
+believes to be BELIEVED_RADIO_S late.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from .ensemble import Ensemble, draw
 
-TOLD_RADIO_S = 0.03
+BELIEVED_RADIO_S = 0.03
 LATE_S = 0.02
 SHARE = 0.15
 LOW_V = 3.3
@@ -57,7 +57,7 @@ CASES: dict[str, Callable[[Ensemble, int], None]] = {
 """What is changed of plant i."""
 
 
-def mismatched(simulator: str, seed: int = 0, radio_s: float = TOLD_RADIO_S) -> Ensemble:
+def mismatched(simulator: str, seed: int = 0, radio_s: float = BELIEVED_RADIO_S) -> Ensemble:
     """One plant for each of CASES, all with the same air and noise, about a simulator.toml (its text)."""
     one = draw(simulator, 1, seed, radio_s=radio_s)
     crowd = one.repeated(len(CASES))

@@ -230,17 +230,17 @@ class Mpc:
             ahead = reference.ahead
             state, reference = self.guard.admit(state, reference)
             self._observe(state, steps)
-            reference, landing = self.fallback.asked(state, reference)
+            reference, landing = self.fallback.commanded(state, reference)
             limits = self.thrust_map.limits(state.battery_V)
             self._start = self.observer.predicted(self._way.before_s, self._way.before)
             rows, bad = self._horizon.rows(reference, ahead, landing)
             self.counts["future"] += bad
             self._make_plans(self._start, rows, limits)
-            asked = self.plan.now(limits)
-            ratios = self.thrust_map.ratios(asked, state.battery_V)
+            commanded = self.plan.now(limits)
+            ratios = self.thrust_map.ratios(commanded, state.battery_V)
             ratios = self.fallback.replaced(time_s, state, reference, ratios)
             self._command = self.guard.release(ratios)
-            self._way.give(asked)
+            self._way.give(commanded)
             self.observer.advance(self._way.acting_s, self._way.acting)
             return self._command
 

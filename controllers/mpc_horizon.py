@@ -16,8 +16,8 @@ Future = Callable[[np.ndarray], Reference]
 """As ``Reference.ahead``."""
 WIDTH = 14
 """position, velocity, acceleration, jerk (3 each), yaw, yaw rate."""
-LEAP_M = 0.15
-"""Between two points of a horizon, beside what its velocity explains: a leap that no vehicle flies, and is answered
+JUMP_M = 0.15
+"""Between two points of a horizon, beside what its velocity explains: a jump that no vehicle flies, and is answered
 when it has come."""
 LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
 NEAR_M = number("control.mpc_horizon.near_m")
@@ -49,15 +49,15 @@ class Horizon:
         """
         if ahead is None:
             return self._guessed(reference), 0
-        told = self._filled(ahead, len(landing))
-        bad = _unsound(told, self._good)
+        given = self._given(ahead, len(landing))
+        bad = _unsound(given, self._good)
         if bad == 0 and not landing.any():
-            return told, 0
+            return given, 0
         found, good = self._guessed(reference), self._good & ~landing
-        found[good] = told[good]
+        found[good] = given[good]
         return found, bad
 
-    def _filled(self, future: Future, n: int) -> np.ndarray:
+    def _given(self, future: Future, n: int) -> np.ndarray:
         if len(self._out) != n:
             out = self._out = np.empty((n, len(self.seconds), WIDTH))
             self._parts = [out[:, :, a:a + 3].swapaxes(0, 1) for a in (0, 3, 6, 9)] + [out[:, :, 12].T, out[:, :, 13].T]
@@ -102,8 +102,8 @@ def _unsound(rows, good):
 
 
 @nb.njit(cache=True)
-def without_leaps(rows, seconds):
-    """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a leap moved back to where the path would have gone on, in
+def without_jumps(rows, seconds):
+    """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a jump moved back to where the path would have gone on, in
     place."""
     gap, back = np.empty(3), np.empty(3)
     for i in range(rows.shape[0]):
@@ -112,7 +112,7 @@ def without_leaps(rows, seconds):
         for k in range(1, rows.shape[1]):
             here = rows[i, k, :3].copy()
             gap = here - before - 0.5 * (seconds[k] - seconds[k - 1]) * (rows[i, k, 3:6] + rows[i, k - 1, 3:6])
-            if np.sum(gap * gap) > LEAP_M**2:
+            if np.sum(gap * gap) > JUMP_M**2:
                 back += gap
             rows[i, k, :3] -= back
             before = here
@@ -137,7 +137,7 @@ def flyable(rows, seconds, x, gains, most_N, hover_N, gravity, pushed_m_s2, tilt
     tilt = most_tilt(lift / gravity)
     for i in range(n):
         level[i] = gravity * np.tan(min(tilt[i], tilt_rad))
-    without_leaps(rows, seconds)
+    without_jumps(rows, seconds)
     within_reach(rows, x, gains[0], gains[1], level, lift - gravity, pushed_m_s2, near_m)
 
 

@@ -66,7 +66,7 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
     command, calls = plant.motor.T, np.zeros(-(-ticks * SUBSTEPS // every))
     for tick in range(ticks):
         position, velocity, quaternion = senses.read(tick)
-        asked = reference(tick)
+        goal = reference(tick)
         if push is not None:
             plant.force_N = push(plant.time_s)
         for name, where in (("position_m", POSITION), ("velocity_m_s", VELOCITY), ("quaternion", QUATERNION),
@@ -76,7 +76,7 @@ def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callabl
             if (tick * SUBSTEPS + sub) % every == 0:
                 state = VehicleState(position, velocity, quaternion, senses.gyro(), plant.battery_V)
                 before = time.perf_counter()
-                command = commanded(controller, TICK_S * tick + STEP_S * sub, state, asked)
+                command = commanded(controller, TICK_S * tick + STEP_S * sub, state, goal)
                 calls[(tick * SUBSTEPS + sub) // every] = (time.perf_counter() - before) / n
             plant.advance(command)
             senses.step()

@@ -60,13 +60,13 @@ class Waiting:
         return self._heard.copy()
 
 
-def heard(told: Callable[[int], Reference], silent: np.ndarray) -> Callable[[int], Reference]:
+def heard(sent: Callable[[int], Reference], silent: np.ndarray) -> Callable[[int], Reference]:
     """What vehicles are told at a tick, each the last that its radio took; the future of a reference is known on
     board."""
     last: list[Reference] = []
 
     def at(tick: int) -> Reference:
-        new = told(tick)
+        new = sent(tick)
         if last:
             waits = silent[min(tick, len(silent) - 1)]
             parts: dict[str, Any] = {}

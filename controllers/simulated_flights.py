@@ -25,7 +25,7 @@ from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, call_counts, recovery, sampled, score
 
 from .ensemble import Ensemble, draw
-from .mismatch import CASES, TOLD_RADIO_S, mismatched
+from .mismatch import BELIEVED_RADIO_S, CASES, mismatched
 from .plant_filter import Onboard
 from .plant_flight import Flown, fly
 from .plant_senses import TICK_S
@@ -87,7 +87,7 @@ def on_board(controller: Controller) -> bool:
     return isinstance(controller, onboard.Onboard) or bool(getattr(controller, "on_board", False))
 
 
-class Told:
+class GivenReference:
     """What a controller is told at a tick, by its class of information; one lane per plant, paths one after
     another."""
 
@@ -144,12 +144,12 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
     if gust:
         first = round((HOVER_S + GUST_AT_S) / TICK_S)
         air[first:first + round(GUST_S / TICK_S), 1] += GUST_N
-    told: Callable[[int], Reference] = Told(paths, ensemble, controller).at
+    reference: Callable[[int], Reference] = GivenReference(paths, ensemble, controller).at
     if shut is not None and on_board(controller):
-        told = heard(told, shut)
+        reference = heard(reference, shut)
     elif shut is not None:
         controller = Waiting(controller, shut)
-    return fly(plant, senses, controller, told, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
+    return fly(plant, senses, controller, reference, ticks, push=lambda t: air[min(int(t / TICK_S + 0.5), ticks - 1)])
 
 
 def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants: int, seed: int = 0,
@@ -187,7 +187,7 @@ def fly_mismatched(name: str, specs: Sequence[PathSpec], simulator: str, seed: i
                    gains: Mapping[str, float] | None = None) -> dict[str, Any]:
     """{controller, information, cases: names, runs: [of every path: [scores in every case]]} of ``mismatch``."""
     ensemble = mismatched(simulator, seed)
-    controller = made(name, loads(simulator), TOLD_RADIO_S, gains)
+    controller = made(name, loads(simulator), BELIEVED_RADIO_S, gains)
     paths = Paths(tuple(specs))
     runs = score(flown(controller, paths, ensemble), paths, len(ensemble), controller.period_s)
     own = f"{controller.name} tuned" if gains is not None else controller.name

@@ -94,12 +94,12 @@ def search(tunable: Mapping[str, Gain], run: Callable[[list[dict[str, float]]], 
     # its seed 0 would mean the clock
     found = cma.CMAEvolutionStrategy(middle, STEP, {"bounds": [0.0, 1.0], "seed": seed + 1, "verbose": -9})
     while len(trials) < budget:
-        asked = found.ask()[:budget - len(trials)]
-        many = [dict(zip(names, np.exp(low + x * (high - low)).round(8).tolist(), strict=True)) for x in asked]
+        candidates = found.ask()[:budget - len(trials)]
+        many = [dict(zip(names, np.exp(low + x * (high - low)).round(8).tolist(), strict=True)) for x in candidates]
         objectives = run(many)
         trials += [{"gains": g, "objective": o} for g, o in zip(many, objectives, strict=True)]
         if len(trials) < budget:
-            found.tell(asked, objectives)
+            found.tell(candidates, objectives)
     best = min(trials, key=lambda trial: trial["objective"])
     return best["gains"], trials
 

@@ -38,7 +38,7 @@ ALONE_SD_M = number("smoothers.gtsam_batch.alone_sd_m")
 of the IMU's stamps, whose errors hang together, times the velocity of each axis, and a rest; where one comes alone."""
 
 ATTITUDE_SD_RAD = number("smoothers.gtsam_batch.attitude_sd_rad")
-UNTOLD_SD_M = number("smoothers.gtsam_batch.untold_sd_m")
+UNKNOWN_SD_M = number("smoothers.gtsam_batch.unknown_sd_m")
 """Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
 
 MOUNT_SD_RAD = number("smoothers.gtsam_batch.mount_sd_rad")
@@ -130,7 +130,7 @@ class Poses:
         self.owner = np.searchsorted(middle, rows.pose_s)
         self.index, self.first, self.counts = np.unique(self.owner, return_index=True, return_counts=True)
         self.rows, self.time_s = rows, time_s
-        noise = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
+        noise = UNKNOWN_SD_M if np.isnan(rows.noise_m) else rows.noise_m
         together = np.hypot(TOGETHER_SD_M, CLOCK_SD_S * start.velocity[self.index])
         rest = np.where(self.counts[:, None] > 1, together, ALONE_SD_M)
         turn = np.sqrt(0.5 * ATTITUDE_SD_RAD**2 * (1.0 + 1.0 / self.counts))

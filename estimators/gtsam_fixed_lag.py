@@ -23,7 +23,7 @@ from nanobench_tools.settings import count, number
 
 from .drag_ekf import TUNED
 from .gtsam_aided import GtsamAided, drag
-from .gtsam_batch import NOISE, UNTOLD_SD_M, VELOCITY_SD_M_S
+from .gtsam_batch import NOISE, UNKNOWN_SD_M, VELOCITY_SD_M_S
 from .gtsam_graph import CHANGE_S, LIFT_SD_M_S2, Linear, load, params_of
 from .gtsam_lag_sure import Carried
 from .gtsam_path import State, quaternion_of
@@ -87,8 +87,8 @@ class _Run:
         self.time_s, self.pose_s = rows.time_s.tolist(), rows.pose_s.tolist()
         self.arrival_s = (rows.pose_s + float(flight.metadata.get("pose_delay_s", 0.0))).tolist()
         self.lift_s = rows.time_s[rows.lift].tolist()
-        told = UNTOLD_SD_M if np.isnan(rows.noise_m) else rows.noise_m
-        self.pose_sd = np.array([np.hypot(told, POSE_SD_M)] * 3 + ATTITUDE_SD_RAD)
+        position_sd_m = UNKNOWN_SD_M if np.isnan(rows.noise_m) else rows.noise_m
+        self.pose_sd = np.array([np.hypot(position_sd_m, POSE_SD_M)] * 3 + ATTITUDE_SD_RAD)
         self.turns = [self.gtsam.Rot3(r) for r in so3.matrix(rows.quaternion)]
         middle, self.step_s = 0.5 * (self.values[1:] + self.values[:-1]), np.diff(rows.time_s).tolist()
         self.variances = np.zeros((3, 3)), np.zeros((3, 3))
@@ -122,7 +122,7 @@ class _Run:
                 break
             if made:
                 tail = self._increment(self.state_s, now_s)
-                self._said()
+                self._report()
             found.append(tail.predict(self.there, self.bias))
             self.sure.row(tail)
             slow.append(self.slow)
@@ -140,7 +140,7 @@ class _Run:
             self._update(now_s, None)
         return self.count > before, taken
 
-    def _said(self) -> None:
+    def _report(self) -> None:
         """What the smoother says of its newest state."""
         keys = [self.x, self.v, self.b, self.c]
         joint = self.smoother.getISAM2().jointMarginalCovariance(keys).fullMatrix()
@@ -176,7 +176,7 @@ class _Run:
             values.insert(key, value)
         self.smoother.update(graph, values, dict.fromkeys((self.x, self.v, self.b, self.c), self.state_s))
         self.there = gtsam.NavState(pose.rotation(), pose.translation(), zero)
-        self._said()
+        self._report()
 
     def _update(self, at_s: float, pose: int | None) -> None:
         """One more state; the smoother takes what was measured since the last one."""

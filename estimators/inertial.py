@@ -94,9 +94,10 @@ class Inertial:
                                  "rows without it go on")
         retimed = flight["imu"].time_sd_s is not None
         rows = rows_of(flight, self.radio and not retimed)
-        return run(rows, values_of(settings_of(self.settings, flight)), self.keep_covariance, self.told(flight, rows))
+        values = values_of(settings_of(self.settings, flight))
+        return run(rows, values, self.keep_covariance, self.measured(flight, rows))
 
-    def told(self, flight: Flight, rows: Rows) -> np.ndarray:
+    def measured(self, flight: Flight, rows: Rows) -> np.ndarray:
         """Body velocity at the rows from elsewhere, as ``inertial_core.run`` takes it; (0, 6) for none."""
         return NOTHING
 
@@ -118,16 +119,16 @@ def values_of(settings: Mapping[str, float]) -> np.ndarray:
     return np.array([float({**core.SETTINGS, **settings}[name]) for name in core.NAMES])
 
 
-def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True, told: np.ndarray = NOTHING) -> Estimate:
-    """The filter over all rows; covariance of position, velocity and attitude (n, 9, 9) where it is kept; ``told`` as
-    in the core."""
+def run(rows: Rows, values: np.ndarray, keep_covariance: bool = True, measured: np.ndarray = NOTHING) -> Estimate:
+    """The filter over all rows; covariance of position, velocity and attitude (n, 9, 9) where it is kept; ``measured``
+    as in the core."""
     n = len(rows.time_s)
     state, cov = np.zeros(core.STATE), np.zeros((core.ERROR, core.ERROR))
     core.start(rows.poses[0], values, state, cov)
     out = np.empty((n, 11))
     kept = np.empty((n if keep_covariance else 0, 9, 9))
-    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, told, rows.arrived, rows.pose_s,
-             rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
+    core.run(rows.time_s, rows.clock_s, rows.acc, rows.gyro, rows.drawn, rows.flying, measured, rows.arrived,
+             rows.pose_s, rows.poses, values, 0, state, cov, np.zeros((n, 6)), np.zeros((n, 4)), out, kept)
     nis = out[:, 10][np.isfinite(out[:, 10])]
     return Estimate(rows.time_s, out[:, :3], out[:, 6:10], out[:, 3:6], kept if keep_covariance else None, nis,
                     np.full(len(nis), 3))

@@ -186,7 +186,7 @@ def _stated(c, on, v, moves, out):
 
 
 @nb.njit(cache=True)
-def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses, settings, first, state, cov,
+def run(stamps_s, time_s, acc, gyro, drawn, flying, measured, pose_of, pose_s, poses, settings, first, state, cov,
         sums, turns, out, sds):
     """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
@@ -305,7 +305,7 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses
                     h[_W] = gyro[i, k] - state[BG + k]
                 sd = settings[YAW_SD] if k == 2 else (settings[PITCH_SD] if k == 1 else settings[ROLL_PITCH_SD])
                 _scalar(cov, x, h, off[k] - state[MOUNT + k], sd ** 2, ph, gain)
-        if drag > 0.0 or len(told) > 0:
+        if drag > 0.0 or len(measured) > 0:
             bv = np.empty(3)
             for k in range(3):
                 bv[k] = rot[0, k] * state[V] + rot[1, k] * state[V + 1] + rot[2, k] * state[V + 2]
@@ -327,7 +327,7 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses
                         h[_A + k] = 1.0
                     _scalar(cov, x, h, acc[i, k] - state[BA + k] - state[AIR + k] + force, settings[DRAG_SD] ** 2, ph,
                             gain)
-            if len(told) > 0 and flying[i]:
+            if len(measured) > 0 and flying[i]:
                 for k in range(2):
                     d = np.zeros(3)
                     d[k] = 1.0
@@ -337,9 +337,9 @@ def run(stamps_s, time_s, acc, gyro, drawn, flying, told, pose_of, pose_s, poses
                     h[_T] = d[1] * bv[2] - d[2] * bv[1]
                     h[_T + 1] = d[2] * bv[0] - d[0] * bv[2]
                     h[_T + 2] = d[0] * bv[1] - d[1] * bv[0]
-                    h[_BA + k] = h[_A + k] = told[i, 4 + k]
-                    off = told[i, 4 + k] * (state[BA + k] + state[AIR + k])
-                    _scalar(cov, x, h, told[i, k] - off - bv[k], told[i, 2 + k] ** 2, ph, gain)
+                    h[_BA + k] = h[_A + k] = measured[i, 4 + k]
+                    off = measured[i, 4 + k] * (state[BA + k] + state[AIR + k])
+                    _scalar(cov, x, h, measured[i, k] - off - bv[k], measured[i, 2 + k] ** 2, ph, gain)
         for k in range(3):
             state[P + k] += x[_P + k]
             state[V + k] += x[_V + k]

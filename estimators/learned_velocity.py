@@ -56,7 +56,7 @@ class Weights:
     floor: float
     slope: float
 
-    def told(self, features: np.ndarray) -> np.ndarray:
+    def measured(self, features: np.ndarray) -> np.ndarray:
         """As ``inertial_core.run`` takes it (n, 6), from features (n, 2, F)."""
         velocity = np.einsum("nkf,kf->nk", features, self.by)
         sd = SD_FACTOR * np.sqrt(self.floor + self.slope * velocity**2)
@@ -76,10 +76,10 @@ class LearnedVelocityEkf(Inertial):
     trained_on = ("velocity learned from the public flights of all trajectory types but the flight's own (of all "
                   "where the recording does not say its type)")
 
-    def told(self, flight: Flight, rows: Rows) -> np.ndarray:
+    def measured(self, flight: Flight, rows: Rows) -> np.ndarray:
         time_s, found = features(flight)
         weights = shipped()
-        return weights.get(family_of(flight), weights[EVERY]).told(found[np.searchsorted(time_s, rows.time_s)])
+        return weights.get(family_of(flight), weights[EVERY]).measured(found[np.searchsorted(time_s, rows.time_s)])
 
 
 def features(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
@@ -109,8 +109,8 @@ def fitted(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> Weights:
     for k in range(2):
         moments = x[:, k].T @ x[:, k]
         by[k] = np.linalg.solve(moments + RIDGE * np.diag(np.diag(moments)), x[:, k].T @ y[:, k])
-    said = np.einsum("nkf,kf->nk", x, by)
-    slope, floor = np.polyfit(said.ravel() ** 2, (said - y).ravel() ** 2, 1)
+    predicted = np.einsum("nkf,kf->nk", x, by)
+    slope, floor = np.polyfit(predicted.ravel() ** 2, (predicted - y).ravel() ** 2, 1)
     return Weights(by, max(float(floor), 1e-6), max(float(slope), 0.0))
 
 

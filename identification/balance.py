@@ -95,8 +95,8 @@ def _of_span(flight: Flight, span: Span, vehicle: Vehicle) -> list[tuple[np.ndar
     t = np.arange(span.start_s, span.end_s, GRID_S)
     volt = flight["motor"].interpolate(MOTORS, t) * flight["battery"].interpolate("vbat", t)[:, None]
     keep = np.exp(-GRID_S / LAG_S)
-    asked = thrust_of_voltage(volt)
-    thrust = lfilter([1.0 - keep], [1.0, -keep], asked, axis=0, zi=keep * asked[:1])[0]
+    commanded = thrust_of_voltage(volt)
+    thrust = lfilter([1.0 - keep], [1.0, -keep], commanded, axis=0, zi=keep * commanded[:1])[0]
     attitude = flight["attitude_qw"]
     q = so3.interpolate(attitude.time_s, so3.make_continuous(attitude["qx", "qy", "qz", "qw"]), t)
     velocity = so3.rotate_inverse(q, flight["mocap"].interpolate(("vx", "vy", "vz"), t))

@@ -18,8 +18,8 @@ from .deprecation import renamed
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
-from .retiming.moving_readings import clocks_with_warp
-from .retiming.time_offset import ClockWarp
+from .retiming.moving_readings import clocks_with_time_offset
+from .retiming.time_offset import TimeOffset
 from .signals.airborne import airborne_spans
 from .signals.context import Context
 from .signals.controller import controller_of
@@ -61,12 +61,12 @@ class Audit:
         streams, kinds = {*streams, ""} - NEVER_CUT, cutting() if kinds is None else set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
 
-    def retimed(self, warp: ClockWarp | None) -> Audit:
-        """The verdict on the flight with ``warp`` taken out: spans of faults in moved streams grow by what the stamps
-        moved."""
-        if warp is None:
+    def retimed(self, time_offset: TimeOffset | None) -> Audit:
+        """The verdict on the flight with ``time_offset`` taken out: spans of faults in moved streams grow by what
+        the stamps moved."""
+        if time_offset is None:
             return self
-        lateness = np.append(warp.offset_s, warp.constant_s)
+        lateness = np.append(time_offset.offset_s, time_offset.constant_s)
         early, late = float(lateness.max()), float(lateness.min())
         faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
                        for f in self.faults)
@@ -166,7 +166,7 @@ def audit(flight: Flight, context: Context | None = None) -> Audit:
         airborne=context.once(airborne_spans),
         clean=subtract_spans([span], cuts),
         faults=tuple(faults),
-        clock=clocks_with_warp(context),
+        clock=clocks_with_time_offset(context),
         rates=context.once(rates_of),
         span=span,
     )

@@ -6,7 +6,7 @@ The same training flights, windows, errors, robust cost, priors, bounds, scales 
 ``nanobench sysid`` without nuisances of the flights. Each searches until it has converged. The peer is
 scipy.optimize.least_squares (trf, 2-point derivatives) on the batched NumPy rollout of the same model; beside it the
 same on our compiled rollout, which is our code too. One thread each; compilation is in our time. The whole fit of
-``sysid`` with own values of every flight is timed by itself. Without recordings, practice flights (SYNTHETIC).
+``sysid`` with random effects of every flight is timed by itself. Without recordings, practice flights (SYNTHETIC).
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def main() -> None:
     rows = [(name, *peer(problem, scale, fly)) for name, fly in (("NumPy rollout", numpy_rollout),
                                                                   ("our compiled rollout", rollout))]
     word = "SYNTHETIC" if any(f.provenance.synthetic for f in flights) else "real"
-    print(f"whole fit: {whole_s:.1f} s, {len(data)} windows of {len(cases)} {word} flights, own values of every "
-          f"flight, {whole.steps} steps (required < {REQUIRED_S:.0f} s: {'yes' if whole_s < REQUIRED_S else 'NO'})")
+    print(f"whole fit: {whole_s:.1f} s, {len(data)} windows of {len(cases)} {word} flights, a random effect "
+          f"of each, {whole.steps} steps (required < {REQUIRED_S:.0f} s: {'yes' if whole_s < REQUIRED_S else 'NO'})")
     print(f"the same fit by both, {len(problem.data)} windows, {int(problem.free.sum())} parameters, fixed units:")
     print(f"  ours: {ours:.2f} s, {found.steps} steps, cost {found.cost:.3f}"
           f"{', ' + found.trouble if found.trouble else ''}")

@@ -28,7 +28,7 @@ from nanobench_tools.faults.saturated_sensor import FEWEST_ROWS
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
-from nanobench_tools.signals.axis_unit_matching import CLEAR, likenesses
+from nanobench_tools.signals.axis_unit_matching import CLEAR, axis_unit_matches
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.packet_rows import packets_of
 from nanobench_tools.signals.spikes import LIMITS, least_height
@@ -98,7 +98,8 @@ def detectable(flight: Flight, bad: Flight, truth: Fault) -> bool:
         if "acc_z" in wanted:
             return True  # gravity tells
         verdicts = [
-            v for v in context.once(likenesses).values() if v.stream == truth.stream and wanted <= set(v.quantities)
+            v for v in context.once(axis_unit_matches).values()
+            if v.stream == truth.stream and wanted <= set(v.quantities)
         ]
         return any(
             all(k > CLEAR for q, k in zip(v.quantities, v.correlation, strict=True) if q in wanted) for v in verdicts

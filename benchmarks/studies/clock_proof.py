@@ -37,14 +37,14 @@ from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import Sessions
-from nanobench_tools.retiming.apply import find_warp
+from nanobench_tools.retiming.apply import find_time_offset
 from nanobench_tools.retiming.confirm import gain_on
 from nanobench_tools.retiming.infer import infer
-from nanobench_tools.retiming.time_offset import ClockWarp
+from nanobench_tools.retiming.time_offset import TimeOffset
 from nanobench_tools.retiming.votes import voters
 from nanobench_tools.signals.airborne import airborne_spans
 from nanobench_tools.signals.context import Context
-from nanobench_tools.signals.mocap_derivatives import truth_of
+from nanobench_tools.signals.mocap_derivatives import derivatives_of
 from nanobench_tools.sources import default_data, load_recordings
 
 CLOCKS: dict[str, tuple[str, ...] | str] = {
@@ -55,12 +55,13 @@ NULLS = {"gyro, acceleration": voters("retimed", ("attitude",)), "gyro, accelera
 """The first judges attitudes, the second positions and velocities; the last judges no estimate, and shows why."""
 AMPLITUDE_S, WANDER_S = 0.03, 0.02
 FREQUENCIES_HZ = (0.3, 1.0, 3.0, nulls.RANDOM)
-BRACKET: dict[str, Callable[[Flight], ClockWarp | None]] = {
+BRACKET: dict[str, Callable[[Flight], TimeOffset | None]] = {
     "as recorded": lambda flight: None,
-    "offset": lambda flight: find_warp(flight, "offset"),
-    "gyro, acceleration": lambda flight: find_warp(flight, "retimed", ("attitude",)),
-    "retimed: gyro, acceleration, attitude": lambda flight: find_warp(flight, "retimed", ("position", "velocity")),
-    "joint: position too (no judgement)": lambda flight: find_warp(flight, "joint"),
+    "offset": lambda flight: find_time_offset(flight, "offset"),
+    "gyro, acceleration": lambda flight: find_time_offset(flight, "retimed", ("attitude",)),
+    "retimed: gyro, acceleration, attitude": lambda flight: find_time_offset(flight, "retimed",
+                                                                             ("position", "velocity")),
+    "joint: position too (no judgement)": lambda flight: find_time_offset(flight, "joint"),
     "retimed, causal": lambda flight: infer(Context(flight), ("gyro", "acceleration"), causal=True)}
 
 
@@ -86,21 +87,21 @@ def true_lateness(clock: ClockError, stamps_s: np.ndarray) -> np.ndarray:
 def score_injected(flight: Flight, clock: ClockError, kinds: tuple[str, ...] | str) -> tuple[float, ...]:
     """Claimed SD, RMS error, coverage of 1.96 SD and true SD, where the vehicle moves (constants removed)."""
     context = Context(flight)
-    warp = find_warp(flight, kinds, ()) if isinstance(kinds, str) else infer(context, kinds)
-    truth = context.once(truth_of)
-    moving = np.interp(warp.time_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1)) > 0.2
-    actual = true_lateness(clock, warp.time_s)[moving]
-    error = warp.offset_s[moving] - actual
+    time_offset = find_time_offset(flight, kinds, ()) if isinstance(kinds, str) else infer(context, kinds)
+    truth = context.once(derivatives_of)
+    moving = np.interp(time_offset.time_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1)) > 0.2
+    actual = true_lateness(clock, time_offset.time_s)[moving]
+    error = time_offset.offset_s[moving] - actual
     error = error - np.median(error)
-    covered = np.mean(np.abs(error) < 1.96 * warp.sd_s[moving])
-    return (float(np.std(warp.offset_s[moving])), float(np.sqrt(np.mean(error**2))), float(covered),
-            float(np.std(actual)), float(warp.moving))
+    covered = np.mean(np.abs(error) < 1.96 * time_offset.sd_s[moving])
+    return (float(np.std(time_offset.offset_s[moving])), float(np.sqrt(np.mean(error**2))), float(covered),
+            float(np.std(actual)), float(time_offset.moving))
 
 
 def usable(flight: Flight) -> bool:
     """Whether the flight flew, long enough, with everything that is compared."""
     context = Context(flight)
-    return (bool(context.once(airborne_spans)) and context.once(truth_of) is not None
+    return (bool(context.once(airborne_spans)) and context.once(derivatives_of) is not None
             and {"imu", "estimator", "attitude_qw"} <= set(flight.streams)
             and len(nulls.along_track(context, None, 0.0)[0]) > 500)
 
@@ -109,7 +110,7 @@ def score_nulls(flight: Flight, seed: int) -> dict[str, nulls.Errors]:
     """{clock | case: errors} of every null of one flight."""
     flight = nulls.living(flight)
     before, result = Context(flight), {}
-    warps = {name: infer(before, kinds) for name, kinds in NULLS.items()}
+    time_offsets = {name: infer(before, kinds) for name, kinds in NULLS.items()}
     for frequency in FREQUENCIES_HZ:
         for both in (False, True):
             changed, error = nulls.with_track_error(flight, frequency, AMPLITUDE_S, seed, both)
@@ -117,7 +118,8 @@ def score_nulls(flight: Flight, seed: int) -> dict[str, nulls.Errors]:
             label = nulls.RANDOM if isinstance(frequency, str) else f"{frequency:g} Hz"
             case = f"{label}, position{' and velocity' * both}"
             for name, kinds in NULLS.items():
-                result[f"{name}|{case}"] = nulls.track_errors(before, after, error, warps[name], infer(after, kinds))
+                result[f"{name}|{case}"] = nulls.track_errors(before, after, error, time_offsets[name],
+                                                              infer(after, kinds))
     for both in (False, True):
         base = nulls.with_track_error(flight, nulls.RANDOM, AMPLITUDE_S, seed, True)[0] if both else flight
         wandering, clock = nulls.with_wander(base, WANDER_S, seed)
@@ -133,14 +135,14 @@ def score_bracket(flight: Flight) -> dict[str, tuple[float, ...]]:
     flight, result = nulls.living(flight), {}
     context = Context(flight)
     for name, find in BRACKET.items():
-        warp = find(flight)
-        along = nulls.along_track(context, warp, nulls.best_lag_s(context, warp))[0]
-        result[name] = (float(np.sqrt(np.mean(along**2))), float(warp is not None and warp.moving))
+        time_offset = find(flight)
+        along = nulls.along_track(context, time_offset, nulls.best_lag_s(context, time_offset))[0]
+        result[name] = (float(np.sqrt(np.mean(along**2))), float(time_offset is not None and time_offset.moving))
     for kinds, judge in ((("position", "velocity"), "gyro"), (("gyro", "acceleration"), "attitude"),
                          (("gyro", "acceleration"), "position"), (voters("retimed"), "position")):
-        warp = infer(context, kinds)
-        if warp is not None:
-            result[f"gain {', '.join(kinds)} -> {judge}"] = gain_on(context, warp, judge)
+        time_offset = infer(context, kinds)
+        if time_offset is not None:
+            result[f"gain {', '.join(kinds)} -> {judge}"] = gain_on(context, time_offset, judge)
     return result
 
 

@@ -82,18 +82,18 @@ class Corrected:
         self.teacher.reset(n)
         self.taught = np.arange(n) < round(self.share * n)
         self.seen: list[np.ndarray] = []
-        self.said: list[np.ndarray] = []
+        self.taught_commands: list[np.ndarray] = []
         self._calls = 0
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4)."""
-        said = self.teacher.command(time_s, state, reference)
+        taught_commands = self.teacher.command(time_s, state, reference)
         if self._calls % round(PERIOD_S / self.period_s) == 0:
             self._own = self.policy.command(time_s, state, reference)
             self.seen.append(observation(state, reference))
-            self.said.append(said)
+            self.taught_commands.append(taught_commands)
         self._calls += 1
-        return np.where(self.taught[:, None], said, self._own)
+        return np.where(self.taught[:, None], taught_commands, self._own)
 
 
 NEAR_M = number("control.learned_flights.near_m")
@@ -120,9 +120,9 @@ def corrected(kind: str, shown: Shown, network: Network, specs: Sequence[PathSpe
 
 def _taught(both: Corrected, number: int) -> list[Demonstration]:
     """What every vehicle saw until it was lost, and what the teacher said."""
-    seen, said = np.stack(both.seen, axis=1), np.stack(both.said, axis=1)
+    seen, taught_commands = np.stack(both.seen, axis=1), np.stack(both.taught_commands, axis=1)
     found = []
-    for i, (rows, commands) in enumerate(zip(seen, said, strict=True)):
+    for i, (rows, commands) in enumerate(zip(seen, taught_commands, strict=True)):
         off = np.linalg.norm(rows[:, :3] - rows[:, 10:13], axis=1)
         lost = np.flatnonzero(~(off < NEAR_M))
         end = int(lost[0]) if len(lost) else len(rows)

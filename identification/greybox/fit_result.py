@@ -47,7 +47,7 @@ class FitResult:
         if self.n_flights < 3:
             lines.append(f"  no intervals: {self.n_flights} flight(s) tell nothing about how flights differ")
         lines += [f"  prior: {text}" for text in self.priors]
-        lines += [f"  own value of every training flight: {text}" for text in self.nuisances]
+        lines += [f"  random effect of every training flight: {text}" for text in self.nuisances]
         lines += [f"  not identified: {text}" for text in self.not_identified]
         if self.flown is not None:
             lines.append(f"  {self.flown}")

@@ -100,8 +100,9 @@ def _hold(model: Model, battery_V: float) -> tuple[float, float]:
             lean = np.stack([-body[:, 1], body[:, 0]], axis=1) / np.maximum(body[:, 2:], 1.0)
             moment = inertia[:2] * (ATTITUDE_GAIN * lean - RATE_GAIN * state[:, RATE][:, :2])
             lift = model.vehicle.mass_kg * np.linalg.norm(wanted, axis=1)
-            asked = np.column_stack([lift, moment]) @ mix.T
-            u = np.stack([np.interp(asked[:, i], np.maximum.accumulate(curve[i]), levels) for i in range(4)], axis=1)
+            commanded = np.column_stack([lift, moment]) @ mix.T
+            u = np.stack([np.interp(commanded[:, i], np.maximum.accumulate(curve[i]), levels) for i in range(4)],
+                         axis=1)
             waiting = [*waiting[1:], u]
             row = np.zeros((n, len(model.inputs)))
             row[:, :4], row[:, 4] = waiting[1], battery_V

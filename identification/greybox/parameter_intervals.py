@@ -101,14 +101,14 @@ def information(solution: Solution) -> Information:
 
 def not_identified(solution: Solution, ci95: dict[str, tuple[float, float]] | None) -> list[str]:
     """Sentences: which parameters, and which pairs, these flights do not tell, and which flight would."""
-    found, told = [], information(solution)
+    found, known = [], information(solution)
     problem = solution.problem
-    for i, name in enumerate(told.names):
+    for i, name in enumerate(known.names):
         for j in range(i):
-            other = told.names[j]
-            if abs(told.correlation[i, j]) > WEAK and _term(name) != _term(other):
-                sign = "difference" if told.correlation[i, j] > 0 else "sum"
-                found.append(f"{other} and {name} are only told together (correlation {told.correlation[i, j]:+.3f}: "
+            other = known.names[j]
+            if abs(known.correlation[i, j]) > WEAK and _term(name) != _term(other):
+                sign = "difference" if known.correlation[i, j] > 0 else "sum"
+                found.append(f"{other} and {name} are only told together (correlation {known.correlation[i, j]:+.3f}: "
                              f"a {sign} of the two is free); {_settles(other, name)}")
         at = problem.model.index(name)
         low, high = (ci95 or {}).get(name, (0.0, 0.0))

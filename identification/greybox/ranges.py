@@ -51,7 +51,7 @@ def priors(model: Model) -> tuple[Prior, ...]:
 
 def held(model: Model) -> tuple[str, ...]:
     """Names that no flight tells: only k_m / J_z is seen in yaw, and only thrust over mass in translation."""
-    return tuple(slot.name for slot in model.slots if slot.element in slot.parameter.untold)
+    return tuple(slot.name for slot in model.slots if slot.element in slot.parameter.unidentifiable)
 
 
 def falling_thrust(model: Model, low_V: float, high_V: float) -> str:

@@ -1,9 +1,9 @@
 """Levenberg-Marquardt on the multi-step prediction error, with exact derivatives, bounds and soft priors.
 
 Parameters are shared by all flights; nuisances are a few directions through them along which every training flight has
-its own value, drawn around zero. They keep what differs between flights (a battery further left) out of the shared
+its random effect, drawn around zero. They keep what differs between flights (a battery further left) out of the shared
 ones; a test flight gets none. SciPy's ``least_squares`` with priors as further rows and the same derivatives takes 1.3
-times as long, ends .4 % above this cost, and does not eliminate the flights' own values.
+times as long, ends .4 % above this cost, and does not eliminate the flights' effects.
 """
 
 from __future__ import annotations

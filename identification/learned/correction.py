@@ -56,15 +56,15 @@ def modules() -> SimpleNamespace:
                 hidden, position, velocity, angle, turning = carry
                 now, force, spin, matrix = given
                 hidden = jax.vmap(self.cell)(now, hidden)
-                said = jax.vmap(self.out)(hidden) * jnp.asarray(SIZES, jnp.float32)
+                correction = jax.vmap(self.out)(hidden) * jnp.asarray(SIZES, jnp.float32)
                 if back is not None:
-                    said = jnp.einsum("nij,nj->ni", back, said)
-                felt = said[:, 3:] + jnp.cross(angle, force)
+                    correction = jnp.einsum("nij,nj->ni", back, correction)
+                felt = correction[:, 3:] + jnp.cross(angle, force)
                 gained = jnp.einsum("nij,nj->ni", matrix, felt)
                 position = position + dt * velocity + 0.5 * dt**2 * gained
                 velocity = velocity + dt * gained
-                angle = angle + dt * (turning + 0.5 * dt * said[:, :3] - jnp.cross(spin, angle))
-                turning = turning + dt * said[:, :3]
+                angle = angle + dt * (turning + 0.5 * dt * correction[:, :3] - jnp.cross(spin, angle))
+                turning = turning + dt * correction[:, :3]
                 return ((hidden, position, velocity, angle, turning),
                         jnp.concatenate([position, velocity, angle, turning], axis=1))
 

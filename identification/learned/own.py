@@ -80,7 +80,7 @@ class Corrected:
         predicted = self.base.predict(windows)
         if not self.shares.any():
             return predicted
-        errors = said(self.networks, self.spread, windows, predicted, self.information == "past")
+        errors = corrections(self.networks, self.spread, windows, predicted, self.information == "past")
         taken = [share * rising(onset, windows.horizon) for share, onset in zip(self.shares, self.onsets, strict=True)]
         return corrected(predicted, errors * np.repeat(np.stack(taken, axis=1), 3, axis=1))
 
@@ -94,7 +94,7 @@ def rising(onset: float, horizon: int) -> np.ndarray:
     return np.ones(horizon) if onset == 0.0 else -np.expm1(-np.arange(horizon) / onset)
 
 
-def said(networks: Sequence[Sequence[np.ndarray]], spread: Sequence[np.ndarray], windows: Windows,
+def corrections(networks: Sequence[Sequence[np.ndarray]], spread: Sequence[np.ndarray], windows: Windows,
          predicted: Prediction, past: bool) -> np.ndarray:
     """(n, H, 12) mean over the networks of the errors they see in ``predicted``."""
     look = seen(windows, predicted, past)
@@ -281,7 +281,7 @@ def guard(groups: Sequence[Sequence[Flown]], found: Sequence[Trained], spread: S
     count = 0
     for group, network in zip(groups, found, strict=True):
         for f in group:
-            errors = said([network.leaves], spread, f.windows, f.predicted, past)
+            errors = corrections([network.leaves], spread, f.windows, f.predicted, past)
             for k, weight in enumerate(weights):
                 after = window_errors(corrected(f.predicted, weight * errors), f.came)
                 sums[k] += np.stack([after[name].sum(axis=0) for name in QUANTITIES], axis=1)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools.physics import Model
-from nanobench_tools.physics.feigned import UNDECLARED
 from nanobench_tools.physics.model import Slot
+from nanobench_tools.physics.systematic import UNDECLARED
 from nanobench_tools.physics.vocabulary import terms_that
 from nanobench_tools.settings import number
 
@@ -70,7 +70,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
             if slot.parameter.differs is None:
                 least = smallest(name, before, moments, fit.model)
             else:
-                share = slot.parameter.feigned is not None and slot.parameter.feigned.of == "value"
+                share = slot.parameter.systematic is not None and slot.parameter.systematic.of == "value"
                 least = slot.parameter.differs * (abs(old[name]) if share else growth(before, slot.parameter))
             changed = changed or (float(np.ptp(fit.own[name])) > least and two_groups(fit.own[name]))
         else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
@@ -121,7 +121,7 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
     none, a share of the usual size where its term says nothing. ``best``: the
     model whose residual says how much of the turning the commands do not explain."""
     slot = slot_of(best or before, name)
-    feigns = slot.parameter.feigned
+    feigns = slot.parameter.systematic
     if feigns is None:
         return UNDECLARED * usual(best or before, slot)
     if feigns.of == "unit":

@@ -57,12 +57,12 @@ def kept(spec: CaseSpec, folder: Path) -> Given | None:
     if not (place / SEAL).is_file():
         return None
     try:
-        said, simulator = read_json(place / SEAL, SCHEMA), read_simulator(place / SIMULATOR)
+        sealed, simulator = read_json(place / SEAL, SCHEMA), read_simulator(place / SIMULATOR)
     except InputError:
         return None
-    found = [fetch(place / f"{name}.parquet", f"{name}.csv", "") for name in said["flights"]]
+    found = [fetch(place / f"{name}.parquet", f"{name}.csv", "") for name in sealed["flights"]]
     flights = [flight for flight in found if flight is not None]
-    return Given(flights, simulator, said["truth"]) if len(flights) == len(found) else None
+    return Given(flights, simulator, sealed["truth"]) if len(flights) == len(found) else None
 
 
 def forget(spec: CaseSpec, folder: Path) -> None:

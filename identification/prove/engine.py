@@ -30,7 +30,7 @@ from .effects.effect import Air, Effect
 
 Acting = tuple[np.ndarray, Effect]
 """The vehicles (k,) of a batch that an effect acts on, and the effect."""
-HOOKS = ("motor", "asked", "wind", "thrust", "force", "push", "moment", "advance")
+HOOKS = ("motor", "commanded", "wind", "thrust", "force", "push", "moment", "advance")
 
 
 def _turned(columns: np.ndarray, body: np.ndarray) -> np.ndarray:
@@ -119,8 +119,8 @@ class Engine(Plant):
         thrust = np.zeros_like(volts)
         for c in self._curve[::-1]:
             thrust = c + volts * thrust
-        for rows, effect in self._with["asked"]:
-            thrust[:, rows] = effect.asked(thrust[:, rows])
+        for rows, effect in self._with["commanded"]:
+            thrust[:, rows] = effect.commanded(thrust[:, rows])
         self.command_N = thrust * (1.0 + self.flicker)
 
     def step(self, dt_s: float) -> None:

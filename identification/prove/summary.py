@@ -219,8 +219,8 @@ def confusion(cases: Sequence[CaseScore]) -> dict[str, dict[str, int]]:
     one; false findings beyond that stand in the row ``nothing``."""
     table: dict[str, Counter[str]] = {}
 
-    def count(there: str, said: str) -> None:
-        table.setdefault(there, Counter())[said] += 1
+    def count(there: str, answer: str) -> None:
+        table.setdefault(there, Counter())[answer] += 1
 
     for case in cases:
         false = case.false
@@ -232,9 +232,9 @@ def confusion(cases: Sequence[CaseScore]) -> dict[str, dict[str, int]]:
             others += [f"fault {name}" for name in case.truth]
         for there in others or ([] if case.effects else ["nothing"]):
             count(there, false.pop(0) if false else silence)
-        for said in false:
-            count("nothing", said)
-    return {there: dict(said.most_common()) for there, said in sorted(table.items())}
+        for answer in false:
+            count("nothing", answer)
+    return {there: dict(answer.most_common()) for there, answer in sorted(table.items())}
 
 
 def calibration(cases: Sequence[CaseScore]) -> list[tuple[float, float, int]]:

@@ -143,8 +143,8 @@ def basis_words(mates: Sequence[int]) -> str:
     >>> basis_words([1, 1, 0])
     '2 of 3 series: one other series of their propeller, whose battery and motors need not be theirs; 1 of 3: none'
     """
-    said = {0: "none", 1: "one other series of their propeller, whose battery and motors need not be theirs"}
-    found = [f"{mates.count(k)} of {len(mates)}: {said.get(k, f'{k} series of their propeller')}"
+    sentences = {0: "none", 1: "one other series of their propeller, whose battery and motors need not be theirs"}
+    found = [f"{mates.count(k)} of {len(mates)}: {sentences.get(k, f'{k} series of their propeller')}"
              for k in sorted(set(mates), reverse=True)]
     return "; ".join([found[0].replace(":", " series:", 1), *found[1:]]) if found else ""
 
@@ -167,11 +167,11 @@ def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
     """Rows of a file for pictures: PWM (mean of the motors), voltage, what was measured and what the fit says."""
     thin = -(-len(file) // POINTS)
     few = file.rows(slice(None, None, thin))
-    says = predicted(fit, few)
+    predictions = predicted(fit, few)
     measured = few.force if isinstance(few, Flown) else few.thrust_N
     pwm = few.u.mean(axis=1) if isinstance(few, Flown) else few.u
     return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(few.voltage, 4),
-            "measured": measured, "predicted": says}
+            "measured": measured, "predicted": predictions}
 
 
 def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float] | np.ndarray) -> dict[str, Any]:

@@ -104,9 +104,9 @@ def rising_cubic(drive: np.ndarray, thrust: np.ndarray, least_c3: float = LEAST_
 
 def solved_on_vehicle(c: np.ndarray, least_N: float, highest_N: float) -> bool:
     """Whether the firmware's formula in single precision finds the voltages of all thrusts it may be asked for."""
-    asked = np.linspace(least_N, highest_N, 101)
-    given = np.polynomial.polynomial.polyval(motor_voltage(asked, c, np.float32).astype(float), c)
-    return bool(np.all(np.abs(given - asked) < SOLVED_WITHIN * highest_N))
+    commanded = np.linspace(least_N, highest_N, 101)
+    given = np.polynomial.polynomial.polyval(motor_voltage(commanded, c, np.float32).astype(float), c)
+    return bool(np.all(np.abs(given - commanded) < SOLVED_WITHIN * highest_N))
 
 
 def _firmware(drive: np.ndarray, thrust: np.ndarray, highest_N: float, name: str) -> tuple[str, str]:

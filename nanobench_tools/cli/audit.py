@@ -63,12 +63,12 @@ def overview(audits: Mapping[str, Audit], title: str) -> Table:
     for name in ("recording", "controller", "airborne s", "clean s", "imu late ms", "imu Hz", "faults"):
         table.add_column(name, justify="left" if name in ("recording", "controller", "faults") else "right",
                          overflow="fold")
-    cuts, untold = cutting(), those(lambda kind: not kind.in_overview)
+    cuts, not_shown = cutting(), those(lambda kind: not kind.in_overview)
     for a in audits.values():
         airborne = sum(s.duration_s for s in a.airborne)
         clean = sum(s.duration_s for s in intersect_spans(a.airborne, a.clean))
         clock, rate = a.clock.get("imu"), a.rates.get("imu")
-        kinds = Counter(f.kind for f in a.faults if f.kind not in untold)
+        kinds = Counter(f.kind for f in a.faults if f.kind not in not_shown)
         words = ", ".join(f"[bold]{text}[/]" if kind in cuts else text for kind, n in kinds.items()
                           for text in [kind + (f" x{n}" if n > 1 else "")])
         table.add_row(one_line(a.flight), one_line(a.controller), f"{airborne:.1f}", f"{clean:.1f}", _late(clock),

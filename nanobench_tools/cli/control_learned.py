@@ -93,9 +93,9 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
     from identification.learned.learning_pictures import command_figure, learning_figure, write_page
 
     flight = next((d for d in shown.test if d.controller == "pid"), shown.test[0])
-    said = {kind: commands(networks[kind], flight) for kind in CLONED if kind in networks}
+    predicted = {kind: commands(networks[kind], flight) for kind in CLONED if kind in networks}
     write_page(options.out / "learned_commands.html",
-               [command_figure(flight.action[flight.longest], said, flight.name),
+               [command_figure(flight.action[flight.longest], predicted, flight.name),
                 learning_figure({kind: network.trained for kind, network in networks.items()})], options.synthetic,
                "Cloned policies")
 

@@ -95,14 +95,14 @@ def shipped_gate() -> dict[str, Any]:
 
 def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, float]]:
     """{controller: gains} of files that ``tune`` wrote."""
-    from controllers.gains import read_gains, said_better
+    from controllers.gains import read_gains, reports_better
 
     found: dict[str, dict[str, float]] = {}
     for path in files:
         name, gains = read_gains(path)
         if name in found:
             raise UsageError(f"--gains {path}: gains of {name} are given twice")
-        if not said_better(path):
+        if not reports_better(path):
             options.say(f"--gains {path}: these were not shown to be better than {name}'s own")
         found[name] = gains
     return found
@@ -124,11 +124,11 @@ def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], spe
 
 
 def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-              asked: bool = False, recorded: Sequence[Flight] = ()) -> dict[str, Any]:
+              requested: bool = False, recorded: Sequence[Flight] = ()) -> dict[str, Any]:
     """{gate, gate_summary, gate_left_out, gate_plant, gate_note}, with the table shown and paths written to ``--out``.
     ``recorded``: the flights on their own stamps.
 
-    Raises InputError when it was ``asked`` for and no recording can be judged.
+    Raises InputError when it was ``requested`` for and no recording can be judged.
     """
     from controllers.gate_flights import fly_cases
 
@@ -138,7 +138,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     cases, reasons = gate.select(flights, audits, chosen.trained, recorded)
     if not cases:
         note = "no recording to judge the plant by: " + "; ".join(sorted(set(reasons.values())))
-        if asked:
+        if requested:
             raise InputError(flights[0].provenance.path if flights else "data", note)
         return {"gate": [], "gate_note": note}
     chunks = [same[i:i + CHUNK] for name in gate.FLOWN
@@ -166,17 +166,17 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
 
 
 def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-                  asked: bool) -> dict[str, Any]:
+                  requested: bool) -> dict[str, Any]:
     """``gate_body`` on the clock of the options; on another one than the recordings' own also ``gate_compared``: ratios
     over the same flights to the gate as recorded, which flies first and is not shown."""
     from ..protocols import compare
 
     seen, judged = options.on_clock(flights, audits)
     if options.clock == AS_RECORDED:
-        return gate_body(options, seen, judged, chosen, asked, flights)
+        return gate_body(options, seen, judged, chosen, requested, flights)
     plain = replace(options, clock=AS_RECORDED, quiet=True)
     recorded = gate_body(plain, flights, audits, chosen, False, flights)["gate"]
-    body = gate_body(options, seen, judged, chosen, asked, flights)
+    body = gate_body(options, seen, judged, chosen, requested, flights)
     found = compare.gates(body["gate"], recorded, options.sessions.by_name(flights), options.seed)
     if found:
         passed = [sum(row["pass"] for row in rows) for rows in (recorded, body["gate"])]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
     from ..protocols.task3 import Case
-    from ..retiming.time_offset import ClockWarp
+    from ..retiming.time_offset import TimeOffset
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
@@ -199,8 +199,8 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         body["dead_logs"] = dead
     if options.clock != AS_RECORDED:
         used = {name for row in rows for name in row["flights"]}
-        taken_out = {name: warp for name, warp in seen.places.warps.items() if name in used}
-        body["clocks"] = {options.clock: {name: _taken_out(warp) for name, warp in taken_out.items()}}
+        taken_out = {name: time_offset for name, time_offset in seen.places.time_offsets.items() if name in used}
+        body["clocks"] = {options.clock: {name: _taken_out(time_offset) for name, time_offset in taken_out.items()}}
     return body
 
 
@@ -217,12 +217,13 @@ def _say_clock(options: Options, seen: Seen, rows: Sequence[dict[str, Any]]) -> 
             row["given"] += f" (attitude: {', '.join(row['clock_evidence_attitude'])})"
 
 
-def _taken_out(warp: ClockWarp | None) -> dict[str, Any] | None:
+def _taken_out(time_offset: TimeOffset | None) -> dict[str, Any] | None:
     """What was taken out of one flight's stamps, as in the audit: ``warp`` [[t_s, offset_s, sd_s]], positive = late."""
-    if warp is None:
+    if time_offset is None:
         return None
-    return {"moving": warp.moving, "constant_s": warp.constant_s, "wander_sd_s": warp.wander_sd_s,
-            "reason": warp.reason, "evidence": list(warp.evidence), "warp": warp.points(POINTS_WITHIN_S)}
+    return {"moving": time_offset.moving, "constant_s": time_offset.constant_s, "wander_sd_s": time_offset.wander_sd_s,
+            "reason": time_offset.reason, "evidence": list(time_offset.evidence),
+            "warp": time_offset.points(POINTS_WITHIN_S)}
 
 
 def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Case]
@@ -263,7 +264,7 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
 
     folder = None if out is None else out / "trajectories"
     how = {} if aiding is None else {"aiding": aiding, "seed": options.seed}
-    said = {} if aiding is None else aiding.to_json()
+    protocol_given = {} if aiding is None else aiding.to_json()
     given = {task3.AIDED: aiding.given if aiding else "", task3.WHOLE_FLIGHT: whole_flight.GIVEN}
     items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder, **how},
                        f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
@@ -286,12 +287,13 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                given.get(protocol, task3.GIVEN), options.sessions)
     for row in rows:
-        row |= said
+        row |= protocol_given
     _say_clock(options, seen, rows)
     _compare(options, rows, done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
-                   "speed": speed_of(case.flight), "clock": options.clock, **said, "metrics": value["metrics"]}
+                   "speed": speed_of(case.flight), "clock": options.clock, **protocol_given,
+                   "metrics": value["metrics"]}
                   for method, case, value in done], [] if aiding is None else aided_bands(options, done, aiding)
 
 
@@ -373,8 +375,8 @@ def _clock_text(rows: Sequence[Mapping[str, Any]]) -> str:
     clock = next((row["clock"] for row in rows), AS_RECORDED)
     if clock == AS_RECORDED:
         return f"clock {clock}"
-    said = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
-    return said + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
+    protocol_given = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
+    return protocol_given + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
 
 
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],

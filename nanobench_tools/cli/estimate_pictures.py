@@ -58,15 +58,15 @@ def _by_method(done: Done) -> list[list[tuple[Case, Mapping[str, Any]]]]:
 
 
 def _bands(options: Options, function: Any, done: Done, case: Case, kwargs: Mapping[str, Any],
-           said: Mapping[str, Any]) -> list[dict[str, Any]]:
+           given: Mapping[str, Any]) -> list[dict[str, Any]]:
     from ..harness import make_item
     from ..protocols.task3 import is_logged
 
     methods = {method.name: method for method, one, _ in done if one is case and not is_logged(method)}
-    items = {name: make_item(function, {**kwargs, "method": method}, f"{said['protocol']} picture {name}",
+    items = {name: make_item(function, {**kwargs, "method": method}, f"{given['protocol']} picture {name}",
                              file=case.flight.provenance.path) for name, method in methods.items()}
     values = options.run(list(items.values()), "3 sigma").values
-    return [{**said, "flight": case.flight.name, "method": name, "clock": options.clock, **band}
+    return [{**given, "flight": case.flight.name, "method": name, "clock": options.clock, **band}
             for name, item in items.items() if (band := (values.get(item.key) or {}).get("band"))]
 
 

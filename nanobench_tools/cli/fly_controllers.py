@@ -37,10 +37,10 @@ def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
     method = load_methods("controllers", [name])[0]
     for kinds, value in ((PidCascade, PID), (Mellinger, MELLINGER)):
         if isinstance(method, kinds):
-            told = kind or ("full-state" if method.information == "preview" else "position")
-            if told == "thrust-rates":
+            setpoint_kind = kind or ("full-state" if method.information == "preview" else "position")
+            if setpoint_kind == "thrust-rates":
                 raise UsageError(f"--setpoints: {name} flies on board; it is told position, velocity or full-state")
-            return OnboardPilot(method.name, value, told, float(getattr(method, "lead_s", 0.0)))
+            return OnboardPilot(method.name, value, setpoint_kind, float(getattr(method, "lead_s", 0.0)))
     if kind not in (None, "thrust-rates"):
         raise UsageError(f"--setpoints: {name} commands motors; it is sent as thrust-rates")
     return MotorPilot(method)

@@ -175,6 +175,6 @@ def _show_rotation(options: Options, content: Mapping[str, Any]) -> None:
         if entry["metric"] == SHOWN[0][0] and entry["h"] == 10:
             ends = entry["ci95"]
             ratio_ends = [1.0 - 0.01 * e for e in reversed(ends)] if ends else None
-            said = verdict(1.0 - 0.01 * entry["less_percent"], ratio_ends)
+            judgement = verdict(1.0 - 0.01 * entry["less_percent"], ratio_ends)
             options.show(f"{entry['input']}: error of roll and pitch rate after {10 * step:.0f} ms against the radio "
-                         f"stream's: {said}")
+                         f"stream's: {judgement}")

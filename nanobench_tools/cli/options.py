@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import Choice, OnClock
     from ..protocols.sessions import Sessions
-    from ..retiming.time_offset import ClockWarp
+    from ..retiming.time_offset import TimeOffset
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 PATH = click.Path(path_type=Path)
@@ -45,7 +45,7 @@ class FiniteRange(click.FloatRange):
 @dataclass
 class Options:
     """What the shared options say. ``failed`` gathers the failures of reading and of items: [{item, file, error}];
-    ``warps``: what was found with the audits, see ``audit``."""
+    ``time_offsets``: what was found with the audits, see ``audit``."""
 
     data: tuple[Path, ...] = ()
     out: Path | None = None
@@ -59,7 +59,7 @@ class Options:
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
     started: float = field(default_factory=time.time)
-    warps: dict[tuple[str, Choice], Mapping[str, Any]] = field(default_factory=dict)
+    time_offsets: dict[tuple[str, Choice], Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def progress(self) -> Progress:
@@ -145,7 +145,7 @@ class Options:
 
         result = audit_flights(flights, self.store, self.jobs, self.scheduler, self.progress, clocks, moved)
         self.failed += result.failed
-        self.warps.update(result.warps)
+        self.time_offsets.update(result.time_offsets)
         return result.audits, result.copies
 
     def on_clock(self, flights: Sequence[Flight], audits: Mapping[str, Audit],
@@ -161,36 +161,36 @@ class Options:
         from ..harness.clocks import on_clock
 
         result = on_clock(flights, audits, self.clock, judged, self.store, self.jobs, self.scheduler,
-                          self.progress, self.warps)
+                          self.progress, self.time_offsets)
         self.failed += result.failed
         if self.clock != AS_RECORDED:
-            self.say(clock_line(self.clock, list(result.warps.values()), result.evidence, judged))
+            self.say(clock_line(self.clock, list(result.time_offsets.values()), result.evidence, judged))
         return result
 
-    def selected(self, asked: Sequence[str], known: Sequence[str],
+    def selected(self, requested: Sequence[str], known: Sequence[str],
                  select: Callable[[str], list[Case]]) -> Iterator[tuple[str, list[Case]]]:
         """(protocol, cases) of every protocol: those asked for, else all ``known`` that find something to score.
 
         Raises the InputError of ``select`` for a protocol that was asked for, and the last one when none finds any.
         """
         reasons: list[InputError] = []
-        unsaid: list[str] = []
-        wanted = tuple(dict.fromkeys(asked or known))
+        unknown: list[str] = []
+        wanted = tuple(dict.fromkeys(requested or known))
         for protocol in wanted:
             try:
                 cases = select(protocol)
             except InputError as error:
-                if asked:
+                if requested:
                     raise
                 reasons.append(error)
-                unsaid.append(f"protocol {protocol} left out: {error}")
+                unknown.append(f"protocol {protocol} left out: {error}")
                 continue
-            while unsaid:
-                self.say(unsaid.pop(0))
+            while unknown:
+                self.say(unknown.pop(0))
             yield protocol, cases
         if reasons and len(reasons) == len(wanted):  # the error says it
             raise reasons[-1]
-        for line in unsaid:
+        for line in unknown:
             self.say(line)
 
     def manifest(self, inputs: Iterable[Any] | None = None) -> dict[str, Any]:
@@ -333,13 +333,14 @@ def shared_options(*leave_out: str) -> Callable[[Callable], Callable]:
     return decorate
 
 
-def clock_line(clock: str, warps: Sequence[ClockWarp | None], evidence: Sequence[str], judged: Sequence[str]) -> str:
+def clock_line(clock: str, time_offsets: Sequence[TimeOffset | None], evidence: Sequence[str],
+               judged: Sequence[str]) -> str:
     """What ``--clock`` did to the recordings: who voted, how many moved, how many could not be told."""
-    moving = sum(warp is not None and warp.moving for warp in warps)
-    constant = sum(warp is not None and not warp.moving for warp in warps)
-    said = f"clock {clock}" + (f", for judging logged {' and '.join(judged)}" if judged else "")
+    moving = sum(found is not None and found.moving for found in time_offsets)
+    constant = sum(time_offset is not None and not time_offset.moving for time_offset in time_offsets)
+    label = f"clock {clock}" + (f", for judging logged {' and '.join(judged)}" if judged else "")
     if not moving + constant:
-        return f"{said}: nothing tells the time error of any recording ({len(warps)} as recorded)"
+        return f"{label}: nothing tells the time error of any recording ({len(time_offsets)} as recorded)"
     parts = [f"{n} {what}" for n, what in ((moving, "with a moving error"), (constant, "with a constant error"),
-                                           (len(warps) - moving - constant, "as recorded, no clock found")) if n]
-    return f"{said}, set by {', '.join(evidence)}: {' and '.join(parts)} (of {len(warps)})"
+                                           (len(time_offsets) - moving - constant, "as recorded, no clock found")) if n]
+    return f"{label}, set by {', '.join(evidence)}: {' and '.join(parts)} (of {len(time_offsets)})"

@@ -81,7 +81,7 @@ def _wait(options: Options, seconds: float | None, link: Any) -> None:
             if link.lost:
                 options.say(f"the link is lost: {link.lost}; what came until then is kept")
                 return
-            link.ask_echo()
+            link.request_echo()
             time.sleep(0.1)
     except KeyboardInterrupt:
         options.say("ended by Ctrl-C")

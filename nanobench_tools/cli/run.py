@@ -48,7 +48,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     from ..protocols.selection import distinct
     from ..report import write_report
     from ..sources.discover import default_data
-    from .run_clocks import ASKED, Recordings, control_on, estimate_on, sysid_on
+    from .run_clocks import COMPARED_CLOCKS, Recordings, control_on, estimate_on, sysid_on
 
     out = options.out = options.out or OUT
     stages: dict[str, Callable[[Recordings], dict[str, Any]]] = {
@@ -62,7 +62,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     flights = options.load()
     options.say(f"[2/{steps}] audit")
     moved = {flight.name for flight in distinct(flights)[0]} if clock is None else set()
-    audits, copies = options.audit(flights, ASKED, moved)
+    audits, copies = options.audit(flights, COMPARED_CLOCKS, moved)
     show_audits(options, audits, copies, details=False)
     results: dict[str, dict[str, Any]] = {}
 

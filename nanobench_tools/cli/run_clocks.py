@@ -37,7 +37,7 @@ class Recordings:
 BRACKETED = ("drag_matrix_ekf",)
 """Dead reckoning that ``run`` shows on every clock, from nothing taken out to all that can be."""
 
-ASKED: tuple[Choice, ...] = (("offset", ("position", "velocity")), ("retimed", ("position", "velocity")),
+COMPARED_CLOCKS: tuple[Choice, ...] = (("offset", ("position", "velocity")), ("retimed", ("position", "velocity")),
                             ("retimed", ("attitude",)), ("joint", ()))
 """Every clock that ``run`` puts each distinct recording on, with the logged estimates that are judged on it."""
 

@@ -39,13 +39,13 @@ def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplaine
     files = () if areas else models()
     asking = modules_of(areas) if areas and (origins or unexplained) else None
     bare = [b for b in left() if asking is None or b.module in asking] if unexplained else []
-    said = [o for o in declared() if asking is None or any(map(o.speaks_of, asking))] if origins else []
+    declarations = [o for o in declared() if asking is None or any(map(o.speaks_of, asking))] if origins else []
     for area in dict.fromkeys(entry.area for entry in chosen):
         options.show(_table(area, [entry for entry in chosen if entry.area == area]))
     if files:
         options.show(_models(files))
     if origins:
-        options.show(_origins(said))
+        options.show(_origins(declarations))
     if unexplained:
         options.show(_bare(bare))
     unknown_n = sum(entry.set_on == "not_recorded" for entry in chosen)
@@ -55,7 +55,7 @@ def settings(options: Options, areas: tuple[str, ...], origins: bool, unexplaine
         "settings": [{"key": s.key, "value": s.value, "unit": s.unit, "does": s.does, **_set_on(s.set_on), "how": s.how}
                      for s in chosen],
         "models": [{"file": m.file, "does": m.does, **_set_on(m.set_on)} for m in files],
-        "origins": [vars(origin) for origin in said],
+        "origins": [vars(origin) for origin in declarations],
         "unexplained": by_module(bare),
     })
 
@@ -67,7 +67,7 @@ def _set_on(name: str) -> dict[str, str]:
     return {"set_on": on.what, "kind": on.kind, "n": on.n}
 
 
-def _said(name: str) -> str:
+def _described(name: str) -> str:
     from ..settings import recordings
 
     on = recordings()[name]
@@ -88,8 +88,8 @@ def _plain_table(title: str, *columns: str) -> Any:
 def _table(area: str, entries: list[Setting]) -> Any:
     table = _plain_table(area, "key", "value", "unit", "what it does", "set on")
     for entry in entries:
-        said = _said(entry.set_on) + (f" ({entry.how})" if entry.how else "")
-        table.add_row(entry.key, *map(one_line, (_text(entry.value), entry.unit, entry.does, said)))
+        declarations = _described(entry.set_on) + (f" ({entry.how})" if entry.how else "")
+        table.add_row(entry.key, *map(one_line, (_text(entry.value), entry.unit, entry.does, declarations)))
     return table
 
 
@@ -104,7 +104,7 @@ def _text(value: Any) -> str:
 def _models(files: tuple[Model, ...]) -> Any:
     table = _plain_table("models in files of their own", "file", "what it is", "set on")
     for model in files:
-        table.add_row(model.file, one_line(model.does), one_line(_said(model.set_on)))
+        table.add_row(model.file, one_line(model.does), one_line(_described(model.set_on)))
     return table
 
 

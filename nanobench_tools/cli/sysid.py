@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..protocols.task1 import Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
-STARTS_SAID = ("Starts: centred, the stored velocity, of poses 50 ms ahead too, and rows that the recorder drew up "
+STARTS_SENTENCE = ("Starts: centred, the stored velocity, of poses 50 ms ahead too, and rows that the recorder drew up "
                "to the next packet; past, a velocity of poses up to the start, and gyro and onboard attitude of the "
                "newest row that surely had come, on the clock they were recorded on.")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
@@ -115,10 +115,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                                      published)
         predictors = [*predictors, *learned]
     rows, scored = rows_of(options, predictors, fits, chosen.test, choice.best)
-    asked = [make_item(response.command_response, {"cases": response.few(chosen.test), "predictor": predictor},
+    response_items = [make_item(response.command_response, {"cases": response.few(chosen.test), "predictor": predictor},
                        f"{predictor.name}, answer to commands", file=chosen.test[0].flight.provenance.path)
              for predictor in predictors]
-    answers = options.run(asked, "commands").values
+    answers = options.run(response_items, "commands").values
     for row in rows:
         row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
         if row["model"] in fits:
@@ -127,7 +127,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                     "nuisances_in_training": list(result["nuisances"])}
         if row["model"] == SIMULATOR:
             row |= {"uses": f"{choice.exported} as exported: one constant vehicle, inputs and start state alone"}
-    for predictor, item in zip(predictors, asked, strict=True):
+    for predictor, item in zip(predictors, response_items, strict=True):
         if item.key in answers:
             for row in rows:
                 if (row["model"], row["group"], row["start"]) == (predictor.name, "all", "centred"):
@@ -204,7 +204,7 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     options.show(interval_note(rows))
     show_ratios(options, [(f"{row['model']}, {row['truth']}", row) for row in rows if row["group"] == "all"],
                 [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
-    options.show(STARTS_SAID)
+    options.show(STARTS_SENTENCE)
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 

@@ -74,11 +74,11 @@ class Choice:
     cases: Sequence[Case]
     scores: Mapping[str, float | None]
 
-    def chosen_on(self, not_asked: Sequence[str] = ()) -> dict[str, Any]:
+    def chosen_on(self, not_considered: Sequence[str] = ()) -> dict[str, Any]:
         """``best_chosen_on`` of the result."""
         from ..protocols import choice
 
-        return choice.said(self.cases, self.scores, not_asked)
+        return choice.reported(self.cases, self.scores, not_considered)
 
 
 def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], fits: Fits, held_out: Scores) -> Choice:

@@ -105,20 +105,20 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
         return options.finish("tune", {"controller": controller, "trials": trials, "choices": choices, "gains": best})
     before, after = (result.values[one.key] for one in items)
     found = compared(before, after, options.seed)
-    said = {"better": found["better"], "as_they_were": best == start, "ratio": found["ratio"], "ci95": found["ci95"],
+    report = {"better": found["better"], "as_they_were": best == start, "ratio": found["ratio"], "ci95": found["ci95"],
             "trials": len(trials),
             "searched": sorted(families), "judged": sorted({spec.family for spec in judged}),
             "plants": chosen.origin, "radio_delay_s": radio_delay_s, "seed": options.seed}
     if options.out is not None:
         path = options.out / f"gains_{controller.replace(':', '.')}.toml"
-        write_bytes(path, dumps(controller, best, tunable, said).encode())
-        said["file"] = str(path)
-    _show(options, controller, judged, before, after, found, said)
+        write_bytes(path, dumps(controller, best, tunable, report).encode())
+        report["file"] = str(path)
+    _show(options, controller, judged, before, after, found, report)
     rows = [{"reference": spec.family, "speed_m_s": spec.params.get("speed_mps"), "before_m": before["rmse_m"][k],
              "after_m": after["rmse_m"][k], "lost_before": before["lost"][k], "lost_after": after["lost"][k]}
             for k, spec in enumerate(judged)]
     return options.finish("tune", {"controller": controller, "before": start, "gains": best, "rows": rows,
-                                   "verdict": {**found, **said}, "choices": choices, "trials": trials})
+                                   "verdict": {**found, **report}, "choices": choices, "trials": trials})
 
 
 class _Within(Progress):
@@ -157,7 +157,7 @@ def _searched(options: Options, tunable: Mapping[str, Any], budget: int, item: A
 
 
 def _show(options: Options, controller: str, judged: Sequence[PathSpec], before: Mapping[str, Any],
-          after: Mapping[str, Any], found: Mapping[str, Any], said: Mapping[str, Any]) -> None:
+          after: Mapping[str, Any], found: Mapping[str, Any], report: Mapping[str, Any]) -> None:
     import numpy as np
     from rich import box
     from rich.table import Table
@@ -173,14 +173,14 @@ def _show(options: Options, controller: str, judged: Sequence[PathSpec], before:
         table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
                       f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before["lost"][k])), str(sum(after["lost"][k])))
     options.show(table)
-    if said["as_they_were"]:
-        options.show(f"{one_line(controller)}: {said['trials']} trials found no gains that are better on plants not "
+    if report["as_they_were"]:
+        options.show(f"{one_line(controller)}: {report['trials']} trials found no gains that are better on plants not "
                      "searched on; they stay as they are")
         return
     word = "better" if found["better"] else "not shown to be better"
     options.show(f"{one_line(controller)} tuned is {word}: RMSE {found['ratio']:.3f} times what it was (95 % "
                  f"{found['ci95'][0]:.3f} to {found['ci95'][1]:.3f}), {found['lost_before']} of "
                  f"{found['paths'] * found['plants']} flights lost before, {found['lost_after']} after; "
-                 f"{said['trials']} trials")
-    if "file" in said:
-        options.show(one_line(f"gains: {said['file']}"))
+                 f"{report['trials']} trials")
+    if "file" in report:
+        options.show(one_line(f"gains: {report['file']}"))

@@ -24,7 +24,7 @@ def mean_lag(context: Context) -> Lag | None:
     """The gyro's lag without the wander that the track shows; None where that cannot be said."""
     clock, track = context.once(moving_clocks).get("imu"), context.once(track_of)
     plain = context.once(measured_lags).get("imu")
-    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(paired_signals.truth_of)
+    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(paired_signals.derivatives_of)
     if clock is None or not clock.like_track or track is None or plain is None or placed is None or truth is None:
         return None
     t = truth.time_s

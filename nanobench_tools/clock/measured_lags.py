@@ -12,7 +12,7 @@ import numpy as np
 from ..delays.lag_windows import Movement, movement
 from ..delays.lags import Lag, best_lag, lag_sums
 from ..signals import paired_signals, pairs
-from ..signals.axis_unit_matching import likenesses
+from ..signals.axis_unit_matching import axis_unit_matches
 from ..signals.context import Context
 
 MEASURED_BY: dict[str, tuple[pairs.MakePair, ...]] = {
@@ -57,10 +57,10 @@ def measured_lags(context: Context) -> dict[str, Measured]:
 
 
 def _measure(context: Context, make: pairs.MakePair, pair: paired_signals.Pair) -> Measured | None:
-    sums, truth = pairs.sums_of(context, make), context.once(paired_signals.truth_of)
+    sums, truth = pairs.sums_of(context, make), context.once(paired_signals.derivatives_of)
     if sums is None or truth is None:
         return None
-    verdict = context.once(likenesses).get(make)
+    verdict = context.once(axis_unit_matches).get(make)
     time_s = truth.time_s
     name = "/".join(pair.quantities)
     if pair.free or verdict is None or not verdict.wrong:

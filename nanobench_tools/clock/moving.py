@@ -19,7 +19,7 @@ from ..delays.track_error import TrackError, track_error
 from ..settings import number, setting
 from ..signals import paired_signals, pairs
 from ..signals.context import Context
-from ..signals.pose_jumps import mocap_leaps
+from ..signals.pose_jumps import mocap_jumps
 from .measured_lags import Measured, measured_lags
 
 OWN_LAG_S = setting("audit.moving.own_lag_s")
@@ -53,9 +53,10 @@ def track_of(context: Context) -> TrackError | None:
     pair = context.once(pairs.position_pair)
     if own is None or pair is None or not own.by.startswith("x"):
         return None
-    if any(not leap.rotation for leap in context.once(mocap_leaps)):
+    if any(not jump.rotation for jump in context.once(mocap_jumps)):
         return None  # the path is not where it was before
-    placed, truth = paired_signals.on_grid(context, "estimator", ("x", "y", "z")), context.once(paired_signals.truth_of)
+    placed = paired_signals.on_grid(context, "estimator", ("x", "y", "z"))
+    truth = context.once(paired_signals.derivatives_of)
     if placed is None or truth is None:
         return None
     return track_error(

@@ -45,7 +45,7 @@ def read_clocks(context: Context) -> dict[str, ClockReading]:
     """A reading for every stream of the flight but the motion capture, which is the yardstick."""
     flight = context.flight
     names = [name for name in flight.streams if name != "mocap"]
-    if context.once(paired_signals.truth_of) is None:
+    if context.once(paired_signals.derivatives_of) is None:
         return {name: ClockReading.unknown("no motion capture to compare with") for name in names}
     measured = dict(context.once(measured_lags))
     mean = context.once(mean_lag)
@@ -84,8 +84,8 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
     behind = own.lag.offset_s - gyro.lag.offset_s
     doubt = np.hypot(own.lag.half_width_s, gyro.lag.half_width_s)
     if why_not or OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt:
-        told = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
-        return _of(own, gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {told}")
+        explanation = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
+        return _of(own, gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {explanation}")
     return _of(
         own,
         own.lag.offset_s,

@@ -28,12 +28,12 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for name, stream in context.once(usable_streams).items():
         if name == "extra":
             continue
-        told = [f.span for f in faults if f.stream in (name, "")]
+        reported = [f.span for f in faults if f.stream in (name, "")]
         bad = ~np.isfinite(stream.values)
         t = stream.time_s
         for a, b in runs(bad.any(axis=1)):
             columns = tuple(c for c, flag in zip(stream.columns, bad[a:b].any(axis=0), strict=True) if flag)
-            if any(span.start_s <= t[b - 1] and t[a] <= span.end_s for span in told):
+            if any(span.start_s <= t[b - 1] and t[a] <= span.end_s for span in reported):
                 continue
             start, end = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
             if any(fault.stream == name and fault.start_s <= start and end <= fault.end_s for fault in occluded):

@@ -5,7 +5,7 @@ against a placebo fit with the same spectrum, and the estimated position along i
 by the error itself, row by row (``retiming.infer``), where streams that did not set it confirm it. In the published
 recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike; half seconds
 average part of that out, so the size is that of the error row by row where there is one. How it goes over time stands
-in the clock of the stream (``warp``).
+in the clock of the stream (``time_offset``).
 
 Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track; from the gyro alone 4-20 ms when it
 moves over seconds, up to 90 ms when it moves over tenths.
@@ -31,16 +31,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     readings = context.once(read_clocks)
     known = context.once(moving_clocks)
     shared = {name for name, reading in readings.items() if shares_clock(name, reading)}
-    warp = context.once(believed) if shared else None
+    time_offset = context.once(believed) if shared else None
     faults = []
     for name in readings:
         clock = known.get(name)
         wanders, evidence, size = False, "", 0.0
         if clock is not None and clock.wanders:
             wanders, evidence, size = True, clock.wander_evidence, clock.wander_sd_s
-        if name in shared and warp is not None and warp.moving and warp.wander_sd_s > SMALLEST_WANDER_S:
-            wanders, size = True, warp.wander_sd_s
-            evidence = f"the clock {warp.reason}" + (f"; {evidence}" if evidence else "")
+        if name in shared and time_offset is not None and time_offset.moving and (
+                time_offset.wander_sd_s > SMALLEST_WANDER_S):
+            wanders, size = True, time_offset.wander_sd_s
+            evidence = f"the clock {time_offset.reason}" + (f"; {evidence}" if evidence else "")
         if wanders:
             smallest = SMALLEST_WANDER_S if clock is None else clock.detectable_wander_s
             faults.append(over_stream(KIND, flight, name, None, size, "s", evidence, smallest))

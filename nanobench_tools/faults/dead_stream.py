@@ -20,7 +20,7 @@ from __future__ import annotations
 from ..flight import Fault, Flight
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
-from ..signals.dropouts import PACKETS, SHORTEST_S, tails_of
+from ..signals.dropouts import PACKETS, SHORTEST_S, dropouts_of
 from ..signals.packet_rows import packets_of
 from ..signals.usable_rows import usable_streams
 from .kind import FaultKind
@@ -32,20 +32,20 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per dead stream."""
     streams, packets, air = context.once(usable_streams), context.once(packets_of), context.once(airborne_spans)
     faults = []
-    for name, tail in context.once(tails_of).items():
-        lasts = tail.to_s - tail.from_s
-        how = "run along a straight line" if tail.moving else "stand still"
-        where = "in the air" if any(s.start_s < tail.from_s < s.end_s for s in air) else "on the ground"
+    for name, dropout in context.once(dropouts_of).items():
+        lasts = dropout.to_s - dropout.from_s
+        how = "run along a straight line" if dropout.moving else "stand still"
+        where = "in the air" if any(s.start_s < dropout.from_s < s.end_s for s in air) else "on the ground"
         faults.append(
             Fault(
                 KIND,
                 name,
                 streams[name].columns,
-                tail.from_s,
-                tail.to_s,
+                dropout.from_s,
+                dropout.to_s,
                 lasts,
                 "s",
-                f"last packet of {name} at {tail.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
+                f"last packet of {name} at {dropout.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
                 max(SHORTEST_S, PACKETS * packets[name].interval_s),
             )
         )

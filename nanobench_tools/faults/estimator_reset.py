@@ -1,10 +1,10 @@
-"""estimator_reset: the estimated position leaps although the vehicle did not.
+"""estimator_reset: the estimated position jumps although the vehicle did not.
 
 Found by the step of (estimate - motion capture) from the medians of five rows before to five rows after. The link's
-clock makes steps too, but only along the path: there the limit is 0.1 m + 0.2 s times the speed (clocks leap by up to
+clock makes steps too, but only along the path: there the limit is 0.1 m + 0.2 s times the speed (clocks jump by up to
 0.1-0.2 s), across it 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion capture the
 step of the estimate itself is taken beyond the path that its own velocity explains, with a limit of 0.3 m. One entry
-per leap; the span runs until the error is back below a third of the leap, 2 s at most.
+per jump; the span runs until the error is back below a third of the jump, 2 s at most.
 
 Size: metres. Smallest found whatever its direction: 1.3 times the root of the sum of both limits squared,
 0.28 m at 0.5 m/s.
@@ -16,10 +16,10 @@ import numpy as np
 
 from ..flight import Fault, Flight
 from ..settings import count, number
-from ..signals.axis_unit_matching import wrong_likenesses
+from ..signals.axis_unit_matching import wrong_matches
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
-from ..signals.mocap_derivatives import truth_of
+from ..signals.mocap_derivatives import derivatives_of
 from ..signals.paired_signals import on_grid
 from ..signals.spikes import spikes
 from ..signals.usable_rows import usable_streams
@@ -33,7 +33,7 @@ ACROSS_M = number("audit.estimator_reset.across_m")
 ALONE_M = number("audit.estimator_reset.alone_m")
 """Without motion capture, both ways: filters are pulled by 0.16 m in 0.1 s by position systems of less precision."""
 SURELY = number("audit.estimator_reset.surely")
-"""Times the limit, a leap is found whatever it does in the five rows after it."""
+"""Times the limit, a jump is found whatever it does in the five rows after it."""
 ROWS = count("audit.estimator_reset.rows")
 LONGEST_S = number("audit.estimator_reset.longest_s")
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
@@ -44,13 +44,13 @@ AROUND_S = number("audit.estimator_reset.around_s")
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
-    """One fault per leap of the estimated position."""
+    """One fault per jump of the estimated position."""
     stream = context.once(usable_streams).get("estimator")
     if stream is None or not all(q in stream.quantities for q in POSITION):
         return []
-    if any(v.stream in ("estimator", "mocap") for v in context.once(wrong_likenesses)):
+    if any(v.stream in ("estimator", "mocap") for v in context.once(wrong_matches)):
         return []  # in other units or axes nothing fits anyway
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     placed = on_grid(context, "estimator", POSITION) if truth is not None else None
     if placed is not None and truth is not None:
         t, error = truth.time_s, placed[0] - truth.position_m
@@ -71,12 +71,12 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1
     )  # row j: j .. j + ROWS - 1
     before, after = windows[:-ROWS], windows[ROWS:]
-    at = np.arange(ROWS - 1, ROWS - 1 + len(before))  # last row before the leap
-    leap = after - before
-    step, speed = np.linalg.norm(leap, axis=1), np.linalg.norm(velocity, axis=1)
+    at = np.arange(ROWS - 1, ROWS - 1 + len(before))  # last row before the jump
+    jump = after - before
+    step, speed = np.linalg.norm(jump, axis=1), np.linalg.norm(velocity, axis=1)
     path = velocity[at] / np.maximum(speed[at], 1e-9)[:, None]
-    along = np.sum(leap * path, axis=1)
-    across = np.linalg.norm(leap - along[:, None] * path, axis=1)
+    along = np.sum(jump * path, axis=1)
+    across = np.linalg.norm(jump - along[:, None] * path, axis=1)
     least = (ALONG_M, ACROSS_M) if placed is not None else (ALONE_M, ALONE_M)
     along_limit = least[0] + ALONG_S * speed[at]
     limit = np.full(len(step), max(least[1], TIMES_USUAL * float(np.median(step))))
@@ -104,7 +104,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 float(min(t[back], start + LONGEST_S)),
                 float(step[k]),
                 "m",
-                f"the estimated position leaps by {step[k]:.2f} m at {start:.2f} s at {speed[at[k]]:.2f} m/s",
+                f"the estimated position jumps by {step[k]:.2f} m at {start:.2f} s at {speed[at[k]]:.2f} m/s",
                 float(SURELY * np.hypot(along_limit[k], limit[k])),
             )
         )

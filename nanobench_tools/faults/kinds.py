@@ -21,14 +21,14 @@ def kinds() -> dict[str, FaultKind]:
         if isinstance(kind, FaultKind) and kind.name == name:
             found[name] = kind
         else:
-            said = f"is called {kind.name!r}" if isinstance(kind, FaultKind) else "is no FaultKind and has no FAULT"
-            warnings.warn(f"faults plug-in {name!r} left out: it {said}", stacklevel=2)
+            problem = f"is called {kind.name!r}" if isinstance(kind, FaultKind) else "is no FaultKind and has no FAULT"
+            warnings.warn(f"faults plug-in {name!r} left out: it {problem}", stacklevel=2)
     return found
 
 
-def those(asked: Callable[[FaultKind], bool | None]) -> frozenset[str]:
+def those(chosen: Callable[[FaultKind], bool | None]) -> frozenset[str]:
     """Names of the kinds of which ``asked(kind)`` is true."""
-    return frozenset(name for name, kind in kinds().items() if asked(kind))
+    return frozenset(name for name, kind in kinds().items() if chosen(kind))
 
 
 def cutting() -> frozenset[str]:

@@ -45,9 +45,9 @@ MOTORS = ("motor", "motor_request", "rpm")
 def find(flight: Flight, context: Context) -> list[Fault]:
     """The reader's findings, else one fault per stream with holes in its vectors."""
     faults = findings(flight, KIND)
-    told = {fault.stream for fault in faults}
+    reported = {fault.stream for fault in faults}
     for name in (*VECTORS, *MOTORS):
-        if name not in flight or name in told:
+        if name not in flight or name in reported:
             continue
         stream = flight[name]
         empty = {

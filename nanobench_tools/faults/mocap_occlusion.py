@@ -14,7 +14,7 @@ from ..flight import Fault, Flight
 from ..settings import number
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
-from ..signals.held_poses import POSITION, ROTATION, filled_poses
+from ..signals.held_poses import POSITION, ROTATION, held_poses
 from ..signals.usable_rows import runs, typical_step_s, usable_streams, usual_step_s
 from .kind import FaultKind
 
@@ -27,14 +27,14 @@ USUAL_STEPS = number("audit.mocap_occlusion.usual_steps")
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per filled stretch."""
-    filled = context.once(filled_poses)
-    if filled is None:
+    held = context.once(held_poses)
+    if held is None:
         return []
     stream = context.once(usable_streams)["mocap"]
     t, end = stream.time_s, context.once(alive_until)["mocap"]
     step, shortest = typical_step_s(t), max(SHORTEST_S, USUAL_STEPS * usual_step_s(t))
     columns = tuple(stream.columns[stream.index(q)] for q in POSITION + ROTATION if q in stream.quantities)
-    how = (("are no numbers", filled.lost), ("repeat one pose", filled.same), ("lie on a straight line", filled.drawn))
+    how = (("are no numbers", held.lost), ("repeat one pose", held.same), ("lie on a straight line", held.drawn))
     faults = []
     for what, flags in how:
         for a, b in runs(flags):

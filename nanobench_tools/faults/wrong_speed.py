@@ -46,12 +46,12 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     wide = max(round(MEAN_S / step), 1)
     speed = np.abs(np.nan_to_num(rpm[motors]))
     command = np.nan_to_num(streams["motor"].interpolate(motors, t))
-    mean, asked = (uniform_filter1d(x, wide, axis=0, mode="nearest") for x in (speed, command))
+    mean, commanded = (uniform_filter1d(x, wide, axis=0, mode="nearest") for x in (speed, command))
     faults = []
     for k, name in enumerate(motors):
         others = [i for i in range(len(motors)) if i != k]
-        usual, alike = np.median(mean[:, others], axis=1), np.median(asked[:, others], axis=1)
-        runs = (asked[:, k] > RUNS) & (asked[:, k] > ALIKE * alike) & (usual > 0.0)
+        usual, alike = np.median(mean[:, others], axis=1), np.median(commanded[:, others], axis=1)
+        runs = (commanded[:, k] > RUNS) & (commanded[:, k] > ALIKE * alike) & (usual > 0.0)
         bad = runs & (mean[:, k] < LESS * usual)
         if bad.sum() * step < LEAST_S:
             continue

@@ -140,14 +140,14 @@ def _torque(p, s, estimate, body, wanted, e, turn):
     world = (wanted[0][0] * turn[0] + wanted[1][0] * turn[1] + wanted[2][0] * turn[2],
              wanted[0][1] * turn[0] + wanted[1][1] * turn[1] + wanted[2][1] * turn[2],
              wanted[0][2] * turn[0] + wanted[1][2] * turn[1] + wanted[2][2] * turn[2])
-    asked = (dot(body[0], world), dot(body[1], world), dot(body[2], world))
+    commanded = (dot(body[0], world), dot(body[1], world), dot(body[2], world))
     j = p.inertia_kg_m2
     spin = cross(w, (j[0] * w[0], j[1] * w[1], j[2] * w[2]))
-    lead = cross(w, asked)
+    lead = cross(w, commanded)
     for k in range(3):
-        s.rate[k], s.rate_wanted[k] = w[k], asked[k]
+        s.rate[k], s.rate_wanted[k] = w[k], commanded[k]
         s.integral_r[k] += e[k] * ATTITUDE_DT
-        s.torque_N_m[k] = (-p.k_rotation_N_m[k] * e[k] - p.k_rate_N_m_s[k] * (w[k] - asked[k])
+        s.torque_N_m[k] = (-p.k_rotation_N_m[k] * e[k] - p.k_rate_N_m_s[k] * (w[k] - commanded[k])
                            - p.k_integral_N_m_s[k] * s.integral_r[k] + spin[k] - p.coupling * j[k] * lead[k])
 
 

@@ -112,11 +112,11 @@ def _run(p, s, setpoint, estimate):
     z, e = _turn_error(force, _heading(setpoint, estimate), columns)
     s.z_wanted[0], s.z_wanted[1], s.z_wanted[2] = z
     rate = (estimate.gyro_deg_s[0] * TO_RAD, -estimate.gyro_deg_s[1] * TO_RAD, estimate.gyro_deg_s[2] * TO_RAD)
-    asked = (setpoint.rate_deg_s[0] * TO_RAD, setpoint.rate_deg_s[1] * TO_RAD, setpoint.rate_deg_s[2] * TO_RAD)
-    e_rate = (asked[0] - rate[0], -asked[1] - rate[1], asked[2] - rate[2])
-    d_roll = ((asked[0] - s.rate_setpoint[0]) - (rate[0] - s.rate[0])) / ATTITUDE_DT
-    d_pitch = (-(asked[1] - s.rate_setpoint[1]) - (rate[1] - s.rate[1])) / ATTITUDE_DT
-    s.rate[0], s.rate[1], s.rate_setpoint[0], s.rate_setpoint[1] = rate[0], rate[1], asked[0], asked[1]
+    commanded = (setpoint.rate_deg_s[0] * TO_RAD, setpoint.rate_deg_s[1] * TO_RAD, setpoint.rate_deg_s[2] * TO_RAD)
+    e_rate = (commanded[0] - rate[0], -commanded[1] - rate[1], commanded[2] - rate[2])
+    d_roll = ((commanded[0] - s.rate_setpoint[0]) - (rate[0] - s.rate[0])) / ATTITUDE_DT
+    d_pitch = (-(commanded[1] - s.rate_setpoint[1]) - (rate[1] - s.rate[1])) / ATTITUDE_DT
+    s.rate[0], s.rate[1], s.rate_setpoint[0], s.rate_setpoint[1] = rate[0], rate[1], commanded[0], commanded[1]
     for k, limit in enumerate((p.i_range_m_xy, p.i_range_m_xy, p.i_range_m_z)):
         s.integral_m[k] = clamped(s.integral_m[k] - e[k] * ATTITUDE_DT, -limit, limit)
     moment_x = -p.kR_xy * e[0] + p.kw_xy * e_rate[0] + p.ki_m_xy * s.integral_m[0] + p.kd_omega_rp * d_roll

@@ -11,7 +11,7 @@ from ..audit import Audit, audit, find_copies, with_copies
 from ..faults.kinds import kinds
 from ..flight import Flight
 from ..signals.context import Context
-from .clocks import Choice, Warps, warp_json
+from .clocks import Choice, TimeOffsets, time_offset_json
 from .identity import PACKAGES, method_identity
 from .items import make_item
 from .progress import Progress
@@ -26,7 +26,7 @@ class Audited:
     audits: dict[str, Audit]
     copies: list[list[str]]
     failed: list[dict[str, str]]
-    warps: Warps = field(default_factory=dict)
+    time_offsets: TimeOffsets = field(default_factory=dict)
 
 
 def foreign_kinds() -> list[str]:
@@ -43,7 +43,8 @@ def audit_item(flight: Flight) -> dict[str, Any]:
 def audit_and_clocks_item(flight: Flight, clocks: Sequence[Choice]) -> dict[str, Any]:
     """{audit, warps}: one audit, and what to take out for each of ``clocks``; what they share is derived once."""
     context = Context(flight)
-    return {"audit": audit(flight, context).to_json(), "warps": [warp_json(context, *choice) for choice in clocks]}
+    return {"audit": audit(flight, context).to_json(),
+            "warps": [time_offset_json(context, *choice) for choice in clocks]}
 
 
 def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs: int = 1,
@@ -58,14 +59,14 @@ def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs
              for flight, (function, given) in zip(flights, work, strict=True)]
     result = run_items(items, store_dir, jobs, scheduler, progress, "audit")
     read: list[tuple[Flight, Audit]] = []
-    warps: dict[tuple[str, Choice], dict[str, Any]] = {}
+    time_offsets: dict[tuple[str, Choice], dict[str, Any]] = {}
     for flight, item in zip(flights, items, strict=True):
         if item.key not in result.values:
             continue
         value = result.values[item.key]
         if item.function is audit_and_clocks_item:
-            warps |= {(flight.name, choice): body for choice, body in zip(clocks, value["warps"], strict=True)}
+            time_offsets |= {(flight.name, choice): body for choice, body in zip(clocks, value["warps"], strict=True)}
             value = value["audit"]
         read.append((flight, Audit.from_json(value)))
     marked = with_copies([verdict for _, verdict in read], [flight for flight, _ in read])
-    return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed, warps)
+    return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed, time_offsets)

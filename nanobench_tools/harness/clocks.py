@@ -10,8 +10,8 @@ from typing import Any
 
 from ..audit import Audit
 from ..flight import Flight
-from ..retiming.apply import apply_warp, warp_of
-from ..retiming.time_offset import ClockWarp
+from ..retiming.apply import apply_time_offset, time_offset_of
+from ..retiming.time_offset import TimeOffset
 from ..retiming.votes import AS_RECORDED, evidence_of, voters
 from ..signals.context import Context
 from .items import make_item
@@ -26,7 +26,7 @@ class OnClock:
 
     flights: list[Flight]
     audits: dict[str, Audit]
-    warps: dict[str, ClockWarp | None]
+    time_offsets: dict[str, TimeOffset | None]
     failed: list[dict[str, str]]
 
     @property
@@ -41,29 +41,29 @@ class OnClock:
 
     def moving(self, names: Iterable[str]) -> int:
         """How many of the flights had a moving error taken out."""
-        return sum(warp.moving for name in names if (warp := self.warps.get(name)) is not None)
+        return sum(time_offset.moving for name in names if (time_offset := self.time_offsets.get(name)) is not None)
 
 
 Choice = tuple[str, tuple[str, ...]]
 """A clock, and the logged estimates that are judged on it, in order of name."""
-Warps = Mapping[tuple[str, Choice], Mapping[str, Any]]
-"""``warp_json`` by name of the flight and clock."""
+TimeOffsets = Mapping[tuple[str, Choice], Mapping[str, Any]]
+"""``time_offset_json`` by name of the flight and clock."""
 
 
-def warp_json(context: Context, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
+def time_offset_json(context: Context, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
     """One warp as JSON; empty when there is none."""
-    warp = warp_of(context, clock, judged)
-    return {} if warp is None else warp.to_json()
+    time_offset = time_offset_of(context, clock, judged)
+    return {} if time_offset is None else time_offset.to_json()
 
 
-def warp_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
-    """``warp_json`` of a flight."""
-    return warp_json(Context(flight), clock, judged)
+def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
+    """``time_offset_json`` of a flight."""
+    return time_offset_json(Context(flight), clock, judged)
 
 
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
-             progress: Progress | None = None, known: Warps = MappingProxyType({})) -> OnClock:
+             progress: Progress | None = None, known: TimeOffsets = MappingProxyType({})) -> OnClock:
     """``flights`` (those with an audit) and their audits on ``clock`` (``retiming.votes.CLOCKS``), where
     ``judged`` logged estimates are judged; ``known``: warps that were found before, with the audit."""
     voices = tuple(sorted(judged))
@@ -71,13 +71,13 @@ def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str,
     audited = [f for f in flights if f.name in audits]
     if clock == AS_RECORDED:
         return OnClock(audited, dict(audits), {f.name: None for f in audited}, [])
-    items = [make_item(warp_item, {"flight": f, "clock": clock, "judged": voices},
+    items = [make_item(time_offset_item, {"flight": f, "clock": clock, "judged": voices},
                        f"{clock} {f.name}") for f in audited if (f.name, (clock, voices)) not in known]
     result = run_items(items, store_dir, jobs, scheduler, progress, clock) if items else RunResult({}, [])
     bodies = {item.kwargs["flight"].name: result.values.get(item.key) for item in items}
-    warps: dict[str, ClockWarp | None] = {}
+    time_offsets: dict[str, TimeOffset | None] = {}
     for flight in audited:
         body = bodies[flight.name] if flight.name in bodies else known[flight.name, (clock, voices)]
-        warps[flight.name] = ClockWarp.from_json(body) if body else None
-    return OnClock([apply_warp(f, warps[f.name]) for f in audited],
-                   {f.name: audits[f.name].retimed(warps[f.name]) for f in audited}, warps, result.failed)
+        time_offsets[flight.name] = TimeOffset.from_json(body) if body else None
+    return OnClock([apply_time_offset(f, time_offsets[f.name]) for f in audited],
+                   {f.name: audits[f.name].retimed(time_offsets[f.name]) for f in audited}, time_offsets, result.failed)

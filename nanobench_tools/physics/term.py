@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from .feigned import Feigned
 from .ops import Ops
+from .systematic import Systematic
 from .vehicle import Vehicle
 
 
@@ -62,14 +62,14 @@ class Parameter:
 
     Of a fit: ``fitted`` (lower, upper, why) is narrower than the physical bounds, or a function of the vehicle that
     gives (lower, upper) of every element; ``believed`` a prior, or a function of the vehicle that gives one, or None,
-    for every element; ``untold`` elements that no flight tells.
+    for every element; ``unidentifiable`` elements that no flight tells.
 
-    Of a diagnosis: ``feigned`` by the logging alone (None: the share of its usual size that the laws of drag have);
-    ``differs`` by less between flights for nothing (None: as feigned); ``grows`` with m (mass), l (length of the arms),
-    /w (speed of all rotors in hover); ``implausible`` from this factor on; ``search_start``: where a search begins for
-    what acts far from linearly at rest, a value, or ``inputs`` or ``thrusts`` for a limit of those; ``in_product``:
-    only seen times another parameter of its term, so not asked for; ``only_with``: element -> term beside which alone
-    it is seen.
+    Of a diagnosis: ``systematic`` error that logging alone leaves (None: the share of its usual size that the laws of
+    drag have); ``differs`` by less between flights for nothing (None: as ``systematic``); ``grows`` with m (mass), l
+    (length of the arms), /w (speed of all rotors in hover); ``implausible`` from this factor on; ``search_start``:
+    where a search begins for what acts far from linearly at rest, a value, or ``inputs`` or ``thrusts`` for a limit of
+    those; ``in_product``: only seen times another parameter of its term, so not asked for; ``only_with``: element ->
+    term beside which alone it is seen.
     """
 
     name: str
@@ -85,8 +85,8 @@ class Parameter:
     fixed_mean: float | None = None
     fitted: tuple[float, float, str] | Callable[[Vehicle], Sequence[tuple[float, float]]] | None = None
     believed: Belief | Callable[[Vehicle], Sequence[Belief | None]] | None = None
-    untold: tuple[int, ...] = ()
-    feigned: Feigned | None = None
+    unidentifiable: tuple[int, ...] = ()
+    systematic: Systematic | None = None
     differs: float | None = None
     grows: str = ""
     implausible: float | None = None

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..flight import Flight, Span, Stream
-from ..retiming.time_offset import ClockWarp
+from ..retiming.time_offset import TimeOffset
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
-from ..signals.mocap_derivatives import Truth, truth_of
+from ..signals.mocap_derivatives import MocapDerivatives, derivatives_of
 from .clock import ClockError, draw_clock
 
 RANDOM = "random"
@@ -88,14 +88,15 @@ def with_wander(flight: Flight, sd_s: float, seed: int) -> tuple[Flight, ClockEr
     return replace(flight, streams=moved), clock
 
 
-def along_track(context: Context, warp: ClockWarp | None, lag_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def along_track(context: Context, time_offset: TimeOffset | None,
+                lag_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Error of the estimated position along the track [m] (n,), unit vectors of the track (n, 3), rows of the estimator
-    (n,): in the air, where it moves, with ``warp`` and the constant ``lag_s`` taken out of the stamps."""
+    (n,): in the air, where it moves, with ``time_offset`` and the constant ``lag_s`` taken out of the stamps."""
     stream = context.flight["estimator"]
     truth, span = _truth(context), context.once(airborne_spans)
     rows = np.flatnonzero((stream.time_s > span[0].start_s + MARGIN_S) & (stream.time_s < span[-1].end_s - MARGIN_S))
     stamps = stream.time_s[rows]
-    at = stamps - lag_s - (0.0 if warp is None else warp.at(stamps))
+    at = stamps - lag_s - (0.0 if time_offset is None else time_offset.at(stamps))
     v = _at(truth, truth.velocity_m_s, at)
     speed = np.linalg.norm(v, axis=1)
     error = stream["x", "y", "z"][rows] - _at(truth, truth.position_m, at)
@@ -104,14 +105,14 @@ def along_track(context: Context, warp: ClockWarp | None, lag_s: float) -> tuple
     return np.sum((error - np.median(error, axis=0))[fast] * u, axis=1), u, rows[fast]
 
 
-def best_lag_s(context: Context, warp: ClockWarp | None) -> float:
+def best_lag_s(context: Context, time_offset: TimeOffset | None) -> float:
     """The constant lag of the estimated position [s] that leaves the least error along the track."""
     lags = np.arange(-0.1, 0.1001, 0.0025)
-    return float(lags[np.argmin([np.mean(along_track(context, warp, lag)[0] ** 2) for lag in lags])])
+    return float(lags[np.argmin([np.mean(along_track(context, time_offset, lag)[0] ** 2) for lag in lags])])
 
 
-def track_errors(before: Context, after: Context, error_m: np.ndarray, clock_before: ClockWarp | None,
-                 clock_after: ClockWarp | None) -> Errors:
+def track_errors(before: Context, after: Context, error_m: np.ndarray, clock_before: TimeOffset | None,
+                 clock_after: TimeOffset | None) -> Errors:
     """What clocks leave of an error (n, 3) that was put into the estimate of ``after``."""
     lag = best_lag_s(before, clock_before)
     first, u, rows = along_track(before, clock_before, lag)
@@ -120,27 +121,27 @@ def track_errors(before: Context, after: Context, error_m: np.ndarray, clock_bef
     return Errors.of(np.sum(error_m[shared] * u[i], axis=1), second[j] - first[i])
 
 
-def wander_errors(context: Context, clock: ClockError, warp_before: ClockWarp, warp_after: ClockWarp) -> Errors:
+def wander_errors(context: Context, clock: ClockError, offset_before: TimeOffset, offset_after: TimeOffset) -> Errors:
     """What is left of a wander that was put into the stamps of a flight, as metres along the track."""
     truth = _truth(context)
-    t = warp_after.time_s
+    t = offset_after.time_s
     sent = np.arange(t[0] - 1.0, t[-1] + 1.0, 0.001)
     was = np.interp(t, clock.stamp(sent), sent)  # the stamp that this row had before
     speed = np.linalg.norm(_at(truth, truth.velocity_m_s, was), axis=1)
     use = (speed > SLOWEST_M_S) & (t > t[0] + 2.0 * MARGIN_S) & (t < t[-1] - 2.0 * MARGIN_S)
     injected = (t - was) * speed
-    left = (t - was - warp_after.offset_s + warp_before.at(was)) * speed
+    left = (t - was - offset_after.offset_s + offset_before.at(was)) * speed
     return Errors.of(injected[use], left[use])
 
 
-def _truth(context: Context) -> Truth:
-    truth = context.once(truth_of)
+def _truth(context: Context) -> MocapDerivatives:
+    truth = context.once(derivatives_of)
     if truth is None or not context.once(airborne_spans):
         raise ValueError(f"{context.flight.name} has no motion capture of a flight")
     return truth
 
 
-def _at(truth: Truth, values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+def _at(truth: MocapDerivatives, values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(at_s, truth.time_s, values[:, k]) for k in range(values.shape[1])], axis=1)
 
 

@@ -95,12 +95,12 @@ class Timeline:
         begins = planned & (phase != self.phase[tick - 1]) if tick else planned
         self._from_m = np.where(begins[:, None], position_m, self._from_m)
         self._from_yaw = np.where(begins, yaw_rad, self._from_yaw)
-        whole, yaw_rate = self._asked(np.array([tick]), (self._from_m, self._from_yaw), (position_m, yaw_rad))
+        whole, yaw_rate = self._commanded(np.array([tick]), (self._from_m, self._from_yaw), (position_m, yaw_rad))
         p, yaw, v, a, j, turn = (row[0] for row in whole)
         now = Reference(p, yaw, v, a, j, turn, partial(self._ahead, tick, position_m, yaw_rad))
         return phase != OFF, now, yaw_rate[0]
 
-    def _asked(self, rows: np.ndarray, start: tuple[np.ndarray, np.ndarray],
+    def _commanded(self, rows: np.ndarray, start: tuple[np.ndarray, np.ndarray],
                rest: tuple[np.ndarray, np.ndarray]) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
         """What is asked for at ticks ``rows`` (k,): the six arrays of a Reference, (k, n, ...), and the yaw rate asked
         of the planner (k, n). ``start`` and ``rest``: place (n, 3) and yaw (n,) where a planner begins and where the
@@ -136,8 +136,8 @@ class Timeline:
         exact = np.minimum(tick + np.asarray(seconds, float) / TICK_S, self.ticks - 1.0)
         rows = np.floor(exact + 1e-9).astype(int)
         share = exact - rows
-        low, _ = self._asked(rows, (start, start_yaw), rest)
-        high, _ = self._asked(np.minimum(rows + 1, self.ticks - 1), (start, start_yaw), rest)
+        low, _ = self._commanded(rows, (start, start_yaw), rest)
+        high, _ = self._commanded(np.minimum(rows + 1, self.ticks - 1), (start, start_yaw), rest)
         p, yaw, v, a, j, turn = (x + share.reshape(-1, *[1] * (x.ndim - 1)) * (y - x)
                                  for x, y in zip(low, high, strict=True))
         return Reference(p, yaw, v, a, j, turn)
@@ -146,10 +146,10 @@ class Timeline:
         """The reference the published flights got: streamed points carry no derivatives, the onboard planner's do."""
         streamed = (self.phase[tick] == HOVER) | (self.phase[tick] == PATH)
 
-        def told(derivative: np.ndarray) -> np.ndarray:
+        def commanded(derivative: np.ndarray) -> np.ndarray:
             return np.where(streamed.reshape(-1, *[1] * (derivative.ndim - 1)), 0.0, derivative)
 
         jerk, turn = reference.jerk_m_s3, reference.yaw_rate_rad_s
-        return Reference(reference.position_m, reference.yaw_rad, told(reference.velocity_m_s),
-                         told(reference.acceleration_m_s2), None if jerk is None else told(jerk),
-                         None if turn is None else told(turn))
+        return Reference(reference.position_m, reference.yaw_rad, commanded(reference.velocity_m_s),
+                         commanded(reference.acceleration_m_s2), None if jerk is None else commanded(jerk),
+                         None if turn is None else commanded(turn))

@@ -46,9 +46,9 @@ class Aiding:
 def grid(rates_hz: Sequence[float] = (), delays_s: Sequence[float] = (), noises_m: Sequence[float] = (),
          losses: Sequence[float] = ()) -> list[Aiding]:
     """Every combination; what is empty stays as it is by default."""
-    asked = {"rate_hz": rates_hz, "delay_s": delays_s, "noise_m": noises_m, "loss": losses}
-    asked = {name: tuple(dict.fromkeys(values)) for name, values in asked.items() if values}
-    return [Aiding(**dict(zip(asked, values, strict=True))) for values in itertools.product(*asked.values())]
+    requested = {"rate_hz": rates_hz, "delay_s": delays_s, "noise_m": noises_m, "loss": losses}
+    requested = {name: tuple(dict.fromkeys(values)) for name, values in requested.items() if values}
+    return [Aiding(**dict(zip(requested, values, strict=True))) for values in itertools.product(*requested.values())]
 
 
 def given_to(case: Case, aiding: Aiding, seed: int = 0) -> Flight:
@@ -71,8 +71,8 @@ def given_to(case: Case, aiding: Aiding, seed: int = 0) -> Flight:
     arrival_s = time_s[picked] + aiding.delay_s
     kept = (chance >= aiding.loss) & (arrival_s <= end)
     arrived = make_stream("mocap", arrival_s[kept], poses[kept], POSE, rate_hz=aiding.rate_hz)
-    told = {"pose_rate_hz": aiding.rate_hz, "pose_delay_s": aiding.delay_s, "pose_noise_m": aiding.noise_m}
-    return replace(flight, streams={"mocap": arrived, **flight.streams}, metadata={**flight.metadata, **told})
+    declared = {"pose_rate_hz": aiding.rate_hz, "pose_delay_s": aiding.delay_s, "pose_noise_m": aiding.noise_m}
+    return replace(flight, streams={"mocap": arrived, **flight.streams}, metadata={**flight.metadata, **declared})
 
 
 def score(case: Case, method: Estimator, aiding: Aiding, seed: int = 0) -> dict[str, Any]:

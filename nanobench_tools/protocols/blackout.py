@@ -99,11 +99,11 @@ def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
     """Whether an error (3,) m lies within three standard deviations of what the estimate says at its nearest stamp."""
     if estimate.covariance is None:
         return None
-    said = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]
-    if not np.isfinite(said).all():
+    stated = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]
+    if not np.isfinite(stated).all():
         return None
     try:
-        white = np.linalg.solve(np.linalg.cholesky(said), off_m)
+        white = np.linalg.solve(np.linalg.cholesky(stated), off_m)
     except np.linalg.LinAlgError:
         return None
     return bool(white @ white <= INSIDE_3_SIGMA)

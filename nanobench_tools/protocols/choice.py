@@ -46,7 +46,8 @@ def best_of(scores: Mapping[str, float | None]) -> str | None:
     return min(known, key=known.__getitem__) if known else None
 
 
-def said(cases: Sequence[Case], scores: Mapping[str, float | None], not_asked: Sequence[str] = ()) -> dict[str, Any]:
+def reported(cases: Sequence[Case], scores: Mapping[str, float | None],
+             not_considered: Sequence[str] = ()) -> dict[str, Any]:
     """``best_chosen_on`` of a result: {flights, groups, how, scores, not_asked}; not_asked: models of class ``state``
     that had no part, as they cannot be trained again for every group."""
     count = len(held_out(cases))
@@ -55,4 +56,4 @@ def said(cases: Sequence[Case], scores: Mapping[str, float | None], not_asked: S
            "the one training flight that also fitted them: nothing could be held out" if cases else
            "no training flight: nothing was chosen")
     return {"flights": [case.flight.name for case in cases], "groups": count if len(cases) >= FEWEST else 0, "how": how,
-            "criterion": dict(scores), "not_asked": list(not_asked)}
+            "criterion": dict(scores), "not_asked": list(not_considered)}

@@ -26,14 +26,14 @@ def dead_logs(cases: Sequence[Case], audits: Mapping[str, Audit]) -> list[dict[s
     for case in cases:
         flight, audit = case.flight, audits[case.flight.name]
         dead = [fault.span for fault in audit.faults if fault.kind in log_ended() and fault.stream == STREAM]
-        mocap, said = flight["mocap"], flight["estimator"]
+        mocap, estimator = flight["mocap"], flight["estimator"]
         good = np.isfinite(mocap[POSE]).all(axis=1)
-        rows = np.flatnonzero(inside(case.spans, said.time_s) & np.isfinite(said["x", "y", "z"]).all(axis=1))
-        if not dead or not len(rows) or not inside(dead, said.time_s[rows]).any():
+        rows = np.flatnonzero(inside(case.spans, estimator.time_s) & np.isfinite(estimator["x", "y", "z"]).all(axis=1))
+        if not dead or not len(rows) or not inside(dead, estimator.time_s[rows]).any():
             continue
-        time_s = said.time_s[rows]
+        time_s = estimator.time_s[rows]
         truth = np.stack([np.interp(time_s, mocap.time_s[good], mocap[name][good]) for name in ("px", "py", "pz")], 1)
-        away = np.linalg.norm(said["x", "y", "z"][rows] - truth, axis=1)
+        away = np.linalg.norm(estimator["x", "y", "z"][rows] - truth, axis=1)
         live = ~inside(dead, time_s)
         thin = np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(int))
         found.append({"flight": flight.name, "speed": speed_of(flight), "t_s": np.round(time_s[thin], 3).tolist(),

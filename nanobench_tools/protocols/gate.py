@@ -37,7 +37,7 @@ NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery
           "estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw"),
           "imu": ("gyro_x", "gyro_y", "gyro_z")}
 FLOWN = ("pid", "mellinger")
-SAID = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onboard_mellinger": "mellinger"}
+BY_REPORTED_NAME = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onboard_mellinger": "mellinger"}
 """Who flew, as the audit finds it or ``nanobench fly`` writes it -> the firmware's controller."""
 MINIMUM_S = number("tasks.gate.minimum_s")
 ROSE_M = number("tasks.gate.rose_m")
@@ -92,10 +92,10 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], trained: Sequ
         whole = fit.get(flight.name)
         if audit is None or whole is None:
             reasons[flight.name] = "lacks a stream the gate needs"
-        elif audit.controller not in SAID:
+        elif audit.controller not in BY_REPORTED_NAME:
             reasons[flight.name] = f"flown by {audit.controller}, which is not of the firmware"
-        elif (told := flight.metadata.get("setpoints", "position")) != "position":
-            reasons[flight.name] = f"flown by setpoints of {told}, not of positions"
+        elif (setpoint_kind := flight.metadata.get("setpoints", "position")) != "position":
+            reasons[flight.name] = f"flown by setpoints of {setpoint_kind}, not of positions"
         elif any(_overlaps(flight, begin, end) for begin, end in trained):
             reasons[flight.name] = "the plant was identified from it"
         else:
@@ -105,7 +105,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], trained: Sequ
             elif not is_cut(whole) and np.ptp(whole["mocap"]["pz"]) < ROSE_M:
                 reasons[flight.name] = f"never rose {ROSE_M:g} m: all in ground effect"
             else:
-                cases.append(Case(whole, SAID[audit.controller], span, tuple(radio_gaps(stamped[flight.name]))))
+                gaps = tuple(radio_gaps(stamped[flight.name]))
+                cases.append(Case(whole, BY_REPORTED_NAME[audit.controller], span, gaps))
     return cases, reasons
 
 
@@ -152,14 +153,14 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
     """Row of the gate: simulated position (m, 3) and PWM ratios (m, 4) at ``case.time_s`` against the recording."""
     t = case.time_s
     real = case.flight["mocap"].interpolate(("px", "py", "pz"), t)
-    asked = case.flight["setpoint"].interpolate(("x", "y", "z"), t)
+    commanded = case.flight["setpoint"].interpolate(("x", "y", "z"), t)
     flown = case.flight["motor"].interpolate(MOTORS, t)
-    rmse = [rms(tracking.position_errors(p, asked)) for p in (real, position_m)]
-    lag = [constant_delay(t, p, t, asked, MOST_LAG_S).delay_s for p in (real, position_m)]
+    rmse = [rms(tracking.position_errors(p, commanded)) for p in (real, position_m)]
+    lag = [constant_delay(t, p, t, commanded, MOST_LAG_S).delay_s for p in (real, position_m)]
     gap = float(np.median(tracking.position_errors(position_m, real)))
     steady = _streamed(case)
     level = steady & (np.abs(position_m[:, 2] - real[:, 2]) < LEVEL_M)
-    bias = [float(np.mean((p - asked)[steady, 2])) for p in (real, position_m)]
+    bias = [float(np.mean((p - commanded)[steady, 2])) for p in (real, position_m)]
     full = [tracking.saturated_percent(u) for u in (flown, motor)]
     row = {"flight": case.flight.name, "controller": case.controller, "duration_s": case.ticks * TICK_S,
            "synthetic": case.flight.provenance.synthetic,
@@ -185,11 +186,11 @@ def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
             path = path[::max(1, round(SHOWN_S / (path[1, 0] - path[0, 0])))]
             t, flight = path[:, 0], by_name[row["flight"]].flight
             real = flight["mocap"].interpolate(("px", "py", "pz"), t)
-            asked = flight["setpoint"].interpolate(("x", "y", "z"), t)
+            commanded = flight["setpoint"].interpolate(("x", "y", "z"), t)
             found.append({"flight": row["flight"], "controller": name, "synthetic": flight.provenance.synthetic,
                           "time_s": np.round(t - t[0], 2).tolist(),
                           **{key: np.round(value, 4).tolist() for key, value in (
-                              ("reference_m", asked), ("real_m", real), ("simulated_m", path[:, 1:4]))}})
+                              ("reference_m", commanded), ("real_m", real), ("simulated_m", path[:, 1:4]))}})
     return found
 
 

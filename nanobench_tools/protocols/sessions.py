@@ -108,9 +108,9 @@ def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()
         factor = low if low == high else f"{low} to {high}"
         alike = [c for row in widest for c in _correlations(row, metrics)]
         ends = list(dict.fromkeys(f"{c:.2f}" for c in (min(alike), max(alike)))) if alike else []
-        said = f"intra-class correlation {' to '.join(ends)}; " if ends else ""
+        correlation = f"intra-class correlation {' to '.join(ends)}; " if ends else ""
         text += (f" Over flights alone they would have to be {factor} times as wide, since flights of a session are "
-                 f"alike ({said}square root of the design effect).")
+                 f"alike ({correlation}square root of the design effect).")
     return text
 
 

@@ -195,7 +195,7 @@ def _order(group: tuple[Group, Any]) -> tuple[str, str, int, int, str]:
 
 def _speed(members: Sequence[tuple[Case, Mapping[str, Any]]]) -> float | None:
     """Reference speed [m/s]: of the sheets if they say, else the median speed of the setpoints."""
-    said = [case.flight.metadata.get("reference_speed_m_s") for case, _ in members]
-    found = [s for s in said if s is not None] or [v["reference_speed_m_s"] for _, v in members
+    reported = [case.flight.metadata.get("reference_speed_m_s") for case, _ in members]
+    found = [s for s in reported if s is not None] or [v["reference_speed_m_s"] for _, v in members
                                                    if "reference_speed_m_s" in v]
     return float(np.median(found)) if found else None

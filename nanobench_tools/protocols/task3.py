@@ -198,8 +198,8 @@ def checked(estimate: Estimate, method: str, place: str) -> Estimate:
         raise InputError(place, f"estimator {method} gave no pose at {time_s[row]:.3f} s (row {row})")
     if getattr(estimate, "converged", None) is False:
         raise InputError(place, f"estimator {method} did not converge", "no result is taken from it")
-    said = (getattr(estimate, name, None) for name in ("covariance", "nis", "nis_dof", "converged"))
-    return Estimate(time_s, position, quaternion / norm[:, None], velocity, *said)
+    reported = (getattr(estimate, name, None) for name in ("covariance", "nis", "nis_dof", "converged"))
+    return Estimate(time_s, position, quaternion / norm[:, None], velocity, *reported)
 
 
 def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
@@ -286,8 +286,8 @@ def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
 def given_and_trained(method: Estimator, given: str) -> str:
     """What a method was given in words (its own ``given`` before that of the protocol), and, where it has
     ``trained_on``, what it was trained on."""
-    said = str(getattr(method, "given", given))
-    return f"{said}; {trained}" if (trained := getattr(method, "trained_on", "")) else said
+    reported = str(getattr(method, "given", given))
+    return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported
 
 
 def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,

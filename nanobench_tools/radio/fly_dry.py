@@ -21,10 +21,11 @@ def rows(plan: Plan, pilot: Pilot, every_s: float) -> list[tuple[str, float, str
     shown = -np.inf
     for tick in range(round(ends[TAKEOFF] / PERIOD_S), round(ends["hover at end"] / PERIOD_S)):
         time_s = PERIOD_S * tick
-        asked = plan.reference(time_s)
-        turn = fly_setpoints.attitude_of(asked.acceleration_m_s2[0], float(asked.yaw_rad[0]))
-        state = VehicleState(asked.position_m, asked.velocity_m_s, turn[None], np.zeros((1, 3)), np.array([BATTERY_V]))
-        packet = pilot.packet(time_s, state, asked)
+        commanded = plan.reference(time_s)
+        turn = fly_setpoints.attitude_of(commanded.acceleration_m_s2[0], float(commanded.yaw_rad[0]))
+        state = VehicleState(commanded.position_m, commanded.velocity_m_s, turn[None], np.zeros((1, 3)),
+                             np.array([BATTERY_V]))
+        packet = pilot.packet(time_s, state, commanded)
         if time_s - shown > every_s - 1e-9:
             shown = time_s
             found.append((plan.phase(time_s + 1e-9), time_s, fly_setpoints.in_words(packet)))

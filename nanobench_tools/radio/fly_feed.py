@@ -35,9 +35,9 @@ class Feed:
     def switch(self, on: bool) -> None:
         self.feed = on
 
-    def said(self, time_s: float, packet: bytes) -> None:
+    def sent(self, time_s: float, packet: bytes) -> None:
         """Tells the source what was sent."""
-        self._source.setpoint(time_s, fly_setpoints.said(packet))
+        self._source.setpoint(time_s, fly_setpoints.decoded(packet))
 
     def _pose(self, pose: Pose) -> None:
         fresh = self.track.add(pose)

@@ -17,10 +17,11 @@ class Hung(BaseException):
 
 
 class Interrupts:
-    """Ctrl-C and SIGTERM ask for the end: the first for a landing (``asked``), the second is a KeyboardInterrupt."""
+    """Ctrl-C and SIGTERM ask for the end: the first for a landing (``requested``), the second is a
+    KeyboardInterrupt."""
 
     def __init__(self) -> None:
-        self.asked = ""
+        self.requested = ""
         self._count = 0
         self._waking = False
         self._flying: int | None = None
@@ -54,7 +55,7 @@ class Interrupts:
             if self._flying is not None:
                 raise Hung
             return
-        self.asked = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
+        self.requested = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
         self._count += 1
         if self._count >= AT_ONCE and self._flying is not None:
             raise KeyboardInterrupt

@@ -65,7 +65,7 @@ class Link(Protocol):
 
     def set_parameter(self, name: str, value: float) -> None: ...
 
-    def ask_echo(self) -> None: ...
+    def request_echo(self) -> None: ...
 
 
 class CflibLink:
@@ -193,10 +193,10 @@ class CflibLink:
     def _on_echo(self, packet: Any) -> None:
         if len(packet.data) == 9 and packet.data[0] == ECHO_MARK:
             now = self._clock.now()
-            asked = struct.unpack("<Bd", bytes(packet.data))[1]
-            self.round_trips_s.append(now - asked)
+            requested = struct.unpack("<Bd", bytes(packet.data))[1]
+            self.round_trips_s.append(now - requested)
             if self.on_echo is not None:
-                self.on_echo(now, asked)
+                self.on_echo(now, requested)
 
     def _on_failed(self, _: str, why: str) -> None:
         self._failed = why.strip().splitlines()[0] if why.strip() else "failed"
@@ -204,7 +204,7 @@ class CflibLink:
     def _on_lost(self, why: str) -> None:
         self.lost = why.strip().splitlines()[0] if why.strip() else "lost"
 
-    def ask_echo(self) -> None:
+    def request_echo(self) -> None:
         """Sends the time on a way there and back, apart from cflib's own echoes; to be asked for now and then."""
         self._send(ECHO, 0, struct.pack("<Bd", ECHO_MARK, self._clock.now()))
 

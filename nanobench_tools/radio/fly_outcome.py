@@ -16,7 +16,7 @@ from .safety import Stop
 class Listener(Protocol):
     """Is told what happens: the recorder, the display. ``tick`` every tick, from the loop: keep it short."""
 
-    def tick(self, time_s: float, phase: str, believed: Believed | None, asked_m: np.ndarray | None,
+    def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None: ...
 
     def note(self, text: str) -> None: ...

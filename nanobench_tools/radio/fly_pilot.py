@@ -93,6 +93,6 @@ class StreamingPilot:
 
 def finite(packet: bytes) -> bool:
     """Whether all numbers of a set-point are finite: floats that are none survive packing."""
-    numbers = [v for value in fly_setpoints.said(packet).values() if not isinstance(value, str)
+    numbers = [v for value in fly_setpoints.decoded(packet).values() if not isinstance(value, str)
                for v in (value if isinstance(value, tuple) else (value,))]
     return bool(np.isfinite(numbers).all())

@@ -65,7 +65,7 @@ class PlannedPilot:
         ratios = np.asarray(self.controller.command(time_s, state, reference))[0]
         counts = thrust_of_voltage(ratios * state.battery_V[0]) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
         now = self.controller.foreseen(0.0)[0, 10:12]
-        told = now + (TO_ROLL_PITCH @ counts - self._held) / COUNTS_PER_RAD_S
-        told = np.clip(told, -MOST_RATE_RAD_S, MOST_RATE_RAD_S)
-        self._held = self._held + PERIOD_S * INTEGRAL_1_S * COUNTS_PER_RAD_S * (told - now)
-        return fly_setpoints.rates(float(counts.mean()), np.array([*told, yaw_rate(state, reference)]))
+        commanded = now + (TO_ROLL_PITCH @ counts - self._held) / COUNTS_PER_RAD_S
+        commanded = np.clip(commanded, -MOST_RATE_RAD_S, MOST_RATE_RAD_S)
+        self._held = self._held + PERIOD_S * INTEGRAL_1_S * COUNTS_PER_RAD_S * (commanded - now)
+        return fly_setpoints.rates(float(counts.mean()), np.array([*commanded, yaw_rate(state, reference)]))

@@ -109,7 +109,7 @@ class Preparation:
         trips = self.link.round_trips_s
         until = self.clock.now() + ECHOES_S
         while len(trips) < ECHOES and self.clock.now() < until:
-            self.link.ask_echo()
+            self.link.request_echo()
             self.clock.sleep_until(self.clock.now() + ECHO_S)
         if len(trips) < ECHOES:
             raise InputError(self.link.uri, f"{len(trips)} echoes in {ECHOES_S:.0f} s", "is the link good enough? "
@@ -131,10 +131,10 @@ class Preparation:
                     pilot.reset()
                     for tick in range(WARM_TICKS):
                         time_s = PERIOD_S * tick
-                        asked = plan.reference(plan.ends["take-off"] + time_s)
+                        commanded = plan.reference(plan.ends["take-off"] + time_s)
                         begun = self.clock.now()
                         if believed is not None:
-                            pilot.packet(time_s, believed.state(battery), asked)
+                            pilot.packet(time_s, believed.state(battery), commanded)
                         if round_:
                             calls.append(self.clock.now() - begun)
                     if self.clock.real and not round_:  # all is compiled: the next round is timed

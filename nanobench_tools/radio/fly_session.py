@@ -101,7 +101,7 @@ def fly_session(request: Request) -> Result:
             feed.on_pose = recorder.pose
             recorder.start()
             listeners.append(recorder)
-        flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.said,
+        flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.sent,
                         ground_s=GROUND_S)
         watch.beat_of = lambda: flight.pacer.beat
         with watch:

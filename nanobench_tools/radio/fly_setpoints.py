@@ -122,7 +122,7 @@ def of_record(record: np.void) -> bytes:
     return rates(float(record["thrust"]), turning)
 
 
-def said(packet: bytes) -> dict[str, object]:
+def decoded(packet: bytes) -> dict[str, object]:
     """What a packet says, in SI and words: {kind, and its numbers}."""
     kind = packet[0]
     if kind == POSITION:
@@ -145,7 +145,7 @@ def said(packet: bytes) -> dict[str, object]:
 
 def in_words(packet: bytes) -> str:
     """One line for a person."""
-    content = said(packet)
+    content = decoded(packet)
     names = {"position_m": "m", "velocity_m_s": "m/s", "acceleration_m_s2": "m/s²", "rate_rad_s": "rad/s"}
     parts = [str(content["kind"])]
     for name, unit in names.items():

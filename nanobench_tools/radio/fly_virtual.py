@@ -52,7 +52,7 @@ class VirtualWorld:
         self.crazyflie: Any = None
         self._time_s, self._steps = self._start_s, 0
         self._sink: Sink | None = None
-        self._asked: dict[threading.Thread, tuple[int, Any]] = {}
+        self._waiting_for: dict[threading.Thread, tuple[int, Any]] = {}
 
     def now(self) -> float:
         return self._time_s
@@ -91,16 +91,16 @@ class VirtualWorld:
         for asker in threading.enumerate():
             # nobody tells its queue that a task is done: it counts all that was ever put in
             while hasattr(asker, "request_queue") and asker.is_alive() and time.monotonic() < until:
-                asked, awaited = self._asked.get(asker, (0, None))
+                ticket, awaited = self._waiting_for.get(asker, (0, None))
                 waits = awaited is not None and _awaited(asker) is awaited
-                if waits or asked >= asker.request_queue.unfinished_tasks:
+                if waits or ticket >= asker.request_queue.unfinished_tasks:
                     break
                 time.sleep(1e-4)
 
     def _sent(self, thread: threading.Thread) -> None:
         """Counts what such a thread has sent, and keeps what it waits for now."""
         if hasattr(thread, "request_queue"):
-            self._asked[thread] = self._asked.get(thread, (0, None))[0] + 1, _awaited(thread)
+            self._waiting_for[thread] = self._waiting_for.get(thread, (0, None))[0] + 1, _awaited(thread)
 
     def post(self, datagram: bytes) -> None:
         """What cflib sends."""
@@ -112,7 +112,7 @@ class VirtualWorld:
     def start(self, sink: Sink) -> None:
         self._sink = sink
 
-    def setpoint(self, time_s: float, said: dict[str, object]) -> None:
+    def setpoint(self, time_s: float, command: dict[str, object]) -> None:
         """Not of interest here."""
 
     def close(self) -> None:

@@ -22,7 +22,7 @@ from .fly_prepare import Ready
 from .fly_state import Believed, PoseTrack
 from .in_time import end_at_once
 from .safety import Limits, Situation, Stop, first_stop
-from .safety_handover import hand_over, land, place_to_hold, tell_to_land
+from .safety_handover import command_landing, hand_over, land, place_to_hold
 
 HANG_S = 0.25
 """After so long in one call the guardian takes the flight from a controller."""
@@ -97,7 +97,7 @@ class Flight:
         self.pacer = Pacer(self.clock, PERIOD_S)
         start = self.clock.now()
         self._enter(TAKEOFF, start)
-        told = [start]
+        commanded_at = [start]
         self.link.release()  # the zero set-point with which the last client closed still stands above the planner
         self.link.take_off(self.plan.height_m, 2.0)
         while True:
@@ -105,9 +105,9 @@ class Flight:
             self._alive()
             if self._taken():
                 return None
-            time_s = due - told[-1]
+            time_s = due - commanded_at[-1]
             self._look(time_s)
-            stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(due, told)
+            stop = first_stop(self.rules, self._now, self._phase) or self._does_not_lift(due, commanded_at)
             if stop is None:
                 phase = self.plan.phase(time_s)
                 if phase != self._phase:
@@ -119,7 +119,7 @@ class Flight:
                 elif time_s > self.plan.ends[TAKEOFF] - LISTEN_S:
                     stop = self._stream(time_s, send=False)
                 else:
-                    self._tell(time_s, None)
+                    self._report(time_s, None)
             if stop is not None:
                 return self._end(stop)
             self.pacer.done()
@@ -154,18 +154,18 @@ class Flight:
         now.health_age_s = health_age_s(link, host)
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.late_ticks = self.pacer.beat.late_in_a_row
-        now.interrupted = self.interrupts.asked
-        self._ask_echo()
+        now.interrupted = self.interrupts.requested
+        self._request_echo()
 
-    def _ask_echo(self) -> None:
+    def _request_echo(self) -> None:
         """Keeps the link's round trips coming."""
         if self.clock.now() >= self._echo_s:
             self._echo_s = self.clock.now() + ECHO_S
-            self.link.ask_echo()
+            self.link.request_echo()
 
     def _stream(self, time_s: float, send: bool = True) -> Stop | None:
         """One set-point, not sent while the controller only listens. What it does wrong ends the flight at once."""
-        asked = self.plan.reference(time_s)
+        commanded = self.plan.reference(time_s)
         begun = self.clock.now()
         error, packet = "", b""
         if self._guardian is not None:
@@ -173,7 +173,7 @@ class Flight:
         try:
             if self._believed is None:
                 raise ValueError("no pose")
-            packet = self.pilot.packet(time_s, self._believed.state(self._now.battery_V), asked)
+            packet = self.pilot.packet(time_s, self._believed.state(self._now.battery_V), commanded)
             if not finite(packet):
                 error = f"{self.pilot.name} commanded what is no number: {fly_setpoints.in_words(packet)}"
         except Exception as raised:  # anybody's code: it must not take the vehicle down
@@ -186,13 +186,13 @@ class Flight:
         if error:
             return first_stop(self.rules, self._now, self._phase)
         if not send:
-            self._tell(time_s, None)
+            self._report(time_s, None)
             return None
-        self._now.below_m = float(asked.position_m[0, 2]) - self._height()
+        self._now.below_m = float(commanded.position_m[0, 2]) - self._height()
         self.link.send_setpoint(packet)
         self.pacer.sent(self._now.call_s)
         self._pass_on(packet)
-        self._tell(time_s, asked.position_m[0], float(asked.yaw_rad[0]))
+        self._report(time_s, commanded.position_m[0], float(commanded.yaw_rad[0]))
         return None
 
     def _pass_on(self, packet: bytes) -> None:
@@ -209,9 +209,9 @@ class Flight:
         if self._guardian is not None:
             self._guardian.end()
 
-    def _tell(self, time_s: float, asked_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
+    def _report(self, time_s: float, commanded_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
         for listener in self._listeners:
-            listener.tick(time_s, self._phase, self._believed, asked_m, yaw_rad)
+            listener.tick(time_s, self._phase, self._believed, commanded_m, yaw_rad)
 
     def _enter(self, phase: str, host_s: float) -> None:
         self._phase = phase
@@ -222,16 +222,16 @@ class Flight:
         for listener in self._listeners:
             listener.note(text)
 
-    def _does_not_lift(self, now_s: float, told_s: list[float]) -> Stop | None:
+    def _does_not_lift(self, now_s: float, commanded_s: list[float]) -> Stop | None:
         """Tells the vehicle again to take off when it stands, after which the plan begins anew; gives up after LIFT_S.
-        ``told_s``: when it was told."""
+        ``commanded_s``: when it was told."""
         if self._phase != TAKEOFF or self._height() > self.ground_m + GROUND_M:
             return None
-        if now_s - told_s[0] > LIFT_S:
+        if now_s - commanded_s[0] > LIFT_S:
             reason = f"the vehicle does not leave the ground: too heavy? battery {self._now.battery_V:.2f} V"
-            return Stop("take-off", reason, now_s - told_s[0], TAKEOFF)
-        if now_s - told_s[-1] > LIFT_AGAIN_S[min(len(told_s), len(LIFT_AGAIN_S)) - 1]:
-            told_s.append(now_s)
+            return Stop("take-off", reason, now_s - commanded_s[0], TAKEOFF)
+        if now_s - commanded_s[-1] > LIFT_AGAIN_S[min(len(commanded_s), len(LIFT_AGAIN_S)) - 1]:
+            commanded_s.append(now_s)
             self.link.release()
             self.link.take_off(self.plan.height_m, 2.0)
         return None
@@ -247,8 +247,8 @@ class Flight:
         self._by_setpoints(land(self.link, self.clock, self.ground_m, self._height(), self._seen, self._idle))
         self._rest()
         self._look(self._now.time_s)
-        asked = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
-        stop = first_stop(asked, self._now, LANDING)
+        watched = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
+        stop = first_stop(watched, self._now, LANDING)
         if stop is not None:
             self._note(f"stop: {stop}")
         return stop
@@ -300,8 +300,8 @@ class Flight:
 
     def _idle(self) -> None:
         self._alive()
-        self._ask_echo()
-        self._tell(self._now.time_s, None)
+        self._request_echo()
+        self._report(self._now.time_s, None)
 
     def _alive(self) -> None:
         if self._guardian is not None:
@@ -313,12 +313,12 @@ class Flight:
     def _leave(self) -> Stop:
         """Asked twice: the vehicle is told once to land by its own planner, and nothing is waited for. Should that be
         lost, its watchdog levels it out and then stops its motors."""
-        stop = Stop("interrupted", f"{self.interrupts.asked} twice: left to the vehicle's own landing and watchdog",
+        stop = Stop("interrupted", f"{self.interrupts.requested} twice: left to the vehicle's own landing and watchdog",
                     self._now.time_s, self._phase)
         self._note(f"stop: {stop}")
         self._outcome.left = True
         if self._phase not in (GROUND, LANDED):
-            tell_to_land(self.link, self.ground_m, self._height())
+            command_landing(self.link, self.ground_m, self._height())
         return stop
 
     def _take_over(self, why: str) -> None:

@@ -39,10 +39,10 @@ class CallableMocap:
         except Exception as error:
             raise InputError(f"--mocap {self.name}", f"raised {type(error).__name__}: {error}") from error
 
-    def setpoint(self, time_s: float, said: dict[str, object]) -> None:
-        told = getattr(self._held, "setpoint", None)
-        if told is not None:
-            told(time_s, said)
+    def setpoint(self, time_s: float, command: dict[str, object]) -> None:
+        listener = getattr(self._held, "setpoint", None)
+        if listener is not None:
+            listener(time_s, command)
 
     def close(self) -> None:
         end = getattr(self._held, "close", None)

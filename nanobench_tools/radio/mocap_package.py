@@ -57,7 +57,7 @@ class PackageMocap:
                 self._error = f"{type(error).__name__}: {error}"
             self._ready.set()
 
-    def setpoint(self, time_s: float, said: dict[str, object]) -> None:
+    def setpoint(self, time_s: float, command: dict[str, object]) -> None:
         """Not of interest here."""
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from ..errors import InputError, UsageError
 from .pose_datagram import HELLO, PORT_OFFSET, SUBSCRIPTION_S, unpack
 from .pose_source import Sink
 
-ASK_S = 0.25 * SUBSCRIPTION_S
+REQUEST_S = 0.25 * SUBSCRIPTION_S
 
 
 def address_of(spec: str, uri: str) -> tuple[str, int]:
@@ -51,11 +51,11 @@ class SimulatedMocap:
         self._thread.start()
 
     def _run(self, sink: Sink) -> None:
-        asked = 0.0
+        requested_s = 0.0
         while not self._stop.is_set():
             try:
-                if time.monotonic() - asked > ASK_S:
-                    asked = time.monotonic()
+                if time.monotonic() - requested_s > REQUEST_S:
+                    requested_s = time.monotonic()
                     self._socket.send(HELLO)
                 sink(unpack(self._socket.recv(256)))
             except TimeoutError:
@@ -63,7 +63,7 @@ class SimulatedMocap:
             except OSError:  # nobody there yet, or no more: poses that do not come are seen by who waits for them
                 self._stop.wait(0.05)
 
-    def setpoint(self, time_s: float, said: dict[str, object]) -> None:
+    def setpoint(self, time_s: float, command: dict[str, object]) -> None:
         """Not of interest here."""
 
     def close(self) -> None:

@@ -117,15 +117,15 @@ def flight_of(packets: Packets, data: list[BlockData], alignment: Alignment, nam
     """The recording as a Flight, rows on the poses."""
     raw = _streams(data)
     sheet = dict(packets.sheet)
-    asked = packets.of(REFERENCE)
-    if asked:
-        raw["setpoint"] = _asked(asked, raw.get("setpoint"))
+    commanded = packets.of(REFERENCE)
+    if commanded:
+        raw["setpoint"] = _commanded(commanded, raw.get("setpoint"))
         sheet["setpoint_source"] = "host"
     poses = [pose for pose in (unpack(r.payload) for r in packets.of(POSE)) if seen(pose)]
     stamps = np.array([pose.time_s for pose in poses])
     rises = np.concatenate([[True], np.diff(np.maximum.accumulate(stamps)) > 0.0]) if len(stamps) else stamps > 0
     stamps = stamps[rises]
-    main = [s for n, s in raw.items() if n not in SLOW and not (n == "setpoint" and asked)]
+    main = [s for n, s in raw.items() if n not in SLOW and not (n == "setpoint" and commanded)]
     first, last = max(s.time_s[0] for s in main), min(s.time_s[-1] for s in main)
     inside = (stamps >= first) & (stamps <= last)
     if len(stamps):
@@ -166,7 +166,7 @@ def _streams(data: list[BlockData]) -> dict[str, Stream]:
     return found
 
 
-def _asked(records: list[Record], logged: Stream | None) -> Stream:
+def _commanded(records: list[Record], logged: Stream | None) -> Stream:
     """What the host was asked while it flew, and what the vehicle's own planner says before and after."""
     time = np.array([r.time_s for r in records])
     rows = np.array([struct.unpack("<4d", r.payload) for r in records])

@@ -54,8 +54,8 @@ class Recorder:
         self.log_packets += 1
         self._writer.write(LOG, number, time_s, data)
 
-    def _echo(self, time_s: float, asked_s: float) -> None:
-        self._writer.write(ECHO, 0, time_s, struct.pack("<d", asked_s))
+    def _echo(self, time_s: float, requested_s: float) -> None:
+        self._writer.write(ECHO, 0, time_s, struct.pack("<d", requested_s))
 
     def _sent(self, time_s: float, header: int, data: bytes) -> None:
         self._writer.write(SENT, 0, time_s, bytes([header]) + data)
@@ -65,11 +65,11 @@ class Recorder:
         self.poses += 1
         self._writer.write(POSE, 0, self._clock.now(), pack(*pose))
 
-    def tick(self, time_s: float, phase: str, believed: Believed | None, asked_m: np.ndarray | None,
+    def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None:
         """Where a controller on the host was asked to be."""
-        if self.hosted and asked_m is not None:
-            self._writer.write(REFERENCE, 0, self._clock.now(), struct.pack("<4d", *asked_m, yaw_rad))
+        if self.hosted and commanded_m is not None:
+            self._writer.write(REFERENCE, 0, self._clock.now(), struct.pack("<4d", *commanded_m, yaw_rad))
 
     def note(self, text: str) -> None:
         self._writer.note(self._clock.now(), text)

@@ -278,5 +278,5 @@ class Stop:
 
 def first_stop(checks: Sequence[Rule], now: Situation, phase: str) -> Stop | None:
     """What the first rule that has a reason says. Every rule is asked, as some remember."""
-    said = [(rule.name, rule.check(now)) for rule in checks]
-    return next((Stop(name, reason, now.time_s, phase) for name, reason in said if reason), None)
+    reasons = [(rule.name, rule.check(now)) for rule in checks]
+    return next((Stop(name, reason, now.time_s, phase) for name, reason in reasons if reason), None)

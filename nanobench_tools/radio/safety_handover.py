@@ -115,7 +115,7 @@ def _lower(link: Link, clock: Clock, first: Believed | None, ground_m: float, se
         now = seen()
 
 
-def tell_to_land(link: Link, ground_m: float, from_m: float) -> None:
+def command_landing(link: Link, ground_m: float, from_m: float) -> None:
     """Tells the vehicle to land from a height by its own planner, a few times at once, and waits for nothing."""
     for _ in range(AT_ONCE):
         _tell(link, ground_m, _lasts(ground_m, from_m))

@@ -58,15 +58,15 @@ class Watch:
         if self._live is not None:
             self._live.__exit__(kind, error, trace)
 
-    def tick(self, time_s: float, phase: str, believed: Believed | None, asked_m: np.ndarray | None,
+    def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None:
         self._phase, self._time_s = phase, time_s
         if self._live is None or time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + EVERY_S
         error = float("nan")
-        if believed is not None and asked_m is not None:
-            error = float(np.linalg.norm(believed.position_m - asked_m))
+        if believed is not None and commanded_m is not None:
+            error = float(np.linalg.norm(believed.position_m - commanded_m))
         self._errors.append(error)
 
     def note(self, text: str) -> None:

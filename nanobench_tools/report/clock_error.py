@@ -30,7 +30,7 @@ def clock_error(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str
     beside it: that would agree by construction.
     """
     apart = bool(taken_out and taken_out.get("warp"))
-    points = (taken_out or {}).get("warp") if apart else _audit_warp(audit)
+    points = (taken_out or {}).get("warp") if apart else _audit_time_offset(audit)
     if not points:
         why = (taken_out or {}).get("reason")
         return {"absent": f"No moving clock error to draw{f': {why}' if why else ' in this recording'}."}
@@ -42,7 +42,7 @@ def clock_error(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str
     return body if track is None else {**body, **track}
 
 
-def _audit_warp(audit: Mapping[str, Any]) -> Sequence[Sequence[float]]:
+def _audit_time_offset(audit: Mapping[str, Any]) -> Sequence[Sequence[float]]:
     clocks = audit.get("clock") or {}
     return next((clocks[s]["warp"] for s in CLOCK_STREAMS if (clocks.get(s) or {}).get("warp")), ())
 
@@ -69,9 +69,9 @@ def _along(flight: Flight, audit: Mapping[str, Any], t: np.ndarray, d: np.ndarra
     lateness = np.interp(time_s, t, d)
     own_s, left = _own_delay(behind[good], lateness[good], speed[good])
     constant_s, before = _own_delay(behind[good], np.zeros(good.sum()), speed[good])
-    measured, told = (np.where(good, 1e3 * v, np.nan) for v in (behind, (lateness + own_s) * speed))
-    rows = np.union1d(extreme_rows(measured, BUCKETS), extreme_rows(told, BUCKETS))
-    return {"te": pack(time_s[rows], 2e-3), "measured": pack(measured[rows], 0.1), "told": pack(told[rows], 0.1),
+    measured, predicted = (np.where(good, 1e3 * v, np.nan) for v in (behind, (lateness + own_s) * speed))
+    rows = np.union1d(extreme_rows(measured, BUCKETS), extreme_rows(predicted, BUCKETS))
+    return {"te": pack(time_s[rows], 2e-3), "measured": pack(measured[rows], 0.1), "told": pack(predicted[rows], 0.1),
             "own_ms": 1e3 * own_s, "constant_ms": 1e3 * constant_s, "rms_mm": 1e3 * rms(behind[good]),
             "rms_constant_mm": 1e3 * before, "rms_left_mm": 1e3 * left}
 

@@ -29,28 +29,28 @@ def motors_page(body: Mapping[str, Any], synthetic: bool) -> str:
 
 
 def words(body: Mapping[str, Any]) -> list[str]:
-    """The findings in a few sentences."""
+    """The findings in a few text."""
     both, ends = body["lag"]["fit"], body["lag"]["fit"]["ci95"]
-    said = ["Rotors follow their command with a time constant of " + " and ".join(
+    text = ["Rotors follow their command with a time constant of " + " and ".join(
         f"{1e3 * both[key]:.1f} ms {way}" + (f" ({1e3 * ends[key][0]:.1f} .. {1e3 * ends[key][1]:.1f})"
                                              if ends.get(key) else "")
         for way, key in (("up", "tau_up_s"), ("down", "tau_down_s"))) +
         f", after a delay of {1e3 * both['delay_s']:.1f} ms that is also that of the speed measurement."]
     force = body["force"]
     value, unit = (force["k_f"], "N s²/rad²") if force["k_f"] is not None else (force["k_f_per_kg"], "N s²/rad² per kg")
-    said.append(f"Thrust is {value:.4g} {unit} times squared speed ({force['identified']}).")
+    text.append(f"Thrust is {value:.4g} {unit} times squared speed ({force['identified']}).")
     explained = {name: found["median"] for name, found in body["moments"]["explained"].items()}
     if explained["x"] is not None:
-        said.append("Of the angular acceleration between 3 and 30 Hz, rotor speeds explain "
-                    + ", ".join(f"{100 * v:.0f} % ({name})" for name, v in explained.items()) + ".")
+        text.append("Of the angular acceleration between 3 and 30 Hz, rotor speeds explain "
+                         + ", ".join(f"{100 * v:.0f} % ({name})" for name, v in explained.items()) + ".")
     for gain in body["gains"]:
         if gain["metric"] == METRICS[0][0] and gain["h"] == 10 and gain["input"] in ("logged", "rpm"):
             what = {"logged": "PWM at every row of the log", "rpm": "measured rotor speed"}[gain["input"]]
             ends = gain["ci95"] and [1.0 - 0.01 * e for e in reversed(gain["ci95"])]
-            said.append(f"Error of roll and pitch rates {1e4 * body['step_s']:.0f} ms ahead from {what}, against the "
+            text.append(f"Error of roll and pitch rates {1e4 * body['step_s']:.0f} ms ahead from {what}, against the "
                         f"radio stream's: {verdict(1.0 - 0.01 * gain['less_percent'], ends)}.")
     note = interval_note([{**body, "n": len(body["test"])}])
-    return [*said, note] if note else said
+    return [*text, note] if note else text
 
 
 def pictures(body: Mapping[str, Any]) -> dict[str, Any]:

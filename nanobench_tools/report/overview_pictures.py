@@ -99,11 +99,11 @@ def blackout(estimate: Mapping[str, Any] | None) -> dict[str, Any]:
             panels.append({"title": title, "unit": unit, "lines": lines})
     inside = []
     for method in dict.fromkeys(str(w.get("method")) for w in windows):
-        said = [(float(w["h_s"]), bool(w["inside_3_sigma"])) for w in windows
+        within = [(float(w["h_s"]), bool(w["inside_3_sigma"])) for w in windows
                 if str(w.get("method")) == method and w.get("inside_3_sigma") is not None]
-        if said:
-            at = sorted({h for h, _ in said})
-            share = [100.0 * float(np.mean([yes for h, yes in said if h == here])) for here in at]
+        if within:
+            at = sorted({h for h, _ in within})
+            share = [100.0 * float(np.mean([yes for h, yes in within if h == here])) for here in at]
             share = [max(v, 1.0) for v in share]  # the axis is logarithmic
             inside.append({"name": method, "published": False, "x": at, "y": share, "low": share, "high": share})
     if inside:

@@ -384,7 +384,7 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
     order = {_group(row): _group_rank(_group(row)) for row in rows}
     lines: list[tuple[Cell, ...]] = []
     main = 0
-    first, said = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
+    first, named = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
     # what the clock does to dead reckoning is the point of its table: both stand on the page, group by group
     together = any(row.get("protocol") == BLACKOUT for row in rows)
 
@@ -397,7 +397,7 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
         if published := row.get("published"):
             lines.append((_group(row), "published table", "", method, _count(row.get("published_n")), None, "",
                           *_scores(published, {}, scores, exact=True), "", "", "published"))
-        lines.append((_group(row), _text(row.get("protocol")), clock_of(row) if said else "", method,
+        lines.append((_group(row), _text(row.get("protocol")), clock_of(row) if named else "", method,
                       _count(row.get("n")), *_sessions(row), *_scores(row.get("metrics"), row, scores),
                       "" if causal is None else "yes" if causal else "no",
                       _text(row.get("given")), data_label(synthetic)))

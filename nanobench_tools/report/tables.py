@@ -95,8 +95,8 @@ class Table:
                 texts = [text for text in dict.fromkeys(str(row[i] or "") for row in table.rows) if text]
                 marks = {text: str(k + 1) for k, text in enumerate(texts)}
                 rows = tuple((*row[:i], marks.get(str(row[i] or ""), ""), *row[i + 1:]) for row in table.rows)
-                said = "; ".join(f"{mark}: {text}" for text, mark in marks.items())
-                note = f"{table.note} {column.title} {said}." if said else table.note
+                notes = "; ".join(f"{mark}: {text}" for text, mark in marks.items())
+                note = f"{table.note} {column.title} {notes}." if notes else table.note
                 table = replace(table, rows=rows, note=note)
         return table._keep([i for i, column in enumerate(self.columns) if not column.aside])
 

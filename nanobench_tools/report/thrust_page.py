@@ -43,31 +43,31 @@ def part(kind: str, body: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def words(kind: str, mine: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The finding in a few sentences."""
+    """The finding in a few text."""
     key, factor, unit, digits = KEYS[kind]
     best = mine["best"]
     if best is None:
         return ["No map is a result: " + "; ".join(f"{n}: {why}" for n, why in mine["no_result"].items()) + "."]
     named = {(r["model"], r["split"]): r for r in rows if r.get("clock") == mine.get("clock")}
     split = "test" if (best, "test") in named else "train"
-    said = [f"Chosen: {best}, by training files that were held out in turn "
+    text = [f"Chosen: {best}, by training files that were held out in turn "
             f"({factor * mine['held_out_rms'][best]:.{digits}f} {unit})."]
     compared = [f"{name.replace('_', ' ')} {factor * named[name, split][key]:.{digits}f}"
                 for name in (best, "thrust_voltage", "thrust_pwm", "firmware_2_1_plus", "scaled_2_1_plus",
                              "scaled_2_1_plus_balanced", "firmware_legacy")
                 if (name, split) in named]
-    said.append(f"RMS on {'held-out' if split == 'test' else 'training'} files, {unit}: " + ", ".join(compared) + ".")
+    text.append(f"RMS on {'held-out' if split == 'test' else 'training'} files, {unit}: " + ", ".join(compared) + ".")
     covered = named.get((best, split), {}).get("coverage95")
     if covered is not None:
-        said.append(f"The 95 % prediction interval (± {factor * mine['interval_half_width']:.{digits}f} {unit}) holds "
+        text.append(f"The 95 % prediction interval (± {factor * mine['interval_half_width']:.{digits}f} {unit}) holds "
                     f"{100 * covered:.0f} % of these rows.")
     pairs = mine.get("against_firmware") or []
     if pairs:
-        said.append(f"Smaller error than the closer of the firmware's two curves on {sum(p['beaten'] for p in pairs)} "
+        text.append(f"Smaller error than the closer of the firmware's two curves on {sum(p['beaten'] for p in pairs)} "
                     f"of {len(pairs)} held-out files, than the closer of these scaled as it is on "
                     f"{sum(p.get('scaled_beaten') or False for p in pairs)}.")
     note = interval_note([row for row in rows if row["split"] == split])
-    return [*said, note] if note else said
+    return [*text, note] if note else text
 
 
 def pictures(kind: str, mine: Mapping[str, Any]) -> dict[str, Any]:

@@ -104,9 +104,9 @@ def _retimed_task1(rows: Sequence[Mapping[str, Any]], last: str | None) -> Words
         model, after = row.get("model"), scores[row.get("model"), clock_of(row)]
         before = scores.get((model, AS_RECORDED))
         if clock_of(row) == "retimed" and before and after:
-            said = verdict(*(_at(row.get(key), last) for key in ("clock_ratio", "clock_ratio_ci95")))
+            judgement = verdict(*(_at(row.get(key), last) for key in ("clock_ratio", "clock_ratio_ci95")))
             points.append(f"{model}: position error at h = {last} is {_show('position_mae_m', before)} as recorded and "
-                          f"{_show('position_mae_m', after)} re-timed{f': {said}' if said else ''}.")
+                          f"{_show('position_mae_m', after)} re-timed{f': {judgement}' if judgement else ''}.")
     return ["With the moving error of the clock taken out of the vehicle's streams (off-line, from the motion capture "
             "of the whole flight):", points] if points else []
 
@@ -221,8 +221,8 @@ def _bracket(rows: Mapping[tuple[Any, str], Mapping[str, Any]], method: Any) -> 
 
 def _on_clock(row: Mapping[str, Any], metric: str) -> str:
     """What the paired ratio to the row as recorded says, in brackets; nothing where there is none."""
-    said = verdict(*((row.get(key) or {}).get(metric) for key in ("clock_ratio", "clock_ratio_ci95")))
-    return f" ({said.replace(' (', ', ').removesuffix(')')})" if said else ""
+    judgement = verdict(*((row.get(key) or {}).get(metric) for key in ("clock_ratio", "clock_ratio_ci95")))
+    return f" ({judgement.replace(' (', ', ').removesuffix(')')})" if judgement else ""
 
 
 def _clock_task3(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Words:
@@ -279,7 +279,7 @@ def _voters(row: Mapping[str, Any]) -> str:
 
 def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:
     """Sentences of the result file itself, and how many recordings are in no row, by reason."""
-    said = [f"{text[:1].upper()}{text[1:]}." for key in keys if (text := str(body.get(key) or "").rstrip("."))]
+    judgement = [f"{text[:1].upper()}{text[1:]}." for key in keys if (text := str(body.get(key) or "").rstrip("."))]
     reasons: dict[str, int] = {}
     for entry in body.get("left_out") or []:
         reason = str(entry.get("reason"))
@@ -287,8 +287,8 @@ def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:
         reasons[kind] = reasons.get(kind, 0) + 1
     if reasons:
         kinds = "; ".join(f"{n} ({kind})" for kind, n in sorted(reasons.items(), key=lambda item: -item[1]))
-        said.append(f"In no row: {_count(sum(reasons.values()), 'recording')}, {kinds}.")
-    return said
+        judgement.append(f"In no row: {_count(sum(reasons.values()), 'recording')}, {kinds}.")
+    return judgement
 
 
 def _pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[tuple[Any, str], Mapping[str, Any], Mapping[str, Any]]]:

@@ -14,11 +14,11 @@ from ..flight import Flight, Stream
 from ..signals.context import Context
 from .confirm import believed
 from .evidence import KINDS
-from .time_offset import ClockWarp, retime
+from .time_offset import TimeOffset, retime
 from .votes import AS_RECORDED, voters
 
 
-def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWarp | None:
+def find_time_offset(flight: Flight, clock: str, judged: Iterable[str] = ()) -> TimeOffset | None:
     """What to take out of the stamps of ``flight`` for ``clock`` (``votes.CLOCKS``) where ``judged`` (of
     ``votes.ESTIMATES``) are judged on it; None when it cannot be identified.
 
@@ -27,18 +27,18 @@ def find_warp(flight: Flight, clock: str, judged: Iterable[str] = ()) -> ClockWa
     """
     judged = judged if isinstance(judged, str) else tuple(judged)
     _kinds(clock, judged)  # an impossible choice is said before anything is computed
-    return warp_of(Context(flight), clock, judged)
+    return time_offset_of(Context(flight), clock, judged)
 
 
-def warp_of(context: Context, clock: str, judged: Iterable[str] = ()) -> ClockWarp | None:
-    """``find_warp`` of the flight of ``context``, with what was derived for it before."""
+def time_offset_of(context: Context, clock: str, judged: Iterable[str] = ()) -> TimeOffset | None:
+    """``find_time_offset`` of the flight of ``context``, with what was derived for it before."""
     kinds = _kinds(clock, judged)
     if clock == "offset":
         reading = context.once(read_clocks).get("imu")
         if reading is None or not reading.identifiable:
             return None
         none = np.zeros(0)
-        return ClockWarp(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro", kinds)
+        return TimeOffset(none, none, none, reading.offset_s, 0.0, False, {}, "constant offset of the gyro", kinds)
     # what the audit asks for has the same votes as ``joint``
     return context.once(believed) if kinds == tuple(KINDS) else believed(context, kinds)
 
@@ -61,17 +61,17 @@ def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("po
     if flight.provenance.clock_evidence:
         raise InputError(flight.provenance.path, "its stamps were moved before, by "
                          f"{', '.join(flight.provenance.clock_evidence)}", "use the recording as it was read")
-    warp = find_warp(flight, clock, judged)
-    if warp is None:
+    time_offset = find_time_offset(flight, clock, judged)
+    if time_offset is None:
         reading = read_clocks(Context(flight)).get("imu")
         why = "it has no imu stream" if reading is None else reading.reason
         raise InputError(flight.provenance.path, f"its clock cannot be identified: {why}", "use it as recorded")
-    return retime(flight, warp)
+    return retime(flight, time_offset)
 
 
-def apply_warp(flight: Flight, warp: ClockWarp | None) -> Flight:
+def apply_time_offset(flight: Flight, time_offset: TimeOffset | None) -> Flight:
     """``flight`` re-timed, its streams put back on the rows of the motion capture; unchanged without a warp."""
-    return flight if warp is None else on_rows(retime(flight, warp))
+    return flight if time_offset is None else on_rows(retime(flight, time_offset))
 
 
 def on_rows(flight: Flight) -> Flight:

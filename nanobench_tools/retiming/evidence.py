@@ -21,7 +21,7 @@ from ..frames import gravity_up
 from ..settings import count, number, setting
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
-from ..signals.mocap_derivatives import STEP_S, Truth, truth_of
+from ..signals.mocap_derivatives import STEP_S, MocapDerivatives, derivatives_of
 from ..signals.usable_rows import usable_streams
 
 MARGIN_S = number("retiming.evidence.margin_s")
@@ -171,23 +171,23 @@ def _alike_rows(z: np.ndarray) -> float:
     return float(np.mean(1.0 + 2.0 * np.sum(correlation[1:] * positive, axis=0)))
 
 
-def _fine(truth: Truth, values: np.ndarray) -> np.ndarray:
+def _fine(truth: MocapDerivatives, values: np.ndarray) -> np.ndarray:
     """(n, k) on the truth's grid -> on the fine grid, ends held."""
     fine = np.arange(truth.time_s[0] - MARGIN_S, truth.time_s[-1] + MARGIN_S, CELL_S)
     return CubicSpline(truth.time_s, values)(np.clip(fine, truth.time_s[0], truth.time_s[-1]))
 
 
-def _rate(truth: Truth) -> np.ndarray:
+def _rate(truth: MocapDerivatives) -> np.ndarray:
     dq = savgol_filter(truth.quaternion, 11, 3, deriv=1, delta=STEP_S, axis=0)
     return 2.0 * so3.multiply(so3.conjugate(truth.quaternion), dq)[:, :3]
 
 
-def _force(truth: Truth) -> np.ndarray:
+def _force(truth: MocapDerivatives) -> np.ndarray:
     acceleration = savgol_filter(truth.position_m, 13, 3, deriv=2, delta=STEP_S, axis=0)
     return so3.rotate_inverse(truth.quaternion, acceleration + gravity_up())
 
 
-PREDICTED: dict[str, Callable[[Truth], np.ndarray]] = {
+PREDICTED: dict[str, Callable[[MocapDerivatives], np.ndarray]] = {
     "gyro": _rate,
     "acceleration": _force,
     "attitude": lambda truth: truth.euler_rad[:, :2],
@@ -207,7 +207,7 @@ def _measured(kind: Kind, stream: Stream) -> np.ndarray:
 def collect(context: Context, kinds: tuple[str, ...], start_s: float, end_s: float) -> list[Evidence]:
     """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``; what is absent or has fewer
     than 100 usable samples is left out."""
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     if truth is None:
         return []
     streams, alive = context.once(usable_streams), context.once(alive_until)

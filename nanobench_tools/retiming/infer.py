@@ -17,10 +17,10 @@ from ..delays.packet_delay import CELL_S, log_step_prior
 from ..settings import count, number, setting
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
-from ..signals.mocap_derivatives import truth_of
+from ..signals.mocap_derivatives import derivatives_of
 from .evidence import ALIKE_S, KINDS, Evidence, collect
 from .steps import log_likelihood_of_steps
-from .time_offset import ClockWarp, wander_of
+from .time_offset import TimeOffset, wander_of
 
 ROW_S = 0.01
 EARLIEST_S, LATEST_S = number("retiming.infer.earliest_s"), number("retiming.infer.latest_s")
@@ -50,7 +50,7 @@ FEWEST = count("retiming.infer.fewest")
 
 
 def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool = False,
-          begin: ClockWarp | None = None) -> ClockWarp | None:
+          begin: TimeOffset | None = None) -> TimeOffset | None:
     """The warp that the streams ``kinds`` show, believed as it is; None without motion capture, flight or evidence.
 
     No other stream has a vote. Two of them also vote on how the delay moves where one is the other's rate
@@ -83,7 +83,7 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool 
                   _slow_error_s(context, evidence, rows_s, delay))
     moving = _speed(context, rows_s) > SLOWEST_M_S
     seen = moving if moving.any() else np.ones(len(rows_s), bool)
-    return ClockWarp(rows_s, delay, sd, float(np.median(delay[seen])), wander_of(rows_s[seen], delay[seen]), True,
+    return TimeOffset(rows_s, delay, sd, float(np.median(delay[seen])), wander_of(rows_s[seen], delay[seen]), True,
                      {e.kind.name: e.lag_s for e in evidence}, "time error from " + ", ".join(voting), voting, ratio)
 
 
@@ -113,7 +113,7 @@ class Grid:
 
 
 def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps,
-                 begin: ClockWarp | None = None) -> tuple[np.ndarray, np.ndarray, float]:
+                 begin: TimeOffset | None = None) -> tuple[np.ndarray, np.ndarray, float]:
     """(n,) posterior mean and standard deviation of the delay [s] at ``rows_s``, and the logarithm of how much likelier
     a moving delay makes the evidence than a constant one; learns lag, noise and weight of every member of
     ``evidence`` on the way, in place: on a coarse grid, but for the last pass."""
@@ -192,7 +192,7 @@ def _vote(likelihood: np.ndarray, e: Evidence, rows_s: np.ndarray, delay_s: np.n
 
 def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:
     """(n,) speed of the vehicle [m/s] at the rows."""
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     if truth is None:
         return np.zeros(len(rows_s))
     return np.interp(rows_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1))
@@ -204,7 +204,7 @@ def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray
     Along the track it cannot be told from time; its size is read across the track, where time cannot act.
     """
     position = next((e for e in evidence if e.kind.name == "position"), None)
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     if position is None or truth is None:
         return np.zeros(len(rows_s))
     residual = position.residual(np.interp(position.time_s, rows_s, delay))

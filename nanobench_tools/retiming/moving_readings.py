@@ -10,17 +10,17 @@ from ..signals.context import Context
 from .confirm import believed
 
 
-def clocks_with_warp(context: Context) -> dict[str, ClockReading]:
+def clocks_with_time_offset(context: Context) -> dict[str, ClockReading]:
     """The constant readings of every stream; those on the vehicle's one clock also say how its error moves, if it
     does and other streams confirm it."""
     readings = context.once(read_clocks)
     if not any(reading.identifiable for reading in readings.values()):
         return readings
-    warp = context.once(believed)
-    if warp is None or not warp.moving:
+    time_offset = context.once(believed)
+    if time_offset is None or not time_offset.moving:
         return readings
-    points = warp.points()
-    moving = {name: replace(reading, wander_sd_s=warp.wander_sd_s, warp=points, evidence=warp.evidence)
+    points = time_offset.points()
+    moving = {name: replace(reading, wander_sd_s=time_offset.wander_sd_s, warp=points, evidence=time_offset.evidence)
               for name, reading in readings.items() if shares_clock(name, reading)}
     return {**readings, **moving}
 

@@ -20,11 +20,11 @@ from ..errors import InputError
 from ..flight import Flight, Stream
 from ..settings import count, number
 from ..signals.context import Context
-from ..signals.mocap_derivatives import STEP_S, Truth, truth_of
+from ..signals.mocap_derivatives import STEP_S, MocapDerivatives, derivatives_of
 from .confirm import evidence_gain
 from .evidence import Evidence, Kind
 from .infer import LATEST_S, ROW_S, smooth_delay
-from .time_offset import ClockWarp, wander_of
+from .time_offset import TimeOffset, wander_of
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 BAND_HZ = number("retiming.pairing.band_hz")
@@ -32,7 +32,7 @@ SLOW_S = number("retiming.pairing.slow_s")
 """Rates are compared between 1 / SLOW_S and BAND_HZ: above is vibration, and that a vehicle turns in the air and not on
 the ground is true of any two flights."""
 
-LIKENESS = number("retiming.pairing.likeness")
+LEAST_CORRELATION = number("retiming.pairing.least_correlation")
 """Correlation of the rates, once the frames are turned onto each other, below which two recordings are not of one
 flight: 0.60-0.93 for those that are, at most 0.46 for those that are not (18 real flights)."""
 
@@ -59,7 +59,7 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
     recordings are not of one flight or the offset is not unique.
     """
     place = f"{flight.provenance.path} with {tracked.provenance.path}"
-    truth = truth_of(Context(tracked))
+    truth = derivatives_of(Context(tracked))
     if truth is None:
         raise InputError(tracked.provenance.path, "no motion capture of a second or more")
     if "imu" not in flight or not set(GYRO) <= set(flight["imu"].quantities):
@@ -70,14 +70,14 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
     if len(t) < 100 or np.any(np.diff(t) <= 0.0):
         raise InputError(flight.provenance.path, "the gyro has no two seconds of stamps in order")
     offset_s = coarse_offset(t, gyro, truth.time_s, truth.rate_rad_s, place)
-    turn, likeness = _turn(truth, t - offset_s, gyro)
-    if likeness < LIKENESS:
-        raise InputError(place, f"the turning rates are alike nowhere (correlation {likeness:.2f} at best)",
+    turn, correlation = _turn(truth, t - offset_s, gyro)
+    if correlation < LEAST_CORRELATION:
+        raise InputError(place, f"the turning rates are alike nowhere (correlation {correlation:.2f} at best)",
                          "give recordings of one flight that turns and overlaps by half")
     mocap = tracked["mocap"]
     stamps = mocap.time_s + offset_s
     note = (f"motion capture of {tracked.provenance.path}, its stamps later by {offset_s:.3f} s "
-            f"(likeness {likeness:.2f})")
+            f"(correlation {correlation:.2f})")
     values = mocap.values
     if turn.magnitude() > SQUARE_RAD:
         where = [mocap.index(q) for q in ("qx", "qy", "qz", "qw")]
@@ -104,7 +104,7 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
     alike = np.where(enough, correlate(x, y, "full", "fft") / np.sqrt(np.maximum(energy, 1e-12)), -1.0)
     lags = correlation_lags(len(x), len(y), "full")
     best = int(np.argmax(alike))
-    if alike[best] < NOWHERE * LIKENESS:
+    if alike[best] < NOWHERE * LEAST_CORRELATION:
         raise InputError(place, f"the turning rates are alike nowhere (their magnitudes to {alike[best]:.2f} at best)",
                          "give recordings of one flight that turns and overlaps by half")
     rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
@@ -120,7 +120,7 @@ def _band(values: np.ndarray) -> np.ndarray:
     return smooth - uniform_filter1d(smooth, round(SLOW_S / STEP_S), axis=0)
 
 
-def _turn(truth: Truth, time_s: np.ndarray, gyro: np.ndarray) -> tuple[Rotation, float]:
+def _turn(truth: MocapDerivatives, time_s: np.ndarray, gyro: np.ndarray) -> tuple[Rotation, float]:
     """The rotation that takes the gyro's axes to the tracker's body axes (Wahba's problem), and how alike the rates
     then are."""
     grid = np.arange(max(time_s[0], truth.time_s[0]), min(time_s[-1], truth.time_s[-1]), STEP_S)
@@ -130,7 +130,7 @@ def _turn(truth: Truth, time_s: np.ndarray, gyro: np.ndarray) -> tuple[Rotation,
     return turn, float(np.sum(turned * true) / np.sqrt(np.sum(turned**2) * np.sum(true**2)))
 
 
-def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> ClockWarp | None:
+def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> TimeOffset | None:
     """How late the stamps of ``measured`` are against those of ``reference``, for two streams that measured the same
     ``quantities`` (two or more) on two clocks; a moving error only if each quantity confirms what the others say.
 
@@ -153,12 +153,12 @@ def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) ->
         gains.append(evidence_gain(parts[judge], float(np.median(found)),
                                    np.interp(parts[judge].time_s, rows_s, found)))
     wander = wander_of(rows_s, delay)
-    told = ", ".join(f"{q} {-100 * g:.0f} %" for q, (g, _) in zip(quantities, gains, strict=False))
+    reported = ", ".join(f"{q} {-100 * g:.0f} %" for q, (g, _) in zip(quantities, gains, strict=False))
     if gains and all(g > 2.0 * e for g, e in gains):
-        return ClockWarp(rows_s, delay, sd, constant, wander, True, {}, f"moves by {1e3 * wander:.1f} ms (SD); the "
-                         f"clock of the other quantities changes the residual of each: {told}")
-    return ClockWarp(rows_s, np.full(len(rows_s), constant), np.full(len(rows_s), float(np.median(sd))), constant, 0.0,
-                     False, {}, f"no moving error confirmed ({told or 'one quantity cannot confirm itself'}); "
+        return TimeOffset(rows_s, delay, sd, constant, wander, True, {}, f"moves by {1e3 * wander:.1f} ms (SD); the "
+                         f"clock of the other quantities changes the residual of each: {reported}")
+    return TimeOffset(rows_s, np.full(len(rows_s), constant), np.full(len(rows_s), float(np.median(sd))), constant, 0.0,
+                     False, {}, f"no moving error confirmed ({reported or 'one quantity cannot confirm itself'}); "
                      "the constant is used")
 
 

@@ -16,7 +16,7 @@ from ..settings import count, number
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from .evidence import collect
-from .time_offset import ClockWarp, wander_of
+from .time_offset import TimeOffset, wander_of
 
 WRAP_S = 2.0**24 / 1000.0
 """The Crazyflie's log packets count milliseconds in 24 bits."""
@@ -46,7 +46,7 @@ def link_delay(stamp_s: np.ndarray, tick_s: np.ndarray) -> tuple[np.ndarray, flo
     return late - a - b * x, float(b)
 
 
-def warp_from_ticks(context: Context) -> ClockWarp | None:
+def time_offset_from_ticks(context: Context) -> TimeOffset | None:
     """The measured warp; None without a stream that has ticks in order.
 
     The least delay of the link itself is not seen in ticks. With motion capture it is the lag that fits the gyro best
@@ -62,18 +62,18 @@ def warp_from_ticks(context: Context) -> ClockWarp | None:
     time_s, delay = time_s[order], delay[order]
     steps = np.concatenate([np.diff(np.unique(tick)) for _, _, tick in measured])
     resolution = float(steps.min()) if len(steps) else 0.0
-    constant, doubt, told = 0.0, float("inf"), "its least delay is unknown (no gyro with motion capture)"
+    constant, doubt, reason = 0.0, float("inf"), "its least delay is unknown (no gyro with motion capture)"
     airborne = context.once(airborne_spans)
     gyro = collect(context, ("gyro",), airborne[0].start_s, airborne[-1].end_s) if airborne else []
     if gyro:
         gyro[0].learn_lag(np.interp(gyro[0].time_s, time_s, delay))
         constant, doubt = gyro[0].lag_s, LAG_SD_S
-        told = f"the gyro adds {1e3 * constant:.0f} ms"
+        reason = f"the gyro adds {1e3 * constant:.0f} ms"
     wander = wander_of(time_s, delay)
     sd = np.full(len(time_s), np.hypot(resolution / np.sqrt(12.0), doubt))
-    return ClockWarp(time_s, delay + constant, sd, float(np.median(delay)) + constant, wander, wander > MOVES_S,
+    return TimeOffset(time_s, delay + constant, sd, float(np.median(delay)) + constant, wander, wander > MOVES_S,
                      {}, f"measured from the ticks of {len(measured)} streams: delay moves by {1e3 * wander:.1f} ms "
-                         f"(SD); {told}", ("tick", "gyro") if gyro else ("tick",))
+                         f"(SD); {reason}", ("tick", "gyro") if gyro else ("tick",))
 
 
 def _delay_of(stream: Stream) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

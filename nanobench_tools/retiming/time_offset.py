@@ -13,7 +13,7 @@ from ..flight import Flight, Span, Stream
 
 
 @dataclass(frozen=True)
-class ClockWarp:
+class TimeOffset:
     """How late the stamps of one clock are against the motion capture.
 
     time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
@@ -43,7 +43,7 @@ class ClockWarp:
                 "log_ratio": self.log_ratio if math.isfinite(self.log_ratio) else None}
 
     @classmethod
-    def from_json(cls, body: Mapping[str, Any]) -> ClockWarp:
+    def from_json(cls, body: Mapping[str, Any]) -> TimeOffset:
         """The inverse of ``to_json``."""
         time_s, offset_s, sd_s = (np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s"))
         ratio = math.nan if body["log_ratio"] is None else body["log_ratio"]
@@ -82,18 +82,19 @@ def wander_of(time_s: np.ndarray, offset_s: np.ndarray) -> float:
     return float(np.std(offset_s - (t @ offset_s) / max(t @ t, 1e-12) * t))
 
 
-def retime_stream(stream: Stream, warp: ClockWarp) -> Stream:
+def retime_stream(stream: Stream, time_offset: TimeOffset) -> Stream:
     """The same samples on the motion capture's clock: stamps are moved, order is kept, no value is changed or made."""
-    moved = np.maximum.accumulate(stream.time_s - warp.at(stream.time_s))
-    sd = np.interp(stream.time_s, warp.time_s, warp.sd_s) if len(warp.time_s) else None
-    valid = stream.valid and tuple(Span(s.start_s - warp.constant_s, s.end_s - warp.constant_s) for s in stream.valid)
+    moved = np.maximum.accumulate(stream.time_s - time_offset.at(stream.time_s))
+    sd = np.interp(stream.time_s, time_offset.time_s, time_offset.sd_s) if len(time_offset.time_s) else None
+    shift_s = time_offset.constant_s
+    valid = stream.valid and tuple(Span(s.start_s - shift_s, s.end_s - shift_s) for s in stream.valid)
     return replace(stream, time_s=moved, valid=valid, time_sd_s=sd)
 
 
-def retime(flight: Flight, warp: ClockWarp, keep: tuple[str, ...] = ("mocap",)) -> Flight:
-    """A copy of ``flight`` in which every stream but ``keep`` is moved by ``warp``; the provenance says so."""
-    moved = {name: s if name in keep else retime_stream(s, warp) for name, s in flight.streams.items()}
-    note = f"re-timed: {warp.reason}"
+def retime(flight: Flight, time_offset: TimeOffset, keep: tuple[str, ...] = ("mocap",)) -> Flight:
+    """A copy of ``flight`` in which every stream but ``keep`` is moved by ``time_offset``; the provenance says so."""
+    moved = {name: s if name in keep else retime_stream(s, time_offset) for name, s in flight.streams.items()}
+    note = f"re-timed: {time_offset.reason}"
     return replace(flight, streams=moved,
                    provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note),
-                                      clock_evidence=warp.evidence))
+                                      clock_evidence=time_offset.evidence))

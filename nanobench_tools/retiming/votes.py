@@ -61,5 +61,5 @@ def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
     names = ", ".join(heard)
     if clock == "offset" or not moving:
         return f"; stamps less the flight's constant offset, found off-line from {names}"
-    said = f"; stamps less the moving error, found off-line from {names} against motion capture"
-    return said + (": the logged position helped to set this clock" if "position" in heard else "")
+    note = f"; stamps less the moving error, found off-line from {names} against motion capture"
+    return note + (": the logged position helped to set this clock" if "position" in heard else "")

@@ -42,7 +42,7 @@ def resting_height_m(z: np.ndarray) -> float:
 
 
 def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """time_s (n,), z (n,) m of the motion capture, less its leaps, else of the estimator; None without either."""
+    """time_s (n,), z (n,) m of the motion capture, less its jumps, else of the estimator; None without either."""
     streams = context.once(usable_streams)
     for name, column in (("mocap", "pz"), ("estimator", "z")):
         if name in streams and column in streams[name].quantities:

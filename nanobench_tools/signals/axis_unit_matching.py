@@ -56,7 +56,7 @@ CLEARLY = number("audit.axis_unit_matching.clearly")
 
 
 @dataclass(frozen=True)
-class Likeness:
+class AxisUnitMatch:
     """order (3,): axis i of the stream looks like axis order[i] of the reference; sign (3,) -1 | 0 (not decided) | 1;
     correlation (3,) with that axis; ratio (3,) of amplitudes, nan where the correlation is not clear; swapped: the
     order differs from x, y, z beyond doubt."""
@@ -99,7 +99,7 @@ class Likeness:
         )
 
 
-def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
+def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
     """None if nothing moves. ``sums`` are those of ``pair``."""
     cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
     s = np.sqrt(np.maximum(np.diagonal(measured), 0.0))
@@ -132,7 +132,7 @@ def likeness_of(pair: Pair, sums: LagSums) -> Likeness | None:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
-    return Likeness(
+    return AxisUnitMatch(
         pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)), swapped
     )
 
@@ -144,25 +144,25 @@ def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
     return bool(abs(share.mean()) > CERTAIN_T * spread / np.sqrt(len(share))) if spread > 0.0 else True
 
 
-def likenesses(context: Context) -> dict[MakePair, Likeness]:
+def axis_unit_matches(context: Context) -> dict[MakePair, AxisUnitMatch]:
     """The verdict for every pair that could be formed."""
     found = {}
     for make in PAIRS:
         sums, pair = sums_of(context, make), context.once(make)
-        verdict = None if sums is None or pair is None else likeness_of(pair, sums)
+        verdict = None if sums is None or pair is None else match_of(pair, sums)
         if verdict is not None:
             found[make] = verdict
     return found
 
 
-def wrong_likenesses(context: Context) -> list[Likeness]:
+def wrong_matches(context: Context) -> list[AxisUnitMatch]:
     """The streams that are in other axes, signs or units, each mistake once.
 
     Two streams that disagree with the motion capture in the same way are right and the motion capture is wrong: the
     estimator and the setpoint (else the estimated velocity) for positions, gyro and estimated attitude for rotations.
     Accelerations and forces are then compared with derivatives of wrong positions and say nothing.
     """
-    found = context.once(likenesses)
+    found = context.once(axis_unit_matches)
     wrong = {make: verdict for make, verdict in found.items() if verdict.wrong}
     judges = [make for make in (setpoint_pair, velocity_pair, mocap_velocity_pair) if make in found]
     if position_pair in wrong and judges:
@@ -190,10 +190,10 @@ def wrong_likenesses(context: Context) -> list[Likeness]:
     return list(wrong.values())
 
 
-def _inverse(verdict: Likeness, stream: str, quantities: tuple[str, ...]) -> Likeness:
+def _inverse(verdict: AxisUnitMatch, stream: str, quantities: tuple[str, ...]) -> AxisUnitMatch:
     """The same disagreement, blamed on the reference."""
     order = tuple(int(i) for i in np.argsort(verdict.order))
-    return Likeness(
+    return AxisUnitMatch(
         stream,
         quantities,
         order,

@@ -32,7 +32,7 @@ BATTERY_HOLDS_S = number("audit.dropouts.battery_holds_s")
 
 
 @dataclass(frozen=True)
-class Tail:
+class Dropout:
     """from_s: time of the last packet; to_s: last row; moving: it runs along a straight line rather than standing."""
 
     from_s: float
@@ -71,12 +71,12 @@ def flies(context: Context) -> bool:
     return any(name in context.flight for name in ("mocap", "imu", "estimator"))
 
 
-def tails_of(context: Context) -> dict[str, Tail]:
+def dropouts_of(context: Context) -> dict[str, Dropout]:
     """The dead end of every stream that has one. The motion capture's own clock stands apart from the radio's."""
     streams, packets = context.once(usable_streams), context.once(packets_of)
     last_bend = {name: _last_bend(p) for name, p in packets.items()}
-    found: dict[str, Tail] = {}
-    waiting: dict[str, Tail] = {}
+    found: dict[str, Dropout] = {}
+    waiting: dict[str, Dropout] = {}
     for name, p in packets.items():
         if name in NO_SENSORS:
             continue
@@ -88,17 +88,17 @@ def tails_of(context: Context) -> dict[str, Tail]:
         if name == "battery" and not moving and (voltage_stands(context) or not flies(context)):
             continue
         # the line runs through the last two packets: the last one comes one interval after the last bend
-        tail = Tail(min(float(stream.time_s[i]) + (p.interval_s if moving else 0.0), end), end, moving)
+        dropout = Dropout(min(float(stream.time_s[i]) + (p.interval_s if moving else 0.0), end), end, moving)
         if moving or not holds_still_rightly(name, stream, slice(i + 1, None)):
-            found[name] = tail
+            found[name] = dropout
         else:
-            waiting[name] = tail
-    radio = [tail.from_s for name, tail in found.items() if name not in ("mocap", "battery")]
+            waiting[name] = dropout
+    radio = [dropout.from_s for name, dropout in found.items() if name not in ("mocap", "battery")]
     if radio:
         stopped = float(np.median(radio))
-        for name, tail in waiting.items():
-            if name != "mocap" and tail.from_s <= stopped + SHORTEST_S:
-                found[name] = Tail(max(tail.from_s, stopped), tail.to_s, False)
+        for name, dropout in waiting.items():
+            if name != "mocap" and dropout.from_s <= stopped + SHORTEST_S:
+                found[name] = Dropout(max(dropout.from_s, stopped), dropout.to_s, False)
     return found
 
 
@@ -114,8 +114,8 @@ def _last_bend(p: Packets) -> int:
 
 def alive_until(context: Context) -> dict[str, float]:
     """Time of the last true value of every stream [s]."""
-    tails = context.once(tails_of)
+    dropouts = context.once(dropouts_of)
     return {
-        name: tails[name].from_s if name in tails else float(stream.time_s[-1]) if len(stream) else 0.0
+        name: dropouts[name].from_s if name in dropouts else float(stream.time_s[-1]) if len(stream) else 0.0
         for name, stream in context.once(usable_streams).items()
     }

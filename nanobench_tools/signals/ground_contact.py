@@ -37,7 +37,7 @@ def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:
 
 
 def _estimated(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """The estimator's height: the tracker may leap, the vehicle lands all the same."""
+    """The estimator's height: the tracker may jump, the vehicle lands all the same."""
     stream = context.once(usable_streams).get("estimator")
     if stream is None or "z" not in stream.quantities:
         return None

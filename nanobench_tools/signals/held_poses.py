@@ -17,7 +17,7 @@ POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True)
-class Filled:
+class HeldPoses:
     """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before), drawn
     (on the chord of its neighbours, moving)."""
 
@@ -30,7 +30,7 @@ class Filled:
         return self.lost | self.same | self.drawn
 
 
-def filled_poses(context: Context) -> Filled | None:
+def held_poses(context: Context) -> HeldPoses | None:
     """None without poses, or when one of their columns never holds a number (missing, not occluded).
 
     Rotations may be filled along an arc, so straight lines are looked for in the position.
@@ -51,4 +51,4 @@ def filled_poses(context: Context) -> Filled | None:
     bend = np.abs(p[1:-1] - (p[:-2] + (p[2:] - p[:-2]) * share))
     drawn = np.zeros(len(t), dtype=bool)
     drawn[1:-1] = (bend <= PRINT_RESOLUTION).all(axis=1) & (np.abs(p[1:-1] - p[:-2]) > LEAST_STEP_M).any(axis=1)
-    return Filled(lost, same & ~lost, drawn & ~same & ~lost)
+    return HeldPoses(lost, same & ~lost, drawn & ~same & ~lost)

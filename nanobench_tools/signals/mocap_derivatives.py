@@ -11,7 +11,7 @@ from .. import so3
 from ..frames import gravity_up
 from ..settings import number
 from .context import Context
-from .held_poses import filled_poses
+from .held_poses import held_poses
 from .plausible_ranges import tracker_scale
 from .quaternions import ORDERS, quaternion_orders
 from .usable_rows import usable_streams
@@ -25,16 +25,16 @@ SLOWEST_STEP_S = number("audit.mocap_derivatives.slowest_step_s")
 BRIDGED_S = number("audit.mocap_derivatives.bridged_s")
 """Frames missing for longer are not bridged: the grid is marked bad there."""
 BEND_M = number("audit.mocap_derivatives.bend_m")
-"""A pose that bends by more between frames is a leap: 300 m/s^2."""
+"""A pose that bends by more between frames is a jump: 300 m/s^2."""
 BEND_QUATERNION = number("audit.mocap_derivatives.bend_quaternion")
 """The same of the quaternion: 0.1 rad."""
 
 
 @dataclass(frozen=True)
-class Truth:
+class MocapDerivatives:
     """time_s (n,); position_m, velocity_m_s, acceleration_m_s2 (n, 3) world; quaternion (n, 4) body to world;
     euler_rad (n, 3) roll, pitch, yaw, unwrapped; rate_rad_s and force_m_s2 (specific force) (n, 3) body; good (n,)
-    bool: frames on both sides and no leap near by."""
+    bool: frames on both sides and no jump near by."""
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -47,7 +47,7 @@ class Truth:
     good: np.ndarray
 
 
-def truth_of(context: Context) -> Truth | None:
+def derivatives_of(context: Context) -> MocapDerivatives | None:
     """None without poses for at least one second.
 
     Derivatives are central differences over 20 ms of a cubic spline through the frames (lost frames are bridged
@@ -55,15 +55,15 @@ def truth_of(context: Context) -> Truth | None:
     """
     stream = context.once(usable_streams).get("mocap")
     names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
-    filled = context.once(filled_poses)
-    if stream is None or filled is None or not all(name in stream.quantities for name in names):
+    held = context.once(held_poses)
+    if stream is None or held is None or not all(name in stream.quantities for name in names):
         return None
     pose = stream[names]
     orders = context.once(quaternion_orders)
     if "mocap" in orders:
         pose = np.concatenate([pose[:, :3], pose[:, 3:][:, ORDERS[orders["mocap"].name]]], axis=1)
     pose = pose / np.array([*[context.once(tracker_scale)] * 3, 1.0, 1.0, 1.0, 1.0])
-    keep = ~filled.any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
+    keep = ~held.any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
     t, pose = stream.time_s[keep], pose[keep]
     if len(t) < 20 or t[-1] - t[0] < 1.0 or np.median(np.diff(t)) > SLOWEST_STEP_S:
         return None
@@ -79,7 +79,7 @@ def truth_of(context: Context) -> Truth | None:
     a[1:-1] = np.diff(p, 2, axis=0) / STEP_S**2
     a[0], a[-1] = a[1], a[-2]
     euler = np.unwrap(so3.euler_zyx(q), axis=0)
-    return Truth(
+    return MocapDerivatives(
         grid,
         p,
         v,
@@ -88,7 +88,7 @@ def truth_of(context: Context) -> Truth | None:
         euler,
         body_rate(q, STEP_S),
         so3.rotate_inverse(q, a + gravity_up()),
-        ~widened(missing | _leaps(p, q), 10),
+        ~widened(missing | _jumps(p, q), 10),
     )
 
 
@@ -115,7 +115,7 @@ def widened(flags: np.ndarray, rows: int) -> np.ndarray:
     return counts[np.minimum(i + rows + 1, n)] > counts[np.maximum(i - rows, 0)]
 
 
-def _leaps(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _jumps(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Rows at which the pose bends by more than a vehicle can: 30 mm (300 m/s^2) or 0.1 rad between 10 ms frames."""
     flags = np.zeros(len(p), dtype=bool)
     flags[1:-1] = (np.linalg.norm(np.diff(p, 2, axis=0), axis=1) > BEND_M) | (

@@ -2,7 +2,7 @@
 for it; which ones stands in ``pairs``.
 
 Both are on the grid of ``mocap_derivatives`` and band-limited forward and backward (no delay). Rows near missing, dead,
-frozen or leaping data are left out.
+frozen or jumping data are left out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .airborne import airborne_spans
 from .context import Context
 from .crashes import crash_of
 from .dropouts import alive_until
-from .mocap_derivatives import STEP_S, Truth, truth_of, widened
+from .mocap_derivatives import STEP_S, MocapDerivatives, derivatives_of, widened
 from .packet_rows import packets_of
 from .usable_rows import runs, usable_streams
 
@@ -74,7 +74,7 @@ def band_limited(values: np.ndarray, band_hz: tuple[float, float]) -> np.ndarray
 
 def flying_rows(context: Context) -> np.ndarray:
     """(n,) bool on the grid of truth: in the air, landing and crash left out."""
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     spans = context.once(airborne_spans)
     if truth is None or not spans:
         return np.zeros(0 if truth is None else len(truth.time_s), dtype=bool)
@@ -92,7 +92,7 @@ def on_grid(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
     they are true values."""
-    truth, stream = context.once(truth_of), context.once(usable_streams).get(name)
+    truth, stream = context.once(derivatives_of), context.once(usable_streams).get(name)
     if truth is None or stream is None or not all(q in stream.quantities for q in quantities):
         return None
     t = truth.time_s - shift_s
@@ -115,7 +115,7 @@ def against(
     context: Context,
     name: str,
     quantities: tuple[str, ...],
-    reference: Callable[[Truth], np.ndarray],
+    reference: Callable[[MocapDerivatives], np.ndarray],
     band_hz: tuple[float, float],
     free: bool,
     signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
@@ -125,7 +125,7 @@ def against(
 ) -> Pair | None:
     """The pair of a stream's ``signal(prepare(values))`` and what ``reference`` makes of truth; see ``on_grid`` and
     ``pair_of``."""
-    placed, truth = on_grid(context, name, quantities, prepare, shift_s), context.once(truth_of)
+    placed, truth = on_grid(context, name, quantities, prepare, shift_s), context.once(derivatives_of)
     if placed is None or truth is None:
         return None
     values, true_rows = placed
@@ -148,7 +148,7 @@ def pair_of(
 
     None with less than three seconds in the air.
     """
-    truth = context.once(truth_of)
+    truth = context.once(derivatives_of)
     if truth is None:
         return None
     use = context.once(flying_rows) & truth.good & ~widened(~true_rows, 10)

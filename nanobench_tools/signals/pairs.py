@@ -17,7 +17,7 @@ from .quaternions import ORDERS, quaternion_orders
 
 SHORT_REACH_S = number("audit.pairs.short_reach_s")
 """Columns of the motion capture itself are compared this far either way."""
-ASKED_BAND_HZ = setting("audit.pairs.asked_band_hz")
+COMMANDED_BAND_HZ = setting("audit.pairs.commanded_band_hz")
 """Set-points are compared with what was reached between these."""
 EULER_BAND_HZ = setting("audit.pairs.euler_band_hz")
 """Euler angles are compared between these."""
@@ -96,7 +96,7 @@ def setpoint_pair(context: Context) -> Pair | None:
         "setpoint",
         ("x", "y", "z"),
         lambda truth: truth.position_m,
-        ASKED_BAND_HZ,
+        COMMANDED_BAND_HZ,
         True,
         reach_s=0.5,
         shift_s=0.5,

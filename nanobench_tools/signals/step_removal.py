@@ -1,5 +1,5 @@
-"""Tracked positions without the leaps of ``faults.mocap_jump``, for what only asks how high above the ground it was:
-needs nothing but the positions, so that the search for leaps can itself ask when the vehicle flew."""
+"""Tracked positions without the jumps of ``faults.mocap_jump``, for what only asks how high above the ground it was:
+needs nothing but the positions, so that the search for jumps can itself ask when the vehicle flew."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def grouped(rows: np.ndarray) -> list[np.ndarray]:
 
 
 def levelled(time_s: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """(n,) heights of one frame: each leap of ``height`` (n,) m is taken out from there on. A spike comes back, and is
+    """(n,) heights of one frame: each jump of ``height`` (n,) m is taken out from there on. A spike comes back, and is
     left as it is."""
     rising = len(time_s) > 2 * SIDE + 2 and bool((np.diff(time_s) > 0.0).all())
     if not rising:
@@ -42,7 +42,7 @@ def levelled(time_s: np.ndarray, height: np.ndarray) -> np.ndarray:
         first, last = max(a - SIDE, 0), min(b + SIDE, len(height) - 1)
         slope = 0.5 * ((height[a] - height[first]) / (time_s[a] - time_s[first]) if a > first else 0.0) + \
             0.5 * ((height[last] - height[b]) / (time_s[last] - time_s[b]) if last > b else 0.0)
-        leap = height[b] - height[a] - slope * (time_s[b] - time_s[a])
-        if abs(leap) > LIMIT_M:
-            found[i[group[int(np.argmax(np.abs(offset[group, 0])))]] + 1:] -= leap
+        jump = height[b] - height[a] - slope * (time_s[b] - time_s[a])
+        if abs(jump) > LIMIT_M:
+            found[i[group[int(np.argmax(np.abs(offset[group, 0])))]] + 1:] -= jump
     return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..settings import number
 from ..units import GRAVITY_M_S2
-from .axis_unit_matching import Likeness, wrong_likenesses
+from .axis_unit_matching import AxisUnitMatch, wrong_matches
 from .context import Context
 from .crashes import crash_of
 from .dropouts import alive_until
@@ -51,9 +51,9 @@ def gravity_axis(context: Context) -> Gravity | None:
 def wrong_units(context: Context) -> list[WrongUnit]:
     """Ranges first; what they explain is not told again by the comparison."""
     found = list(context.once(wrong_ranges))
-    told = {(w.stream, q) for w in found for q in w.quantities}
-    for verdict in context.once(wrong_likenesses):
-        if verdict.factor == 1.0 or any((verdict.stream, q) in told for q in verdict.quantities):
+    reported = {(w.stream, q) for w in found for q in w.quantities}
+    for verdict in context.once(wrong_matches):
+        if verdict.factor == 1.0 or any((verdict.stream, q) in reported for q in verdict.quantities):
             continue
         found.append(
             WrongUnit(
@@ -80,7 +80,7 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                 f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}",
             )
         )
-    for verdict in context.once(wrong_likenesses):
+    for verdict in context.once(wrong_matches):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
                 found.append(
@@ -97,7 +97,7 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
 def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
     """(stream, quantities that changed places, evidence)."""
     found = []
-    for verdict in context.once(wrong_likenesses):
+    for verdict in context.once(wrong_matches):
         if verdict.swapped:
             moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
             seen = ", ".join(
@@ -127,7 +127,7 @@ def distorted_streams(context: Context) -> set[str]:
     return {w.stream for w in context.once(wrong_units)}
 
 
-def _against(verdict: Likeness) -> str:
+def _against(verdict: AxisUnitMatch) -> str:
     return (
         "vehicle's own streams"
         if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx")
@@ -135,5 +135,5 @@ def _against(verdict: Likeness) -> str:
     )
 
 
-def _named(verdict: Likeness) -> str:
+def _named(verdict: AxisUnitMatch) -> str:
     return f" ({verdict.factor_name})" if verdict.factor_name else ""

@@ -10,9 +10,9 @@ LONGEST_STEP_S = 1.0
 """Between rows of a recording of a vehicle in flight: nothing can be said of one that was looked at more rarely."""
 
 
-def not_seconds(stamps: np.ndarray, said: bool = False) -> str | None:
-    """Why stamps (n,) are not in seconds, None where they may be. ``said``: the file itself says that they are, so that
-    rare rows are believed."""
+def not_seconds(stamps: np.ndarray, declared: bool = False) -> str | None:
+    """Why stamps (n,) are not in seconds, None where they may be. ``declared``: the file itself says that they are, so
+    that rare rows are believed."""
     finite = stamps[np.isfinite(stamps)]
     if not len(finite):
         return None
@@ -20,6 +20,6 @@ def not_seconds(stamps: np.ndarray, said: bool = False) -> str | None:
     if middle > LATEST_S:
         return f"stamps of about {middle:.4g} are no seconds"
     step = float(np.median(np.diff(finite))) if len(finite) > 2 else 0.0
-    if step > LONGEST_STEP_S and not said:
+    if step > LONGEST_STEP_S and not declared:
         return f"stamps that are {step:.4g} apart are no seconds of a recording"
     return None

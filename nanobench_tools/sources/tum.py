@@ -101,7 +101,7 @@ def _seconds(cells: list[str], unit: str, place: str) -> tuple[np.ndarray, np.nd
     absolute = stated * factor(unit or "s")
     if not np.isfinite(absolute).any():
         raise InputError(place, "no line of eight numbers", "a TUM trajectory has time x y z qx qy qz qw")
-    if (why := not_seconds(absolute, said=bool(unit))) is not None:
+    if (why := not_seconds(absolute, declared=bool(unit))) is not None:
         advice = "say the unit in a first line such as: # timestamp [ns] tx ty tz qx qy qz qw"
         raise InputError(f"{place}: time column", why, advice)
     absolute = np.where(np.abs(absolute) < GIGANTIC, absolute, np.nan)

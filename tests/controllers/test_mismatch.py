@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from controllers.ensemble import draw, shipped_simulator
-from controllers.mismatch import CASES, TOLD_RADIO_S, mismatched
-from controllers.mpc_horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_leaps
-from controllers.simulated_flights import Told, flown, made
+from controllers.mismatch import BELIEVED_RADIO_S, CASES, mismatched
+from controllers.mpc_horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_jumps
+from controllers.simulated_flights import GivenReference, flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import Paths, score, specs_of
 
@@ -28,7 +28,7 @@ def test_every_case_changes_what_it_says_and_nothing_else():
     thrust[[names.index("thrust +15 %"), names.index("thrust -15 %")]] = 1.15, 0.85
     for motor in range(4):
         np.testing.assert_allclose(parameter(crowd, f"motor_imbalance.g[{motor}]"), thrust)
-    late = 1e3 * (crowd.radio_s - TOLD_RADIO_S)
+    late = 1e3 * (crowd.radio_s - BELIEVED_RADIO_S)
     np.testing.assert_allclose(late[[names.index("radio +20 ms"), names.index("radio -20 ms")]], [20.0, -20.0])
     assert np.count_nonzero(late) == 2
     assert crowd.hover_V[names.index("battery 3.3 V")] == 3.3
@@ -45,9 +45,10 @@ def test_the_radio_delays_commands_from_the_ground_and_references_on_board():
         plant.advance(np.zeros((2, 4)))
     assert np.all(plant.state[13:] < 0.8 * before)
     paths = Paths(tuple(specs_of(["circle"], [1.0], 7.0)))
-    now, later = Told(paths, draw(SIMULATOR, 2), made("lead_pid", MODEL)), Told(paths, crowd, made("lead_pid", MODEL))
+    now = GivenReference(paths, draw(SIMULATOR, 2), made("lead_pid", MODEL))
+    later = GivenReference(paths, crowd, made("lead_pid", MODEL))
     np.testing.assert_allclose(later.at(603).position_m, now.at(600).position_m)
-    ground = Told(paths, crowd, made("mpc_daqp", MODEL, 0.03))
+    ground = GivenReference(paths, crowd, made("mpc_daqp", MODEL, 0.03))
     np.testing.assert_allclose(ground.at(603).position_m, ground.at(600).ahead(np.array([0.03])).position_m[0])
 
 
@@ -61,7 +62,7 @@ def test_a_wind_is_the_models_and_of_one_strength():
 
 def test_mpc_flies_every_case_of_mismatch_and_loses_no_vehicle():
     crowd, paths = mismatched(SIMULATOR), Paths(tuple(specs_of(["figure_eight"], [1.0], 7.0)))
-    controller = made("mpc_daqp", MODEL, TOLD_RADIO_S)
+    controller = made("mpc_daqp", MODEL, BELIEVED_RADIO_S)
     (found,) = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
     errors = dict(zip(CASES, (one["rmse_m"] for one in found), strict=True))
     assert max(errors.values()) < 0.08, errors
@@ -116,5 +117,5 @@ def test_a_leap_is_not_looked_forward_to():
     rows = np.zeros((1, 5, WIDTH))
     rows[0, :, 3] = 1.0
     rows[0, :, 0] = [0.0, 0.1, 1.2, 1.3, 1.4]
-    without_leaps(rows, 0.1 * np.arange(5))
+    without_jumps(rows, 0.1 * np.arange(5))
     np.testing.assert_allclose(rows[0, :, 0], [0.0, 0.1, 0.2, 0.3, 0.4])

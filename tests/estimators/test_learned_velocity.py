@@ -45,12 +45,12 @@ def test_a_flight_is_not_told_by_weights_that_saw_its_type(crowd):
     flight = crowd.flight("slow trefoil")
     rows = inertial.rows_of(blackout.given_until(flight, 8.0))
     method = LearnedVelocityEkf()
-    by_family = {name: method.told(replace(flight, metadata={**flight.metadata, "family": name}), rows)
+    by_family = {name: method.measured(replace(flight, metadata={**flight.metadata, "family": name}), rows)
                  for name in ("trefoil", "circle", "no such type")}
     time_s, found = features(flight)
     found = found[np.searchsorted(time_s, rows.time_s)]
-    assert np.array_equal(by_family["trefoil"], sets["trefoil"].told(found))
-    assert np.array_equal(by_family["no such type"], sets[EVERY].told(found))
+    assert np.array_equal(by_family["trefoil"], sets["trefoil"].measured(found))
+    assert np.array_equal(by_family["no such type"], sets[EVERY].measured(found))
     assert not np.allclose(by_family["trefoil"][:, :2], by_family["circle"][:, :2])
 
 
@@ -78,12 +78,12 @@ def test_what_is_told_bounds_the_velocity_and_a_bias_is_taken_for_one(crowd):
         true = [np.interp(end, true_s, mocap[name]) for name in ("px", "py")]
         return float(np.hypot(*(np.interp(end, rows.time_s, estimate.position_m[:, k]) - true[k] for k in (0, 1))))
 
-    alone, aided = inertial.run(rows, values), inertial.run(rows, values, told=told)
+    alone, aided = inertial.run(rows, values), inertial.run(rows, values, measured=told)
     assert off(aided) < 0.5 * off(alone)
     gain = -2.0
     shifted = rows.acc + np.array([0.05, -0.04, 0.0])
     biased = np.column_stack([body + gain * np.array([0.05, -0.04]), np.full((n, 2), 0.3), np.full((n, 2), gain)])
-    other = inertial.run(replace(rows, acc=shifted), values, told=biased)
+    other = inertial.run(replace(rows, acc=shifted), values, measured=biased)
     assert off(other) < off(aided) + 0.1
 
 
@@ -93,5 +93,5 @@ def test_weights_move_with_a_constant_error_as_they_say():
     size = len(learned_velocity.FADES_S)
     one, two = np.zeros((1, 2, 14)), np.zeros((1, 2, 14))
     two[:, :, :size] = 0.03
-    first, second = weights.told(one), weights.told(two)
+    first, second = weights.measured(one), weights.measured(two)
     assert np.allclose(second[:, :2] - first[:, :2], 0.03 * first[:, 4:])

@@ -186,7 +186,7 @@ def test_teacher_says_what_the_onboard_pid_would_do(found):
     for k in range(600):
         command, wanted = both.command(0.002 * k, state, reference), alone.command(0.002 * k, state, reference)
         np.testing.assert_array_equal(command[0], wanted[0])
-    assert len(both.seen) == len(both.said) == 120
+    assert len(both.seen) == len(both.taught_commands) == 120
     taught = _taught(both, 0)
     assert [len(d.action) for d in taught] == [120, 120]
     assert isinstance(taught[0], Demonstration)

@@ -25,7 +25,7 @@ from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.cli.main import main
 from nanobench_tools.radio.fly_plan import chosen_path
 from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.fly_setpoints import said
+from nanobench_tools.radio.fly_setpoints import decoded
 from nanobench_tools.radio.fly_virtual import VirtualWorld
 from nanobench_tools.radio.packets import SENT, read_packets
 from nanobench_tools.radio.record_export import export
@@ -145,7 +145,7 @@ def test_the_tutorial_ends_in_a_table_in_which_mpc_is_a_third_better(flights, tm
 def test_commands_of_a_predictive_controller_do_not_swing_between_their_bounds(flights):
     raw = read_packets(next(flights[0].glob(".raw/*mpc*.packets")))
     phases = dict(raw.sheet["flight"]["phases"])
-    sent = [said(r.payload[1:]) for r in raw.records
+    sent = [decoded(r.payload[1:]) for r in raw.records
             if r.kind == SENT and r.payload[0] & 0xF3 == 0x70 and phases["approach"] < r.time_s < phases["landing"]]
     rates = np.array([s["rate_rad_s"] for s in sent])
     assert len(rates) > 900

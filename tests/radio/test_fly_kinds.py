@@ -14,7 +14,7 @@ from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.fly_plan import chosen_path
 from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.fly_setpoints import said
+from nanobench_tools.radio.fly_setpoints import decoded
 from nanobench_tools.radio.fly_virtual import VirtualWorld
 from nanobench_tools.radio.safety import Limits
 from nanobench_tools.radio.simulated.channel import RadioOptions
@@ -36,7 +36,7 @@ class Watched(VirtualWorld):
 
     def post(self, datagram: bytes) -> None:
         if datagram[0] & 0xF3 == 0x70:
-            self.sent.append(said(datagram[1:]))
+            self.sent.append(decoded(datagram[1:]))
         super().post(datagram)
 
     def _step(self, time_s: float) -> None:

@@ -56,19 +56,20 @@ def test_setpoints_are_byte_for_byte_those_of_cflib():
 
 
 def test_rates_have_the_vehicles_signs_and_say_what_they_were_given():
-    said = sp.said(sp.rates(57600.4, np.array([0.1, 0.2, -0.3])))
-    assert said["thrust_counts"] == 57600
-    np.testing.assert_allclose(said["rate_rad_s"], [0.1, 0.2, -0.3], atol=1e-6)
+    decoded = sp.decoded(sp.rates(57600.4, np.array([0.1, 0.2, -0.3])))
+    assert decoded["thrust_counts"] == 57600
+    np.testing.assert_allclose(decoded["rate_rad_s"], [0.1, 0.2, -0.3], atol=1e-6)
     raw = np.frombuffer(sp.rates(1.0, np.array([0.0, 0.2, 0.0]))[1:13], "<f4")
     np.testing.assert_allclose(raw, [0.0, -np.degrees(0.2), 0.0], rtol=1e-6)  # nose up is positive there
-    assert sp.said(sp.rates(1e9, np.zeros(3)))["thrust_counts"] == 65535
+    assert sp.decoded(sp.rates(1e9, np.zeros(3)))["thrust_counts"] == 65535
     assert not finite(sp.rates(1.0, np.array([np.nan, 0.0, 0.0])))
     assert finite(sp.position(np.zeros(3), 0.0))
 
 
 def test_full_state_keeps_its_range_and_leans_into_the_curve():
-    said = sp.said(sp.full_state(np.full(3, 99.0), np.zeros(3), np.zeros(3), np.array([0, 0, 0, 1.0]), np.zeros(3)))
-    assert said["position_m"] == (32.767,) * 3
+    zero = np.zeros(3)
+    decoded = sp.decoded(sp.full_state(np.full(3, 99.0), zero, zero, np.array([0, 0, 0, 1.0]), zero))
+    assert decoded["position_m"] == (32.767,) * 3
     up = so3.rotate(sp.attitude_of(np.array([1.0, -2.0, 0.0]), 0.4), np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose(up, np.array([1.0, -2.0, 9.81]) / np.linalg.norm([1.0, -2.0, 9.81]), atol=1e-9)
 
@@ -112,12 +113,12 @@ def test_a_path_that_cannot_be_is_a_usage_error(given):
 def test_onboard_pilots_are_told_where_to_be():
     p = plan()
     now = p.reference(7.0)
-    told = sp.said(pilot_for("onboard_pid", None, None).packet(7.0, None, now))
+    told = sp.decoded(pilot_for("onboard_pid", None, None).packet(7.0, None, now))
     np.testing.assert_allclose(told["position_m"], now.position_m[0], atol=1e-6)
-    full = sp.said(pilot_for("onboard_mellinger", "full-state", None).packet(7.0, None, now))
+    full = sp.decoded(pilot_for("onboard_mellinger", "full-state", None).packet(7.0, None, now))
     np.testing.assert_allclose(full["velocity_m_s"], now.velocity_m_s[0], atol=1e-3)
     np.testing.assert_allclose(full["acceleration_m_s2"], now.acceleration_m_s2[0], atol=1e-3)
-    early = sp.said(pilot_for("lead_pid", None, None).packet(7.0, None, now))
+    early = sp.decoded(pilot_for("lead_pid", None, None).packet(7.0, None, now))
     np.testing.assert_allclose(early["position_m"], p.reference(7.53).position_m[0], atol=1e-6)
     assert [pilot_for(n, None, None).onboard for n in ("onboard_pid", "onboard_mellinger", "geometric")] == [1, 2, 1]
 
@@ -143,9 +144,9 @@ def test_thrust_and_rates_of_a_hovering_controller_hold_the_vehicle():
     state = VehicleState(hover.position_m, np.zeros((1, 3)), so3.from_euler_zyx(0.0, 0.0, hover.yaw_rad),
                          np.zeros((1, 3)), np.array([BATTERY_V]))
     for tick in range(60):  # until its battery compensation has seen the battery
-        said = sp.said(pilot.packet(0.01 * tick, state, hover))
-    np.testing.assert_allclose(said["rate_rad_s"], 0.0, atol=0.05)
-    assert said["thrust_counts"] == pytest.approx(0.04085 * 9.81 / 0.943 / 4.0 / 0.12 * 65535, rel=0.03)
+        decoded = sp.decoded(pilot.packet(0.01 * tick, state, hover))
+    np.testing.assert_allclose(decoded["rate_rad_s"], 0.0, atol=0.05)
+    assert decoded["thrust_counts"] == pytest.approx(0.04085 * 9.81 / 0.943 / 4.0 / 0.12 * 65535, rel=0.03)
 
 
 def test_a_dry_run_shows_every_phase_and_needs_no_link(capsys):
@@ -217,4 +218,4 @@ def test_references_without_derivatives_are_rates_no_controller_can_guess():
     bare = Reference(np.zeros((1, 3)), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
     with pytest.raises(UsageError):
         sp.of_reference("thrust-rates", bare)
-    assert sp.said(sp.of_reference("full-state", bare))["rate_rad_s"] == (0.0, 0.0, 0.0)
+    assert sp.decoded(sp.of_reference("full-state", bare))["rate_rad_s"] == (0.0, 0.0, 0.0)

@@ -56,7 +56,7 @@ def test_the_firmwares_loops_make_of_it_what_was_planned_at_once_and_after_a_sec
     loops.reset(1)
     asked = TO_ROLL_PITCH @ counts(planned.ratios)
     for tick in range(100):
-        told = sp.said(pilot.packet(0.01 * tick, state(), HOVER))
+        told = sp.decoded(pilot.packet(0.01 * tick, state(), HOVER))
         record = np.zeros(1, SETPOINT)
         record["mode_roll"] = record["mode_pitch"] = record["mode_yaw"] = VELOCITY
         record["rate_deg_s"] = np.degrees(told["rate_rad_s"]) * [1.0, -1.0, 1.0]
@@ -73,7 +73,7 @@ def test_the_firmwares_loops_make_of_it_what_was_planned_at_once_and_after_a_sec
 def test_rates_stay_within_their_bound_and_what_is_cut_off_is_not_held_against_them():
     pilot = PlannedPilot(lambda delay_s: Planned([0.0, 0.0, 1.0, 1.0]))
     pilot.reset()
-    told = [sp.said(pilot.packet(0.01 * k, state(), HOVER))["rate_rad_s"] for k in range(50)]
+    told = [sp.decoded(pilot.packet(0.01 * k, state(), HOVER))["rate_rad_s"] for k in range(50)]
     assert np.abs(told).max() <= MOST_RATE_RAD_S + 1e-6
     assert told[0][0] > told[-1][0] > RATE[0]
 

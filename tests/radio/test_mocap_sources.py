@@ -124,7 +124,7 @@ def test_a_callable_feeds_poses_and_reads_what_is_sent(monkeypatch):
     feed.start()
     assert len(sent) == 1
     assert feed.track.newest.time_s == 1.0
-    feed.said(2.0, bytes([0]))
+    feed.sent(2.0, bytes([0]))
     feed.close()
     import test_mocap_sources as module
 

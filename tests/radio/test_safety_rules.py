@@ -127,7 +127,7 @@ def test_a_fault_of_the_controller_ends_the_flight_on_the_ground(rule, pilot, wo
     assert outcome.stop.rule == rule
     assert words in str(outcome.stop)
     assert landed(toy)
-    kinds = {fly_setpoints.said(p)["kind"] for p in toy.packets}
+    kinds = {fly_setpoints.decoded(p)["kind"] for p in toy.packets}
     assert kinds == {"position", "stop"}  # what the controller said wrongly was never sent
 
 

@@ -75,7 +75,7 @@ class Toy:
         self.told.append((self.time_s, what))
 
     def send_setpoint(self, packet: bytes) -> None:
-        said = fly_setpoints.said(packet)
+        said = fly_setpoints.decoded(packet)
         self.packets.append(packet)
         if said["kind"] == "position":
             self.landing = False
@@ -106,7 +106,7 @@ class Toy:
     def set_parameter(self, name: str, value: float) -> None:
         self._tell(f"{name} = {value}")
 
-    def ask_echo(self) -> None:
+    def request_echo(self) -> None:
         pass
 
     def ready(self, seconds: float = 6.0, speed_m_s: float = 0.5) -> Ready:

@@ -8,7 +8,7 @@ import pytest
 from nanobench_tools.audit import Audit, audit
 from nanobench_tools.flight import Flight
 from nanobench_tools.retiming.confirm import believed
-from nanobench_tools.retiming.time_offset import ClockWarp, wander_of
+from nanobench_tools.retiming.time_offset import TimeOffset, wander_of
 from nanobench_tools.signals.context import Context
 
 
@@ -26,9 +26,9 @@ def test_wander_is_a_fault_with_its_course(recording):
     assert "which it never saw" in found["imu"].evidence or "what it never saw" in found["imu"].evidence
     course = np.array(verdict.clock["imu"].warp)
     assert verdict.clock["estimator"].warp == verdict.clock["imu"].warp  # one clock
-    warp = believed(Context(flight))
-    assert len(course) < len(warp.time_s)
-    assert np.abs(np.interp(warp.time_s, course[:, 0], course[:, 1]) - warp.offset_s).max() < 0.0011
+    time_offset = believed(Context(flight))
+    assert len(course) < len(time_offset.time_s)
+    assert np.abs(np.interp(time_offset.time_s, course[:, 0], course[:, 1]) - time_offset.offset_s).max() < 0.0011
     assert not any(f.kind == "clock_drift" for f in verdict.faults)
 
 
@@ -57,7 +57,7 @@ def test_wander_is_about_a_line():
 def test_points_of_a_hand_made_course():
     t = np.arange(0.0, 1.001, 0.01)
     saw = np.where(t < 0.5, 0.1 * t, 0.1 * (t - 0.5))
-    warp = ClockWarp(t, saw, np.full(len(t), 0.001), 0.0, 0.01, True, {}, "test")
-    points = np.array(warp.points())
+    time_offset = TimeOffset(t, saw, np.full(len(t), 0.001), 0.0, 0.01, True, {}, "test")
+    points = np.array(time_offset.points())
     assert len(points) == 4
     assert points[:, 0].tolist() == pytest.approx([0.0, 0.49, 0.5, 1.0])

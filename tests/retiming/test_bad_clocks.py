@@ -37,8 +37,8 @@ def test_without_motion_capture_nothing_is_said(wandering):
 
 def test_without_gyro_the_estimate_alone_confirms_nothing_it_set_itself(wandering):
     flight = wandering[0].without_streams("imu")
-    warp = believed(Context(flight))
-    assert warp is None or not warp.moving
+    time_offset = believed(Context(flight))
+    assert time_offset is None or not time_offset.moving
     with pytest.raises(InputError, match="no imu stream"):
         retimed(flight)
 
@@ -52,24 +52,25 @@ def test_a_dead_stream_is_followed_until_it_died(wandering):
         values[late] = values[np.flatnonzero(late)[0]]
         return replace(stream, values=values)
 
-    warp = believed(Context(on_firmware(flight, dies)))
-    assert warp.moving
-    assert warp.time_s[-1] < 14.2
-    inside = (warp.time_s > 7.0) & (warp.time_s < 13.5)
-    error = (warp.offset_s - lateness(clock, warp.time_s))[inside]
+    time_offset = believed(Context(on_firmware(flight, dies)))
+    assert time_offset.moving
+    assert time_offset.time_s[-1] < 14.2
+    inside = (time_offset.time_s > 7.0) & (time_offset.time_s < 13.5)
+    error = (time_offset.offset_s - lateness(clock, time_offset.time_s))[inside]
     assert np.sqrt(np.mean((error - np.median(error)) ** 2)) < 0.006
 
 
 def test_a_gap_of_a_second_widens_the_interval_and_bends_nothing(wandering):
     flight, clock = wandering
     cut = on_firmware(flight, lambda s: s.rows((s.time_s < 11.0) | (s.time_s > 12.0)))
-    warp = believed(Context(cut))
-    assert warp.moving
-    outside = (warp.time_s > 7.0) & (warp.time_s < 18.0) & ((warp.time_s < 10.8) | (warp.time_s > 12.2))
-    hole = (warp.time_s > 11.4) & (warp.time_s < 11.6)
-    error = (warp.offset_s - lateness(clock, warp.time_s))[outside]
+    time_offset = believed(Context(cut))
+    assert time_offset.moving
+    t = time_offset.time_s
+    outside = (t > 7.0) & (t < 18.0) & ((t < 10.8) | (t > 12.2))
+    hole = (t > 11.4) & (t < 11.6)
+    error = (time_offset.offset_s - lateness(clock, time_offset.time_s))[outside]
     assert np.sqrt(np.mean((error - np.median(error)) ** 2)) < 0.006
-    assert np.median(warp.sd_s[hole]) > 3.0 * np.median(warp.sd_s[outside])
+    assert np.median(time_offset.sd_s[hole]) > 3.0 * np.median(time_offset.sd_s[outside])
 
 
 @pytest.mark.parametrize("step_s", [2.0, -2.0])
@@ -77,8 +78,8 @@ def test_a_clock_that_steps_by_seconds_gets_no_warp(wandering, step_s):
     flight, _ = wandering
     stepped = on_firmware(flight, lambda s: replace(s, time_s=np.maximum.accumulate(
         s.time_s + step_s * (s.time_s > 12.0))))
-    warp = believed(Context(stepped))
-    assert warp is None or not warp.moving or np.all(warp.sd_s[warp.time_s > 14.5] > 0.03)
+    time_offset = believed(Context(stepped))
+    assert time_offset is None or not time_offset.moving or np.all(time_offset.sd_s[time_offset.time_s > 14.5] > 0.03)
 
 
 def test_a_vehicle_that_never_moves_has_no_clock(wandering):
@@ -90,12 +91,12 @@ def test_a_vehicle_that_never_moves_has_no_clock(wandering):
 
 def test_slow_rows_say_that_they_know_less(wandering):
     flight, _ = wandering
-    warp = believed(Context(flight))
+    time_offset = believed(Context(flight))
     truth = flight["mocap"]
     speed = np.linalg.norm(np.gradient(truth["px", "py", "pz"], truth.time_s, axis=0), axis=1)
-    at = np.interp(warp.time_s, truth.time_s, np.convolve(speed, np.ones(30) / 30, "same"))
+    at = np.interp(time_offset.time_s, truth.time_s, np.convolve(speed, np.ones(30) / 30, "same"))
     slow, fast = at < np.quantile(at, 0.03), at > np.quantile(at, 0.7)
-    assert np.median(warp.sd_s[slow]) > 2.0 * np.median(warp.sd_s[fast])
+    assert np.median(time_offset.sd_s[slow]) > 2.0 * np.median(time_offset.sd_s[fast])
 
 
 def test_the_former_name_on_a_flight_warns_and_does_the_same(wandering):

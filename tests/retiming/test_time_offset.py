@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.cli.run_clocks import ASKED
+from nanobench_tools.cli.run_clocks import COMPARED_CLOCKS
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.audits import audit_flights
 from nanobench_tools.harness.clocks import on_clock
-from nanobench_tools.retiming.apply import apply_warp, find_warp
+from nanobench_tools.retiming.apply import apply_time_offset, find_time_offset
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.retiming.infer import infer
-from nanobench_tools.retiming.time_offset import ClockWarp, retime
+from nanobench_tools.retiming.time_offset import TimeOffset, retime
 from nanobench_tools.signals.context import Context
 
 
@@ -34,22 +34,22 @@ def recording(crowd, row, **chain):
 @pytest.mark.parametrize("row", [0, 1])
 def test_an_injected_sawtooth_is_recovered_and_its_interval_is_honest(flown, row):
     flight, clock = recording(flown, row, wander_sd_s=0.03, offset_s=0.02)
-    warp = believed(Context(flight))
-    assert warp.moving
-    inside = (warp.time_s > 6.0) & (warp.time_s < 16.0)
-    error = (warp.offset_s - lateness(clock, warp.time_s))[inside]
-    assert np.std(lateness(clock, warp.time_s)[inside]) > 0.015
+    time_offset = believed(Context(flight))
+    assert time_offset.moving
+    inside = (time_offset.time_s > 6.0) & (time_offset.time_s < 16.0)
+    error = (time_offset.offset_s - lateness(clock, time_offset.time_s))[inside]
+    assert np.std(lateness(clock, time_offset.time_s)[inside]) > 0.015
     assert np.sqrt(np.mean(error**2)) < 0.005
-    assert np.mean(np.abs(error) < 1.96 * np.hypot(warp.sd_s[inside], 0.002)) > 0.85
+    assert np.mean(np.abs(error) < 1.96 * np.hypot(time_offset.sd_s[inside], 0.002)) > 0.85
 
 
 def test_nothing_is_claimed_without_wander(flown):
     flight, _ = recording(flown, 0, offset_s=-0.03)
-    warp = believed(Context(flight))
-    assert not warp.moving
-    assert np.ptp(warp.offset_s) == 0.0
-    assert warp.constant_s == pytest.approx(-0.03, abs=0.005)
-    assert "no moving error confirmed" in warp.reason
+    time_offset = believed(Context(flight))
+    assert not time_offset.moving
+    assert np.ptp(time_offset.offset_s) == 0.0
+    assert time_offset.constant_s == pytest.approx(-0.03, abs=0.005)
+    assert "no moving error confirmed" in time_offset.reason
 
 
 def test_a_later_clock_is_a_later_clock(flown):
@@ -62,13 +62,13 @@ def test_a_later_clock_is_a_later_clock(flown):
 
 
 def constant(offset_s):
-    return ClockWarp(np.zeros(0), np.zeros(0), np.zeros(0), offset_s, 0.0, False, {}, "test")
+    return TimeOffset(np.zeros(0), np.zeros(0), np.zeros(0), offset_s, 0.0, False, {}, "test")
 
 
 def test_retiming_keeps_samples_and_their_order(flown):
     flight, _ = recording(flown, 0, wander_sd_s=0.03)
-    warp = believed(Context(flight))
-    moved = retime(flight, warp)
+    time_offset = believed(Context(flight))
+    moved = retime(flight, time_offset)
     assert moved["mocap"] is flight["mocap"]
     for name in ("imu", "estimator", "battery"):
         assert np.array_equal(moved[name].values, flight[name].values)
@@ -89,9 +89,9 @@ def test_retiming_brings_the_estimate_closer_without_having_seen_it(flown):
         residuals = (p - truth.interpolate(("px", "py", "pz"), t - lag) for lag in np.arange(-0.04, 0.08, 0.002))
         return min(np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in residuals)
 
-    warp = find_warp(flight, "retimed", judged=("position", "velocity"))
-    assert warp.moving
-    assert error(apply_warp(flight, warp)) < 0.5 * error(flight)
+    time_offset = find_time_offset(flight, "retimed", judged=("position", "velocity"))
+    assert time_offset.moving
+    assert error(apply_time_offset(flight, time_offset)) < 0.5 * error(flight)
 
 
 def test_a_flight_that_never_moves_keeps_its_clock(flown):
@@ -99,20 +99,21 @@ def test_a_flight_that_never_moves_keeps_its_clock(flown):
     still = {k: s.rows(s.time_s < 1.0) for k, s in flight.streams.items()}
     ground = Flight("ground", still, {}, flight.provenance)
     assert believed(Context(ground)) is None
-    assert find_warp(ground, "offset") is None
-    assert apply_warp(ground, find_warp(ground, "retimed")) is ground
+    assert find_time_offset(ground, "offset") is None
+    assert apply_time_offset(ground, find_time_offset(ground, "retimed")) is ground
 
 
 def test_clocks_found_with_the_audit_are_those_found_alone(flown, tmp_path):
     flights = [replace(recording(flown, row, wander_sd_s=0.03, offset_s=0.02)[0], name=name)
                for row, name in enumerate(("a", "b"))]
-    alone, both = audit_flights(flights), audit_flights(flights, tmp_path, clocks=ASKED, moved={"a"})
+    alone, both = audit_flights(flights), audit_flights(flights, tmp_path, clocks=COMPARED_CLOCKS, moved={"a"})
     assert {n: a.to_json() for n, a in both.audits.items()} == {n: a.to_json() for n, a in alone.audits.items()}
-    assert {name for name, _ in both.warps} == {"a"}
-    assert audit_flights(flights, tmp_path, clocks=ASKED, moved={"a"}).warps == both.warps
-    for clock, judged in ASKED:
+    assert {name for name, _ in both.time_offsets} == {"a"}
+    assert audit_flights(flights, tmp_path, clocks=COMPARED_CLOCKS, moved={"a"}).time_offsets == both.time_offsets
+    for clock, judged in COMPARED_CLOCKS:
         expected = on_clock(flights, alone.audits, clock, judged)
-        given = on_clock(flights, alone.audits, clock, judged, known=both.warps)
-        assert {n: w.to_json() for n, w in given.warps.items()} == {n: w.to_json() for n, w in expected.warps.items()}
-        assert given.warps["a"] is not None
+        given = on_clock(flights, alone.audits, clock, judged, known=both.time_offsets)
+        found, wanted = ({n: w.to_json() for n, w in x.time_offsets.items()} for x in (given, expected))
+        assert found == wanted
+        assert given.time_offsets["a"] is not None
         assert given.evidence == expected.evidence

@@ -10,7 +10,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.retiming.pairing import between, with_mocap
-from nanobench_tools.retiming.sender_timestamps import link_delay, unwrapped, warp_from_ticks
+from nanobench_tools.retiming.sender_timestamps import link_delay, time_offset_from_ticks, unwrapped
 from nanobench_tools.signals.context import Context
 
 
@@ -42,10 +42,10 @@ def test_ticks_give_the_delay_without_inference(flight):
     late = sawtooth(imu.time_s)
     tick = np.round(imu.time_s + 812.3, 3)  # whole milliseconds since boot
     with_ticks = make_stream("imu", imu.time_s + late, np.column_stack([imu.values, tick]), (*imu.quantities, "tick"))
-    warp = warp_from_ticks(Context(flight.with_streams(imu=with_ticks)))
-    assert warp.moving
-    assert "measured" in warp.reason
-    error = warp.at(with_ticks.time_s) - late
+    time_offset = time_offset_from_ticks(Context(flight.with_streams(imu=with_ticks)))
+    assert time_offset.moving
+    assert "measured" in time_offset.reason
+    error = time_offset.at(with_ticks.time_s) - late
     assert np.std(error) < 0.001
     assert abs(np.median(error)) < 0.006
     moved = retimed(flight.with_streams(imu=with_ticks))
@@ -58,7 +58,7 @@ def test_ticks_that_run_backward_are_no_clock(flight):
     tick = imu.time_s.copy()
     tick[200:] -= 3.0
     bad = make_stream("imu", imu.time_s, np.column_stack([imu.values, tick]), (*imu.quantities, "tick"))
-    assert warp_from_ticks(Context(flight.with_streams(imu=bad))) is None
+    assert time_offset_from_ticks(Context(flight.with_streams(imu=bad))) is None
 
 
 @pytest.mark.parametrize("turned", [False, True])

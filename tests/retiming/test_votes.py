@@ -6,7 +6,7 @@ import pytest
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.practice import nulls
 from nanobench_tools.protocols.selection import distinct
-from nanobench_tools.retiming.apply import find_warp
+from nanobench_tools.retiming.apply import find_time_offset
 from nanobench_tools.retiming.infer import infer
 from nanobench_tools.retiming.time_offset import retime
 from nanobench_tools.retiming.votes import CLOCKS, ESTIMATES, evidence_of, voters, votes
@@ -30,7 +30,7 @@ def test_names_that_are_none_are_refused_instead_of_judged_by_their_own_vote():
 
 def test_no_warp_is_looked_for_as_recorded():
     with pytest.raises(UsageError, match="takes nothing out"):
-        find_warp(None, "as-recorded")
+        find_time_offset(None, "as-recorded")
 
 
 def test_judged_has_to_be_said():
@@ -65,9 +65,9 @@ def flight(crowd):
 def test_a_retimed_flight_carries_its_voters(flight):
     assert evidence_of([flight]) == []
     for clock in ("offset", "retimed", "joint"):
-        warp = find_warp(flight, clock)
-        assert warp.moving or clock == "offset"
-        assert evidence_of([retime(flight, warp)]) == list(voters(clock))
+        time_offset = find_time_offset(flight, clock)
+        assert time_offset.moving or clock == "offset"
+        assert evidence_of([retime(flight, time_offset)]) == list(voters(clock))
 
 
 def test_stamps_are_moved_once(flight):
@@ -82,16 +82,16 @@ def test_a_small_wander_is_believed_and_none_is_not(crowd, wander_s):
     """5 ms were not, where only a link that moves as often as it can was weighed against a constant clock."""
     flown = nulls.living(crowd.log("medium trefoil", wander_sd_s=wander_s)[0])
     for judged in (("attitude",), ("position", "velocity")):
-        assert find_warp(flown, "retimed", judged).moving == (wander_s > 0.0)
+        assert find_time_offset(flown, "retimed", judged).moving == (wander_s > 0.0)
 
 
 @pytest.mark.parametrize("velocity", [False, True])
 def test_an_error_of_the_estimate_changes_nothing_of_the_clock_that_judges_it(flight, velocity):
     after, error = nulls.with_track_error(flight, 1.0, 0.03, 3, velocity)
     assert np.std(error) > 0.005
-    before, warp = (find_warp(f, "retimed", ("position", "velocity")) for f in (flight, after))
-    np.testing.assert_array_equal(warp.offset_s, before.offset_s)
-    assert nulls.kept([nulls.track_errors(Context(flight), Context(after), error, before, warp)]) > 0.9
+    before, time_offset = (find_time_offset(f, "retimed", ("position", "velocity")) for f in (flight, after))
+    np.testing.assert_array_equal(time_offset.offset_s, before.offset_s)
+    assert nulls.kept([nulls.track_errors(Context(flight), Context(after), error, before, time_offset)]) > 0.9
 
 
 def test_the_joint_clock_takes_such_an_error_for_time(flight):
@@ -102,9 +102,9 @@ def test_the_joint_clock_takes_such_an_error_for_time(flight):
 
 def test_a_wander_put_into_the_stamps_is_taken_out(flight):
     after, clock = nulls.with_wander(flight, 0.02, 7)
-    before, warp = (find_warp(f, "retimed", ("position", "velocity")) for f in (flight, after))
-    assert warp.moving
-    assert nulls.removed([nulls.wander_errors(Context(flight), clock, before, warp)]) > 0.7
+    before, time_offset = (find_time_offset(f, "retimed", ("position", "velocity")) for f in (flight, after))
+    assert time_offset.moving
+    assert nulls.removed([nulls.wander_errors(Context(flight), clock, before, time_offset)]) > 0.7
 
 
 def test_shares_of_hand_worked_errors():
@@ -124,13 +124,13 @@ def test_real_flights_keep_errors_of_the_estimate_and_lose_those_of_the_stamps(r
     assert len(flights) >= 3
     survived, gone = [], []
     for i, flown in enumerate(flights):
-        before = find_warp(flown, "retimed", ("position", "velocity"))
+        before = find_time_offset(flown, "retimed", ("position", "velocity"))
         after, error = nulls.with_track_error(flown, nulls.RANDOM, 0.03, i, True)
         survived.append(nulls.track_errors(Context(flown), Context(after), error, before,
-                                           find_warp(after, "retimed", ("position", "velocity"))))
+                                           find_time_offset(after, "retimed", ("position", "velocity"))))
         late, clock = nulls.with_wander(flown, 0.02, i)
         gone.append(nulls.wander_errors(Context(flown), clock, before,
-                                        find_warp(late, "retimed", ("position", "velocity"))))
+                                        find_time_offset(late, "retimed", ("position", "velocity"))))
     assert nulls.kept(survived) > 0.9
     assert nulls.removed(gone) > 0.7
 
@@ -140,5 +140,5 @@ def test_without_a_gyro_nothing_is_retimed(crowd):
     flown = crowd.log("fast figure_eight", wander_sd_s=0.02)[0]
     imu = flown["imu"]
     blind = flown.with_streams(imu=imu.rows(imu.time_s < 0.5))
-    warp = find_warp(blind, "retimed", ("position", "velocity"))
-    assert warp is None or not warp.moving
+    time_offset = find_time_offset(blind, "retimed", ("position", "velocity"))
+    assert time_offset is None or not time_offset.moving

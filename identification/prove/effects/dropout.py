@@ -28,7 +28,7 @@ class Dropout(Effect):
         return {"begin": begin, "end": begin + rng.uniform(0.06, 0.18, MOST), "t": 0.0,
                 "loss": [p["loss"] * (i == p["motor"]) for i in range(4)]}
 
-    def asked(self, thrust_N):
+    def commanded(self, thrust_N):
         away = ((self.a["t"] >= self.a["begin"]) & (self.a["t"] < self.a["end"])).any(axis=0)
         return (1.0 - self.a["loss"] * away) * thrust_N
 

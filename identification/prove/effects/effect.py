@@ -100,7 +100,7 @@ class Effect:
         """PWM ratios sent (4, k) -> those that act. Called every 2 ms."""
         return motor
 
-    def asked(self, thrust_N: np.ndarray) -> np.ndarray:
+    def commanded(self, thrust_N: np.ndarray) -> np.ndarray:
         """Thrust the curve gives (4, k) -> thrust the rotors tend to. Called every 2 ms."""
         return thrust_N
 

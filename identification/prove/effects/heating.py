@@ -21,7 +21,7 @@ class Heating(Effect):
     def arrays(p, airframe):
         return {"loss": p["loss"], "time_s": p["time_s"], "warm": 0.0}
 
-    def asked(self, thrust_N):
+    def commanded(self, thrust_N):
         return (1.0 - self.a["loss"] * self.a["warm"]) * thrust_N
 
     def advance(self, dt_s, motor):

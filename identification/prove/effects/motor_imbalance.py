@@ -27,5 +27,5 @@ class MotorImbalance(Effect):
     def term(p, airframe):
         return {"g": p["g"]}
 
-    def asked(self, thrust_N):
+    def commanded(self, thrust_N):
         return self.a["g"] * thrust_N

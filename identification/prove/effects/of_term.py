@@ -25,11 +25,11 @@ TIMES = {"small": 0.5, "medium": 1.0, "large": 2.0}
 """Of what is typical, where a term declares no sizes."""
 SHARE = 0.01
 """Of its range, where a parameter has nothing typical but its neutral value."""
-ASKED = (Stage.THRUST_LIMIT, Stage.THRUST_SCALE, Stage.MOTOR_GAIN)
+COMMANDED = (Stage.THRUST_LIMIT, Stage.THRUST_SCALE, Stage.MOTOR_GAIN)
 BLOWN = (Stage.INFLOW, Stage.GROUND)
 SOLID = (Stage.MASS, Stage.INERTIA, Stage.LAG)
 """Stages that change the airframe."""
-FLOWN = (Stage.INPUT_LIMIT, Stage.WIND, Stage.BODY_FORCE, Stage.TORQUE, Stage.WORLD_FORCE, *ASKED, *BLOWN, *SOLID)
+FLOWN = (Stage.INPUT_LIMIT, Stage.WIND, Stage.BODY_FORCE, Stage.TORQUE, Stage.WORLD_FORCE, *COMMANDED, *BLOWN, *SOLID)
 """Stages that an engine can fly from the expression alone."""
 
 
@@ -48,8 +48,8 @@ def effect_of(term: Term) -> type[Effect] | None:
     hooks: dict[str, Callable[..., np.ndarray]] = {}
     if Stage.INPUT_LIMIT in term.acts:
         hooks["motor"] = lambda self, motor: self.run((Stage.INPUT_LIMIT,), motor)
-    if set(ASKED) & set(term.acts):
-        hooks["asked"] = lambda self, thrust_N: self.run(ASKED, thrust_N)
+    if set(COMMANDED) & set(term.acts):
+        hooks["commanded"] = lambda self, thrust_N: self.run(COMMANDED, thrust_N)
     if Stage.WIND in term.acts:
         hooks["wind"] = lambda self: self.run((Stage.WIND,), np.zeros((3, self.many)))
     if set(BLOWN) & set(term.acts):
@@ -71,9 +71,9 @@ class _OfTerm(Effect):
     def draw(cls, size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         if size in cls.of.sizes:
             return {name: _near(rng, value) for name, value in cls.of.sizes[size].items()}
-        asked = [p for p in cls.of.parameters if not p.optional] or [cls.of.parameters[0]]
+        commanded = [p for p in cls.of.parameters if not p.optional] or [cls.of.parameters[0]]
         factor = near(rng, TIMES[size])
-        return {p.name: _sized(p, factor, airframe) for p in asked}
+        return {p.name: _sized(p, factor, airframe) for p in commanded}
 
     @classmethod
     def change(cls, airframe: Airframe, p: Parameters) -> Airframe:

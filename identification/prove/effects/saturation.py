@@ -26,5 +26,5 @@ class Saturation(Effect):
     def term(p, airframe):
         return {"T_max_N": p["T_max_N"]}
 
-    def asked(self, thrust_N):
+    def commanded(self, thrust_N):
         return np.minimum(thrust_N, self.a["most"])

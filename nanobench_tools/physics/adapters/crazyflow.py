@@ -59,11 +59,12 @@ STEPS = 10
 
 @dataclass
 class CrazyflowAlong:
-    """One drone along measured states: see ``given``. ``keys`` are its parameters, ``asked`` turns PWM into thrust."""
+    """One drone along measured states: see ``given``. ``keys`` are its parameters, ``commanded`` turns PWM into
+    thrust."""
 
     package: str
     keys: dict[str, Any]
-    asked: Model
+    commanded: Model
     vehicle: Vehicle
     notes: tuple[str, ...] = ()
     _worker: subprocess.Popen | None = None
@@ -71,12 +72,12 @@ class CrazyflowAlong:
     def __call__(self, along: Along) -> tuple[np.ndarray, np.ndarray]:
         wanted = self._rpm(along)
         spinning = self._lagged(wanted, along.row_s)
-        found = self._ask(np.concatenate([along.position_m, along.quaternion, along.velocity_m_s, along.rate_rad_s,
+        found = self._command(np.concatenate([along.position_m, along.quaternion, along.velocity_m_s, along.rate_rad_s,
                                           wanted, spinning], axis=1))
         down = np.asarray(self.keys["gravity_vec"], float)
         return so3.rotate_inverse(along.quaternion, found[:, :3] - down), found[:, 3:]
 
-    def _ask(self, given: np.ndarray) -> np.ndarray:
+    def _command(self, given: np.ndarray) -> np.ndarray:
         """Rows (n, 21) as WORKER wants them -> accelerations, world, and angular accelerations (n, 6)."""
         if self._worker is None:
             self._worker = subprocess.Popen(
@@ -100,7 +101,7 @@ class CrazyflowAlong:
 
     def _rpm(self, along: Along) -> np.ndarray:
         """Rotor speeds asked for (n, 4): the positive root of rpm2thrust at the thrust asked for."""
-        model = self.asked
+        model = self.commanded
         given = rows(model, along.motor[None], along.battery_V[None], row_hz=1.0 / along.row_s)[0][..., 0]
         thrust = np.stack(Equations(model, model.values.tolist(), NUMPY, along.row_s).command(list(given.T)), axis=-1)
         c0, c1, c2 = (float(c) for c in self.keys["rpm2thrust"])
@@ -154,8 +155,8 @@ def simulator(argument: str | None) -> CrazyflowAlong:
                     tuple((-arm * float(x), arm * float(y)) for y, x in mixing[:2].T),
                     tuple(float(s) for s in mixing[2]))  # type: ignore[arg-type]
     if "vmotor2thrust" in keys:  # drone-models says how its motors answer a voltage
-        asked = Model(Vehicle(), {"thrust_voltage": {"c": keys["vmotor2thrust"]}})
-        return CrazyflowAlong(package, keys, asked, about)
+        commanded = Model(Vehicle(), {"thrust_voltage": {"c": keys["vmotor2thrust"]}})
+        return CrazyflowAlong(package, keys, commanded, about)
     return CrazyflowAlong(package, keys, CURVE, about, stated(f"{package}'s {named}", about.mass_kg))
 
 

@@ -117,7 +117,7 @@ def load_simulator(text: str) -> Simulator:
         try:
             found = found()
         except (Exception, SystemExit) as error:  # the class is the user's
-            raise UsageError(f"--simulator {text}: making one raised {said(error)}; it is made without "
+            raise UsageError(f"--simulator {text}: making one raised {reported(error)}; it is made without "
                              "arguments") from error
     if callable(getattr(found, "step", None)) and callable(getattr(found, "reset", None)):
         return Stepped(found)
@@ -135,8 +135,8 @@ def run(simulator: Simulator, along: Along, place: str) -> tuple[np.ndarray, np.
     except (NanobenchError, MemoryError):
         raise
     except (Exception, SystemExit) as error:  # the callable is the user's
-        raise InputError(place, f"raised {said(error)}", "it is called with one Along, see nanobench diagnose --help"
-                         if isinstance(error, TypeError) else "") from error
+        advice = "it is called with one Along, see nanobench diagnose --help" if isinstance(error, TypeError) else ""
+        raise InputError(place, f"raised {reported(error)}", advice) from error
     try:
         force, turning = _pair(answer, along.quaternion, (len(along),))
     except ValueError as error:
@@ -175,7 +175,7 @@ def _array(values: Any, what: str, rows: tuple[int, ...]) -> np.ndarray:
     return found
 
 
-def said(error: BaseException) -> str:
+def reported(error: BaseException) -> str:
     """An exception in a few words: its name, what it says, and where it was raised."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
@@ -186,4 +186,4 @@ def said(error: BaseException) -> str:
     return f"{type(error).__name__}{f': {text}' if text else ''}{where}"
 
 
-__all__ = ["Along", "Simulator", "Stepped", "load_simulator", "run", "said"]
+__all__ = ["Along", "Simulator", "Stepped", "load_simulator", "reported", "run"]

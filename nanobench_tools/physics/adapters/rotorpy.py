@@ -86,26 +86,26 @@ class RotorPySimulator:
         motor = np.asarray(motor, float)
         battery_V = np.zeros(len(motor)) if battery_V is None else battery_V
         given = rows(self.commands, motor[None], np.asarray(battery_V, float)[None], row_hz=row_hz)[0][..., 0]
-        asked = Equations(self.commands, self.commands.values.tolist(), NUMPY, 1.0 / row_hz).command(list(given.T))
-        return np.sqrt(np.maximum(np.stack(asked, axis=-1), 0.0) / self.k_f)
+        commanded = Equations(self.commands, self.commands.values.tolist(), NUMPY, 1.0 / row_hz).command(list(given.T))
+        return np.sqrt(np.maximum(np.stack(commanded, axis=-1), 0.0) / self.k_f)
 
     def rollout(self, start_state: np.ndarray, rotor_speeds: np.ndarray, dt_s: float) -> np.ndarray:
         """start_state (13,) or (17,) in the order of ``model.STATE``, commanded speeds (n, 4) rad/s, each held for dt_s
         -> states (n + 1, 17), the last four thrusts N of still air. Rotors that are not given have the first speed."""
-        start, asked = np.asarray(start_state, float), np.asarray(rotor_speeds, float)
-        if start.shape not in ((RIGID,), (len(STATE),)) or asked.ndim != 2 or asked.shape[1] != 4:
-            raise InputError("rollout", f"start {start.shape}, rotor speeds {asked.shape}",
+        start, commanded = np.asarray(start_state, float), np.asarray(rotor_speeds, float)
+        if start.shape not in ((RIGID,), (len(STATE),)) or commanded.ndim != 2 or commanded.shape[1] != 4:
+            raise InputError("rollout", f"start {start.shape}, rotor speeds {commanded.shape}",
                              f"give ({RIGID},) or ({len(STATE)},) and (rows, 4)")
-        if not (np.isfinite(start).all() and np.isfinite(asked).all() and dt_s > 0.0):
+        if not (np.isfinite(start).all() and np.isfinite(commanded).all() and dt_s > 0.0):
             raise InputError("rollout", "a state, a speed or the time step is not finite", "leave such rows out")
-        states = np.empty((len(asked) + 1, len(STATE)))
+        states = np.empty((len(commanded) + 1, len(STATE)))
         states[0, :RIGID] = start[:RIGID]
         states[0, QUATERNION] /= np.linalg.norm(start[QUATERNION])
-        given = np.sqrt(np.maximum(start[ROTOR], 0.0) / self.k_f) if len(start) > RIGID else asked[:1].reshape(-1)
+        given = np.sqrt(np.maximum(start[ROTOR], 0.0) / self.k_f) if len(start) > RIGID else commanded[:1].reshape(-1)
         state = {"x": states[0, POSITION], "v": states[0, VELOCITY], "q": states[0, QUATERNION],
                  "w": states[0, RATE], "wind": self.wind_m_s, "rotor_speeds": given if len(given) else np.zeros(4)}
         states[0, ROTOR] = self.k_f * state["rotor_speeds"] ** 2
-        for row, command in enumerate(asked, start=1):
+        for row, command in enumerate(commanded, start=1):
             if not self.rotors_lag:
                 state["rotor_speeds"] = np.clip(command, self.vehicle.rotor_speed_min, self.vehicle.rotor_speed_max)
             state = self.vehicle.step(state, {"cmd_motor_speeds": command}, dt_s)
@@ -124,13 +124,13 @@ class RotorPySimulator:
                  for s, speed in zip(states, speeds, strict=True)]
         return np.array([[*one["vdot"], *one["wdot"]] for one in found]).reshape(-1, 6)
 
-    def turning(self, asked: np.ndarray, row_s: float) -> np.ndarray:
+    def turning(self, commanded: np.ndarray, row_s: float) -> np.ndarray:
         """Rotor speeds (n, 4) rad/s at the start of rows that ask for speeds (n, 4), settled on the first."""
-        asked = np.clip(asked, self.vehicle.rotor_speed_min, self.vehicle.rotor_speed_max)
+        commanded = np.clip(commanded, self.vehicle.rotor_speed_min, self.vehicle.rotor_speed_max)
         if not self.rotors_lag:
-            return asked
+            return commanded
         keep = np.exp(-row_s / self.vehicle.tau_m)
-        return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], asked, axis=0, zi=asked[:1])[0])
+        return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], commanded, axis=0, zi=commanded[:1])[0])
 
     @property
     def own(self) -> Vehicle:
@@ -151,8 +151,8 @@ class RotorPyAlong:
     notes: tuple[str, ...] = ()
 
     def __call__(self, along: Along) -> tuple[np.ndarray, np.ndarray]:
-        asked = self.simulator.speeds(along.motor, along.battery_V, row_hz=1.0 / along.row_s)
-        speeds = self.simulator.turning(asked, along.row_s)
+        commanded = self.simulator.speeds(along.motor, along.battery_V, row_hz=1.0 / along.row_s)
+        speeds = self.simulator.turning(commanded, along.row_s)
         states = np.concatenate([along.position_m, along.velocity_m_s, along.quaternion, along.rate_rad_s,
                                  self.simulator.k_f * speeds**2], axis=1)
         found = self.simulator.accelerations(states)

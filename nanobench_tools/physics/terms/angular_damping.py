@@ -1,6 +1,6 @@
 """Rotation dies away."""
 
-from ..feigned import DAMPING
+from ..systematic import DAMPING
 from ..term import Parameter, Stage, Term
 
 
@@ -12,7 +12,7 @@ TERM = Term(
     name="angular_damping",
     sentence="A moment against the body rate, from rotors that move through the air when the body turns.",
     equation="tau <- tau - diag(d_r) w",
-    parameters=(Parameter("d_r", "N m s", 0.0, 2.0, 1e-5, length=3, feigned=DAMPING, grows="mll",
+    parameters=(Parameter("d_r", "N m s", 0.0, 2.0, 1e-5, length=3, systematic=DAMPING, grows="mll",
                           source="hover thrust times arm squared over induced velocity of a 46 mm propeller, 3 m/s"),),
     acts={Stage.TORQUE: moment},
     left_out={"RotorPy": "RotorPy damps rates only through k_d and k_z of its rotors"},

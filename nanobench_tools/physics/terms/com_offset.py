@@ -1,11 +1,11 @@
 """Centre of mass beside the centre of the motors."""
 
 from ...settings import number
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Parameter, Stage, Term
 from ..vector import cross, subtract
 
-FEIGNED_M = number("physics.com_offset.feigned")
+SYSTEMATIC_M = number("physics.com_offset.systematic")
 """Changes up to this can come of the logging alone."""
 DIFFERS_M = number("physics.com_offset.differs")
 """Flights that differ by less need not differ in this."""
@@ -19,7 +19,7 @@ TERM = Term(
     name="com_offset",
     sentence="The centre of mass lies r away from the centre of the motors, so every body force has a moment.",
     equation="tau <- tau - r x F_b, F_b with thrust",
-    parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3, feigned=Feigned(FEIGNED_M),
+    parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3, systematic=Systematic(SYSTEMATIC_M),
                           differs=DIFFERS_M, grows="l", only_with={2: "drag_torque"},
                           source="Crazyflie with deck and markers: a few millimetres"),),
     acts={Stage.TORQUE: moment},

@@ -1,12 +1,12 @@
 """Commands act later than their stamp."""
 
 from ...settings import number, setting
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Parameter, Stage, Term
 
 TYPICAL_S = number("physics.command_delay.typical_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
-FEIGNED_S = number("physics.command_delay.feigned")
+SYSTEMATIC_S = number("physics.command_delay.systematic")
 """Changes up to this can come of the logging alone."""
 SEARCH_START_S = number("physics.command_delay.search_start")
 """It acts far from linearly where it rests."""
@@ -25,7 +25,7 @@ TERM = Term(
     sentence="Every motor command acts a constant time after the stamp it is logged with.",
     equation="u_i <- u_i(t - d)",
     parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
-                          feigned=Feigned(FEIGNED_S), search_start=SEARCH_START_S, fitted=FITTED,
+                          systematic=Systematic(SYSTEMATIC_S), search_start=SEARCH_START_S, fitted=FITTED,
                           source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
                                  "beside a first-order lag"),),
     acts={Stage.INPUT_DELAY: delayed},

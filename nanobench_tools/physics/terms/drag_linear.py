@@ -1,7 +1,7 @@
 """Drag in proportion to speed."""
 
 from ...settings import setting
-from ..feigned import AIR
+from ..systematic import AIR
 from ..term import Parameter, Stage, Term
 
 TYPICAL_N_S_M = setting("physics.drag_linear.typical_n_s_m")
@@ -16,7 +16,7 @@ TERM = Term(
     name="drag_linear",
     sentence="A force against the air velocity along each body axis, in proportion to it.",
     equation="F_b <- F_b - diag(d) (v - wind)_b",
-    parameters=(Parameter("d", "N s/m", 0.0, 20.0, TYPICAL_N_S_M, length=3, feigned=AIR, grows="m",
+    parameters=(Parameter("d", "N s/m", 0.0, 20.0, TYPICAL_N_S_M, length=3, systematic=AIR, grows="m",
                           source="79 NanoBench flights, test flights among them: k/m 0.391 (x), 0.404 "
                                  "(y), 0.14 (z) 1/s"),),
     acts={Stage.BODY_FORCE: force},

@@ -1,6 +1,6 @@
 """Drag of the rotors: in proportion to speed and to how fast they turn."""
 
-from ..feigned import AIR
+from ..systematic import AIR
 from ..term import Parameter, Stage, Term
 from ..vector import total
 
@@ -16,7 +16,7 @@ TERM = Term(
              "the sum of the rotor speeds.",
     equation="F_b <- F_b - (sum_i Omega_i) diag(d) (v - wind)_b",
     parameters=(Parameter("d", "N s^2/m/rad", 0.0, 1e-1, (2.0e-6, 2.0e-6, 7e-7), length=3,
-                          feigned=AIR, grows="m/w",
+                          systematic=AIR, grows="m/w",
                           source="Foerster 2015, System Identification of the Crazyflie 2.0: 9.2e-7 unloaded"),),
     acts={Stage.BODY_FORCE: force},
     confused_with={"drag_linear": "the same speed with little and with much thrust (dives and climbs)"},

@@ -1,7 +1,7 @@
 """Air velocity across the rotors turns the vehicle."""
 
 from ...settings import number, setting
-from ..feigned import AIR
+from ..systematic import AIR
 from ..term import Parameter, Stage, Term
 
 TYPICAL_N_S = number("physics.drag_torque.typical_n_s")
@@ -20,7 +20,7 @@ TERM = Term(
     sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass); real "
              "ones have c < 0: the nose goes up against the wind.",
     equation="tau <- tau + c e3 x v_b, v_b air velocity",
-    parameters=(Parameter("c", "N s", -2.0, 2.0, TYPICAL_N_S, feigned=AIR, grows="ml", fitted=FITTED,
+    parameters=(Parameter("c", "N s", -2.0, 2.0, TYPICAL_N_S, systematic=AIR, grows="ml", fitted=FITTED,
                           source="a prototype on 54 NanoBench flights: 6-11 rad/s^2 per m/s of lateral velocity"),),
     acts={Stage.TORQUE: moment},
     confused_with={"com_offset": "hover: an offset of the centre of mass still turns there"},

@@ -1,7 +1,7 @@
 """A constant push."""
 
 from ...settings import number
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import add
 
@@ -17,7 +17,7 @@ TERM = Term(
     name="force_world",
     sentence="A constant force in the world at the centre of mass (a draught, a wire, gravity not along world z).",
     equation="F <- F + f",
-    parameters=(Parameter("f_N", "N", -5.0, 5.0, 0.0, length=3, feigned=NOTHING, differs=DIFFERS_N, grows="m",
+    parameters=(Parameter("f_N", "N", -5.0, 5.0, 0.0, length=3, systematic=NOTHING, differs=DIFFERS_N, grows="m",
                           source="1 % of the weight of 0.4 N"),),
     acts={Stage.WORLD_FORCE: force},
     confused_with={"wind": "two headings with unequal drag along x and y, or two speeds with quadratic drag",

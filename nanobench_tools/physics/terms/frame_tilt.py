@@ -1,10 +1,10 @@
 """Thrust axis tilted against the tracked body."""
 
 from ...settings import number
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Parameter, Stage, Term
 
-FEIGNED_RAD = number("physics.frame_tilt.feigned")
+SYSTEMATIC_RAD = number("physics.frame_tilt.systematic")
 """Changes up to this can come of the logging alone."""
 DIFFERS_RAD = number("physics.frame_tilt.differs")
 """Flights that differ by less need not differ in this."""
@@ -25,9 +25,11 @@ TERM = Term(
     sentence="The body the tracking shows is rolled and pitched against the one that thrust acts along; drag is taken "
              "along the tracked axes and the whole body force is turned.",
     equation="R <- R Rot_x(roll) Rot_y(pitch) for the body force",
-    parameters=(Parameter("roll_rad", "rad", -0.5, 0.5, 0.0, source=_SOURCE, untold=(0,), feigned=Feigned(FEIGNED_RAD),
+    parameters=(Parameter("roll_rad", "rad", -0.5, 0.5, 0.0, source=_SOURCE, unidentifiable=(0,),
+                          systematic=Systematic(SYSTEMATIC_RAD),
                           differs=DIFFERS_RAD),
-                Parameter("pitch_rad", "rad", -0.5, 0.5, 0.0, source=_SOURCE, untold=(0,), feigned=Feigned(FEIGNED_RAD),
+                Parameter("pitch_rad", "rad", -0.5, 0.5, 0.0, source=_SOURCE, unidentifiable=(0,),
+                          systematic=Systematic(SYSTEMATIC_RAD),
                           differs=DIFFERS_RAD)),
     acts={Stage.TILT: turned},
     confused_with={"force_world": "two headings: a force in the world does not turn with the vehicle",

@@ -1,7 +1,7 @@
 """Thrust grows near the ground."""
 
 from ...settings import number
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import scale
 
@@ -20,9 +20,9 @@ TERM = Term(
     name="ground_effect",
     sentence="Near the ground, z = 0 of the world, the air cannot get away and the same rotor lifts more.",
     equation="T_i <- T_i / (1 - rho (R / (4 z))^2), z not below R / 2",
-    parameters=(Parameter("rho", "1", 0.0, 3.5, 1.0, feigned=NOTHING, search_start=SEARCH_START, in_product=True,
+    parameters=(Parameter("rho", "1", 0.0, 3.5, 1.0, systematic=NOTHING, search_start=SEARCH_START, in_product=True,
                           source="Cheeseman and Bennett 1955: 1 for one rotor; Danjun et al. 2015 fit larger"),
-                Parameter("R", "m", 0.005, 0.5, 0.0231, neutral=0.0231, feigned=NOTHING, grows="l",
+                Parameter("R", "m", 0.005, 0.5, 0.0231, neutral=0.0231, systematic=NOTHING, grows="l",
                           source="46 mm propeller")),
     acts={Stage.GROUND: changed},
     confused_with={"thrust_scale": "hover at 0.05 m and at 1 m"},

@@ -1,11 +1,11 @@
 """Another moment of inertia than the vehicle's table says."""
 
 from ...settings import number
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Belief, Parameter, Stage, Term
 from ..vehicle import Vehicle
 
-FEIGNED = number("physics.inertia.feigned")
+SYSTEMATIC = number("physics.inertia.systematic")
 """Of the value before, times the share of the turning that the commands do not explain."""
 IMPLAUSIBLE = number("physics.inertia.implausible")
 """A gain that is off by this factor is no vehicle."""
@@ -46,8 +46,8 @@ TERM = Term(
     sentence="The moments of inertia about body x, y and z, off-diagonal ones zero.",
     equation="J = diag(inertia)",
     parameters=(Parameter("inertia_kg_m2", "kg m^2", 1e-8, 5.0, (1.8e-5, 1.8e-5, 3.1e-5), neutral="inertia_kg_m2",
-                          length=3, feigned=Feigned(FEIGNED, "gain"), implausible=IMPLAUSIBLE, grows="mll",
-                          fitted=fitted, believed=believed, untold=(2,), only_with={2: "yaw_torque"},
+                          length=3, systematic=Systematic(SYSTEMATIC, "gain"), implausible=IMPLAUSIBLE, grows="mll",
+                          fitted=fitted, believed=believed, unidentifiable=(2,), only_with={2: "yaw_torque"},
                           source="firmware controller_lee.c 1.66e-5, 1.67e-5, 2.93e-5, scaled for load"),),
     acts={Stage.INERTIA: inertia},
     confused_with={"thrust_scale": "climbs: thrust acts on the motion too, inertia only on rotation",

@@ -1,7 +1,7 @@
 """Thrust changes with the air that comes through and across the rotors."""
 
 from ...settings import number, setting
-from ..feigned import AIR
+from ..systematic import AIR
 from ..term import Parameter, Stage, Term
 from ..vector import scale
 
@@ -22,10 +22,10 @@ TERM = Term(
     name="inflow",
     sentence="Climbing takes thrust from the rotors, flying sideways gives some back (translational lift).",
     equation="T_i <- T_i (1 - k_z v_bz + k_h (v_bx^2 + v_by^2)), v_b ground velocity",
-    parameters=(Parameter("k_z", "s/m", -0.5, 1.0, TYPICAL_S_M, feigned=AIR, fitted=FITTED_K_Z,
+    parameters=(Parameter("k_z", "s/m", -0.5, 1.0, TYPICAL_S_M, systematic=AIR, fitted=FITTED_K_Z,
                           source="NanoBench flights, which ones is not recorded: vertical damping 0.14 "
                                  "1/s over 9.81 m/s^2"),
-                Parameter("k_h", "s^2/m^2", -0.2, 0.2, 0.005, feigned=AIR, fitted=FITTED_K_H,
+                Parameter("k_h", "s^2/m^2", -0.2, 0.2, 0.005, systematic=AIR, fitted=FITTED_K_H,
                           source="order of 1 / (8 v_i^2) with the induced velocity v_i = 5 m/s of momentum theory")),
     acts={Stage.INFLOW: changed},
     confused_with={"thrust_pwm": "climbs and descents at the same command", "thrust_voltage": "the same",

@@ -1,7 +1,7 @@
 """Another mass than the vehicle's table says."""
 
 from ...settings import number
-from ..feigned import LEVEL
+from ..systematic import LEVEL
 from ..term import Parameter, Stage, Term
 
 DIFFERS = number("physics.mass.differs")
@@ -16,7 +16,7 @@ TERM = Term(
     name="mass",
     sentence="The vehicle weighs m (payload, another battery); gravity and inertia of the motion use it.",
     equation="m",
-    parameters=(Parameter("m", "kg", 0.001, 10.0, 0.04085, neutral="mass_kg", untold=(0,), feigned=LEVEL,
+    parameters=(Parameter("m", "kg", 0.001, 10.0, 0.04085, neutral="mass_kg", unidentifiable=(0,), systematic=LEVEL,
                           differs=DIFFERS, grows="m",
                           source="NanoBench paper: vehicle weighed with battery and markers"),),
     acts={Stage.MASS: mass},

@@ -1,10 +1,10 @@
 """Motors that differ from each other."""
 
 from ...settings import number
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Parameter, Stage, Term
 
-FEIGNED = number("physics.motor_imbalance.feigned")
+SYSTEMATIC = number("physics.motor_imbalance.systematic")
 """Changes up to this can come of the logging alone."""
 DIFFERS = number("physics.motor_imbalance.differs")
 """Flights that differ by less need not differ in this."""
@@ -28,7 +28,7 @@ TERM = Term(
     sentence="Each motor has its own gain around a mean of 1 (a chipped propeller, a worn motor).",
     equation="T_i <- g_i T_i, mean g = 1",
     parameters=(Parameter("g", "1", 0.2, 2.0, 1.0, neutral=1.0, length="rotors", fixed_mean=1.0,
-                          feigned=Feigned(FEIGNED), differs=DIFFERS,
+                          systematic=Systematic(SYSTEMATIC), differs=DIFFERS,
                           source="NanoBench flights, which ones is not recorded: PWM of the four motors "
                                  "differs by 10 % in hover"),),
     acts={Stage.MOTOR_GAIN: imbalanced},

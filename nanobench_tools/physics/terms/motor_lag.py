@@ -1,7 +1,7 @@
 """Thrust follows its command with a first-order lag, faster up than down (or the reverse)."""
 
 from ...settings import number, setting
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Belief, Parameter, Stage, Term
 
 TYPICAL_UP_S = number("physics.motor_lag.typical_up_s")
@@ -9,7 +9,7 @@ TYPICAL_UP_S = number("physics.motor_lag.typical_up_s")
 TYPICAL_DOWN_S = number("physics.motor_lag.typical_down_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
 
-FEIGNED_S = number("physics.motor_lag.feigned")
+SYSTEMATIC_S = number("physics.motor_lag.systematic")
 """Changes up to this can come of the logging alone."""
 SEARCH_START_S = number("physics.motor_lag.search_start")
 """It acts far from linearly where it rests."""
@@ -30,7 +30,7 @@ _SOURCE = ("79 NanoBench flights, test flights among them: PWM differences to an
 
 
 def _lag(name: str, typical_s: float, believed: tuple[float, float]) -> Parameter:
-    return Parameter(name, "s", 0.0, 0.5, typical_s, neutral=0.0, source=_SOURCE, feigned=Feigned(FEIGNED_S),
+    return Parameter(name, "s", 0.0, 0.5, typical_s, neutral=0.0, source=_SOURCE, systematic=Systematic(SYSTEMATIC_S),
                      search_start=SEARCH_START_S, fitted=FITTED, believed=Belief(*believed, f"motor_lag: {_SOURCE}"))
 
 

@@ -1,6 +1,6 @@
 """The rotors are gyroscopes."""
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import cross, subtract, total
 
@@ -16,7 +16,7 @@ TERM = Term(
     sentence="The angular momentum of the rotors resists turning their axis. spin is the sign of the yaw torque and "
              "rotors turn against it, so real rotors have J_r < 0 in this sign.",
     equation="tau <- tau - w x J_r sum_i(spin_i Omega_i) e3",
-    parameters=(Parameter("J_r", "kg m^2", -1e-2, 1e-2, -2e-8, feigned=NOTHING, grows="mll",
+    parameters=(Parameter("J_r", "kg m^2", -1e-2, 1e-2, -2e-8, systematic=NOTHING, grows="mll",
                           source="propeller and bell, 0.4 g at 7 mm radius of gyration; sign see sentence"),),
     acts={Stage.TORQUE: moment},
     confused_with={"motor_imbalance": "fast yaw: the moment needs a rate of the body"},

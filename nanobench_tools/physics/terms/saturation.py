@@ -1,6 +1,6 @@
 """Motors that can do no more."""
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 
 
@@ -20,9 +20,9 @@ TERM = Term(
     name="saturation",
     sentence="Above a PWM ratio, or above a thrust, a motor does no more than it does there.",
     equation="u_i <- min(u_i, u_max) or T_i <- min(T_i, T_max)",
-    parameters=(Parameter("u_max", "1", 0.05, 1.0, 1.0, neutral=1.0, optional=True, feigned=NOTHING, only_input="pwm",
-                          search_start="inputs", source="full duty"),
-                Parameter("T_max_N", "N", 0.001, 50.0, 0.12, neutral=50.0, optional=True, feigned=NOTHING, grows="m",
+    parameters=(Parameter("u_max", "1", 0.05, 1.0, 1.0, neutral=1.0, optional=True, systematic=NOTHING,
+                          only_input="pwm", search_start="inputs", source="full duty"),
+                Parameter("T_max_N", "N", 0.001, 50.0, 0.12, neutral=50.0, optional=True, systematic=NOTHING, grows="m",
                           search_start="thrusts",
                           source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST_MAX")),
     acts={Stage.INPUT_LIMIT: limited_input, Stage.THRUST_LIMIT: limited_thrust},

@@ -5,7 +5,7 @@ integrates it beside one, and a diagnosis looks for it as a force that comes and
 there is no neutral length, and the term is not searched for among the causes of a residual.
 """
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import cross, scale, subtract
 
@@ -25,12 +25,12 @@ TERM = Term(
     equation="M <- M + m; tau <- tau - m / (M + m) r x F_b; beside it s'' = -(g / l) s - 2 zeta sqrt(g / l) s' "
              "- a_knot, F <- F + m g s / l",
     parameters=(
-        Parameter("m_kg", "kg", 0.0, 1.0, 0.004, feigned=NOTHING,
+        Parameter("m_kg", "kg", 0.0, 1.0, 0.004, systematic=NOTHING,
                   source="CrazyPAD: a few grams on a thread of 0.63 m"),
-        Parameter("l_m", "m", 0.05, 10.0, 0.6, neutral=None, feigned=NOTHING, source="CrazyPAD: 0.63 m"),
-        Parameter("zeta", "1", 0.0, 1.0, 0.03, feigned=NOTHING,
+        Parameter("l_m", "m", 0.05, 10.0, 0.6, neutral=None, systematic=NOTHING, source="CrazyPAD: 0.63 m"),
+        Parameter("zeta", "1", 0.0, 1.0, 0.03, systematic=NOTHING,
                   source="a small sphere of 4 g in air: swings for half a minute"),
-        Parameter("r_m", "m", -0.5, 0.5, 0.0, length=3, feigned=NOTHING, source="within the reach of the motors")),
+        Parameter("r_m", "m", -0.5, 0.5, 0.0, length=3, systematic=NOTHING, source="within the reach of the motors")),
     acts={Stage.MASS: mass, Stage.TORQUE: moment},
     confused_with={"mass": "a sideways step, higher than the string is long: only a load on a string swings",
                    "com_offset": "a weighing: a load on a string adds mass"},

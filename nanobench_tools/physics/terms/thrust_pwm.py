@@ -1,6 +1,6 @@
 """Thrust from PWM alone, blind to the battery."""
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import polynomial
 
@@ -14,7 +14,7 @@ TERM = Term(
     sentence="Each motor's thrust is a polynomial of its PWM ratio, whatever the battery gives.",
     equation="T_i = sum_k c_k u_i^k",
     parameters=(Parameter("c", "N", -500.0, 500.0, (0.0, 0.02, 0.14), neutral=None, length=None,
-                          feigned=NOTHING, grows="m",
+                          systematic=NOTHING, grows="m",
                           source="order of the firmware's 0.12 N at full command (platform_defaults_cf2.h)"),),
     acts={Stage.THRUST_MAP: thrust},
     confused_with={"thrust_voltage": "the same hover at a full and at an empty battery"},

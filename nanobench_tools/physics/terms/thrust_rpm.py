@@ -1,6 +1,6 @@
 """Thrust from rotor speed, and rotor speed from thrust where others ask for it."""
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 
 STILL_N = 1e-15
@@ -23,7 +23,7 @@ TERM = Term(
     name="thrust_rpm",
     sentence="Each rotor's thrust is k_f times its speed squared; with PWM inputs k_f only gives the speed of a rotor.",
     equation="T_i = k_f Omega_i^2",
-    parameters=(Parameter("k_f", "N s^2/rad^2", 1e-11, 1e-4, 2.3e-8, neutral=None, feigned=NOTHING, in_product=True,
+    parameters=(Parameter("k_f", "N s^2/rad^2", 1e-11, 1e-4, 2.3e-8, neutral=None, systematic=NOTHING, in_product=True,
                           source="RotorPy crazyflie parameters 2.3e-8; Busetto et al. 2025 3.72e-8"),),
     acts={Stage.THRUST_MAP: thrust, Stage.ROTOR_SPEED: speed},
     input="rpm",

@@ -1,7 +1,7 @@
 """All motors weaker or stronger than the thrust curve by one factor."""
 
 from ...settings import number
-from ..feigned import LEVEL
+from ..systematic import LEVEL
 from ..term import Parameter, Stage, Term
 from ..vector import scale
 
@@ -19,7 +19,7 @@ TERM = Term(
     name="thrust_scale",
     sentence="All thrusts are s times what the thrust curve says (worn propellers, another air density).",
     equation="T_i <- s T_i",
-    parameters=(Parameter("s", "1", 0.2, 3.0, TYPICAL, neutral=1.0, untold=(0,), feigned=LEVEL,
+    parameters=(Parameter("s", "1", 0.2, 3.0, TYPICAL, neutral=1.0, unidentifiable=(0,), systematic=LEVEL,
                           differs=DIFFERS,
                           source="78 NanoBench flights, test flights among them: real thrust over "
                                  "firmware cubic 0.943 +- 0.033"),),

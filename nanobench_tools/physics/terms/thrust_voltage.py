@@ -1,6 +1,6 @@
 """Thrust from the voltage a motor sees: PWM ratio times battery voltage."""
 
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import polynomial
 
@@ -14,7 +14,7 @@ TERM = Term(
     sentence="Each motor's thrust is a polynomial of the mean voltage at the motor, PWM ratio times battery voltage.",
     equation="T_i = sum_k c_k (u_i V)^k",
     parameters=(Parameter("c", "N/V^k", -500.0, 500.0, (-0.0248, 0.0652, -0.0268, 0.00678), neutral=None, length=None,
-                          feigned=NOTHING, grows="m",
+                          systematic=NOTHING, grows="m",
                           source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, 2.1+ propellers"),),
     acts={Stage.THRUST_MAP: thrust},
     confused_with={"thrust_pwm": "the same hover at a full and at an empty battery"},

@@ -1,7 +1,7 @@
 """Air that moves."""
 
 from ...settings import number
-from ..feigned import NOTHING
+from ..systematic import NOTHING
 from ..term import Parameter, Stage, Term
 from ..vector import add
 
@@ -17,7 +17,7 @@ TERM = Term(
     name="wind",
     sentence="The air moves with a constant velocity in the world; drag acts on the velocity against the air.",
     equation="v_air = v - w",
-    parameters=(Parameter("w_m_s", "m/s", -20.0, 20.0, 0.0, length=3, feigned=NOTHING, differs=DIFFERS_M_S,
+    parameters=(Parameter("w_m_s", "m/s", -20.0, 20.0, 0.0, length=3, systematic=NOTHING, differs=DIFFERS_M_S,
                           source="draught of a room: below 0.5 m/s"),),
     acts={Stage.WIND: air},
     confused_with={"force_world": "two headings with unequal drag along x and y, or two speeds with quadratic drag",

@@ -1,11 +1,11 @@
 """Rotor drag turns the vehicle about its z axis."""
 
 from ...settings import number, setting
-from ..feigned import Feigned
+from ..systematic import Systematic
 from ..term import Parameter, Stage, Term
 from ..vector import total
 
-FEIGNED = number("physics.yaw_torque.feigned")
+SYSTEMATIC = number("physics.yaw_torque.systematic")
 """Of the value before, times the share of the turning that the commands do not explain."""
 IMPLAUSIBLE = number("physics.yaw_torque.implausible")
 """A gain that is off by this factor is no vehicle."""
@@ -22,7 +22,7 @@ TERM = Term(
     name="yaw_torque",
     sentence="Each rotor's drag turns the vehicle about body z in proportion to its thrust.",
     equation="tau_z <- tau_z + sum_i spin_i k_m T_i",
-    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993, feigned=Feigned(FEIGNED, "gain"),
+    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993, systematic=Systematic(SYSTEMATIC, "gain"),
                           implausible=IMPLAUSIBLE, grows="l", fitted=FITTED,
                           source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST2TORQUE"),),
     acts={Stage.TORQUE: moment},

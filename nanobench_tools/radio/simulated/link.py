@@ -27,8 +27,8 @@ def answer_platform(packet: Packet, arm: Callable[[bool], bool], recover: Callab
     """Port 13: versions, arming, getting up again after a crash."""
     command = packet.data[:1]
     if packet.channel == VERSION and command:
-        told = {0: protocol_version.to_bytes(4, "little"), 1: FIRMWARE, 2: DEVICE}.get(command[0])
-        return [] if told is None else [Packet(Port.PLATFORM, VERSION, command + told)]
+        answer = {0: protocol_version.to_bytes(4, "little"), 1: FIRMWARE, 2: DEVICE}.get(command[0])
+        return [] if answer is None else [Packet(Port.PLATFORM, VERSION, command + answer)]
     if packet.channel != COMMAND or not command:
         return []
     if command[0] == ARM and len(packet.data) > 1:

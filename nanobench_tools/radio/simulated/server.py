@@ -205,9 +205,9 @@ class SimulatedCrazyflie:
         self._report(f"{self._client[0]}:{self._client[1]} has gone")
         self._client = None
         if self._waiting is not None:
-            sender, datagram, asked = self._waiting
+            sender, datagram, requested = self._waiting
             self._waiting = None
-            if now - asked < WAITING_S:
+            if now - requested < WAITING_S:
                 self._accept(sender)
                 self.simulation.post(self._now(), datagram)
 

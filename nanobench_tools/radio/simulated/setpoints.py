@@ -67,10 +67,10 @@ class RollPitchYawThrust:
         else:
             s["mode_x"] = s["mode_y"] = DISABLED
             s["velocity_m_s"][:2] = 0.0
-            for k, (name, asked) in enumerate((("mode_roll", roll), ("mode_pitch", pitch))):
+            for k, (name, commanded) in enumerate((("mode_roll", roll), ("mode_pitch", pitch))):
                 rate = (mode.stabModeRoll, mode.stabModePitch)[k] == RATE
                 s[name] = VELOCITY if rate else ABSOLUTE
-                s["rate_deg_s"][k], s["attitude_deg"][k] = (asked, 0.0) if rate else (0.0, asked)
+                s["rate_deg_s"][k], s["attitude_deg"][k] = (commanded, 0.0) if rate else (0.0, commanded)
         if not mode.posSet:
             rate = mode.stabModeYaw == RATE
             s["mode_yaw"] = VELOCITY if rate else ABSOLUTE
