@@ -39,7 +39,8 @@ def shipped_simulator() -> str:
 
 
 def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
-    """(names, values (k, P)) of its parameters with training flights drawn anew."""
+    """(names, values (k, P)) of its parameters with training flights drawn anew: flights alone, not sessions, so they
+    are somewhat too narrow (12, 1 and 2 of the flights are of three sessions). ``--train`` draws sessions."""
     with resources.files(__package__).joinpath(DRAWS).open(encoding="utf-8") as lines:
         names, *rows = list(csv.reader(lines))
     return tuple(names), np.array(rows, float)

@@ -25,8 +25,9 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.motor_output import YAW_ARM_M
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS, thrust_of_voltage
 from nanobench_tools.flight import Flight, Span, intersect_spans
-from nanobench_tools.metrics.statistics import draws
+from nanobench_tools.metrics.statistics import refit_weights
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import count, number
 
@@ -51,8 +52,8 @@ BALANCES, WIDTH = 5, 3
 
 @dataclass(frozen=True)
 class Balance:
-    """The model and ``draws`` (k, P) of its flat vector, flights drawn with replacement; how much of the moments (x,
-    y) is explained, and by how many flights."""
+    """The model and ``draws`` (k, P) of its flat vector, sessions and then flights drawn with replacement; how much of
+    the moments (x, y) is explained, and by how many flights."""
 
     model: Model
     draws: np.ndarray
@@ -63,14 +64,16 @@ class Balance:
 def balance(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int = 0) -> Balance:
     """Parameters from whole flights. Raises InputError when none is long enough."""
     vehicle = vehicle or Vehicle()
-    parts = [part for case in cases for part in [_equations(case, vehicle)] if part is not None]
+    found = [(case.flight, part) for case in cases for part in [_equations(case, vehicle)] if part is not None]
+    parts = [part for _, part in found]
     if not parts:
         raise InputError(cases[0].flight.provenance.path if cases else "data",
                          f"no flight of {SHORTEST_S + 2 * EDGE_S:g} s to identify a plant from")
     normal = [(np.array([a.T @ a for a, _ in rows]), np.array([a.T @ b for a, b in rows])) for rows in parts]
     whole = _solved(normal, np.ones(len(parts)))
     model = _model(whole, vehicle)
-    drawn = [_model(_solved(normal, count), vehicle).values for count in draws(tuple(range(len(parts))), seed, DRAWS)]
+    counts = refit_weights(len(parts), labels_of([flight for flight, _ in found]), seed, DRAWS)
+    drawn = [_model(_solved(normal, count), vehicle).values for count in counts]
     explained = tuple(1.0 - sum(float(np.sum((b - a @ whole[k]) ** 2)) for a, b in (rows[k] for rows in parts))
                       / sum(float(np.sum(rows[k][1] ** 2)) for rows in parts) for k in (1, 2))
     return Balance(model, np.array(drawn), (explained[0], explained[1]), len(parts))

@@ -14,7 +14,7 @@ from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
-from nanobench_tools.metrics.statistics import UNKNOWN
+from nanobench_tools.metrics.statistics import UNKNOWN, why_not
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.model import find_term, typical
 from nanobench_tools.protocols.sessions import sessions_of
@@ -28,7 +28,7 @@ from .flyability import Flight as Flown
 from .flyability import flies
 from .ladder import FULL, HEAVY, Terms
 from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
-from .parameter_intervals import bootstrap, not_identified, profile
+from .parameter_intervals import FEWEST_FLIGHTS, bootstrap, not_identified, profile
 from .ranges import bounds, falling_thrust, held, priors
 from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .symmetry import joined
@@ -112,15 +112,17 @@ class GreyBox:
         self.solution_, self.data_ = solution, data
         labels = [self.sessions.get(name, UNKNOWN) for name in data.names]
         ci95 = bootstrap(solution, self.seed, labels) if self.judged else None
-        parameters = {name: {"value": float(v), "ci95": None if ci95 is None or name not in ci95 else list(ci95[name]),
-                             "unit": unit} for name, v, unit in
-                      zip(model.names, solution.model.values, model.units, strict=True)}
+        flown = np.unique(data.flight)
+        why = why_not(len(flown), np.array(labels)[flown]) if self.judged else "not asked for"
+        parameters = {name: _parameter(float(v), unit, (ci95 or {}).get(name), why if problem.free[k] else "held")
+                      for k, (name, v, unit) in enumerate(zip(model.names, solution.model.values, model.units,
+                                                              strict=True))}
         self.model_ = tidy(solution.model)
         self.parameters_ = {name: entry for name, entry in parameters.items() if name in self.model_.names}
         self.predictor_ = self._predictor(solution, cuts)
-        flown = None if _held_rate(model) or not self.judged else flies(self.model_, data)
-        self.result_ = FitResult(self.name, self.adapt, self.parameters_, len(data), len(set(data.flight.tolist())),
-                                 solution.steps, solution.cost, self._trouble(solution, flown), flown,
+        flies_on = None if _held_rate(model) or not self.judged else flies(self.model_, data)
+        self.result_ = FitResult(self.name, self.adapt, self.parameters_, len(data), len(flown), solution.steps,
+                                 solution.cost, self._trouble(solution, flies_on), flies_on,
                                  (*(f"{name} ends at {solution.model.parameters[name]:g}, where it has no effect, and "
                                     "is held there: these flights do not show it" for name in unseen),
                                   *(not_identified(solution, ci95) if self.judged else ()), *self._not_learnt()),
@@ -228,3 +230,11 @@ def _cases(flights: Sequence[Flight | Case]) -> list[Case]:
 
 
 __all__ = ["FitWindows", "GreyBox", "nuisances_of", "tidy"]
+
+
+def _parameter(value: float, unit: str, ci95: tuple[float, float] | None, why: str) -> dict[str, Any]:
+    """{value, ci95, unit} and ``ci_why`` where the interval is missing or not to be trusted."""
+    if ci95 is None and not why:
+        why = f"fewer than {FEWEST_FLIGHTS} flights"
+    return {"value": value, "ci95": None if ci95 is None else list(ci95), "unit": unit,
+            **({"ci_why": why} if why else {})}

@@ -1,4 +1,4 @@
-"""All candidates on one training set: fitted, held out file by file, one chosen, intervals by drawing files.
+"""All candidates on one training set: fitted, held out file by file, one chosen, intervals by drawing sessions and files.
 
 The same for stand series (thrust per motor, N) and flights (specific force along body z, m/s^2).
 """
@@ -12,7 +12,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from nanobench_tools.metrics import statistics
+from nanobench_tools.metrics.statistics import refit_weights, session_count, why_not
+from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import count, number
 
 from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose
@@ -127,14 +128,26 @@ class Study:
         return is_flown(self.train)
 
     def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """{model: {name: {value, ci95, unit}}}, intervals by drawing files (pieces of an only file); none of two."""
-        return {name: {key: {"value": value, "ci95": self._interval(name, key), "unit": candidate.units[key]}
+        """{model: {name: {value, ci95, unit}}}, intervals by drawing sessions and files; ``ci_why`` beside those that
+        are missing or not to be trusted."""
+        return {name: {key: self._parameter(name, key, value, candidate.units[key])
                        for key, value in self.fits[name].values.items()}
                 for name, candidate in self.candidates.items() if self.fits[name].values}
 
+    def _parameter(self, name: str, key: str, value: float, unit: str) -> dict[str, Any]:
+        ends = self._interval(name, key)
+        why = self.why or ("" if ends else "nothing fitted, or refits to drawn files fail")
+        return {"value": value, "ci95": ends, "unit": unit, **({"ci_why": why} if why else {})}
+
+    @property
+    def why(self) -> str:
+        """Why intervals of parameters are missing or not to be trusted; empty where they are sound."""
+        few = {1: "one file", 2: "two files, drawn in three ways only"}.get(len(self.train), "")
+        return few or why_not(len(self.train), labels_of(self.train) if self.flown else None)
+
     def _interval(self, name: str, key: str) -> list[float] | None:
         drawn = [d[key] for d in self.draws.get(name, ()) if np.isfinite(d.get(key, np.nan))]
-        if len(drawn) < DRAWS // 2 or len(self.train) == 2:  # two files are drawn in three ways only
+        if len(drawn) < DRAWS // 2 or len(self.train) < 3 or self.flown and session_count(labels_of(self.train)) == 1:
             return None
         return [float(x) for x in np.percentile(drawn, [2.5, 97.5])]
 
@@ -156,8 +169,8 @@ def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRA
 
 def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], seed: int,
               draws: int) -> tuple[Mapping[str, float], ...]:
-    """Values of refits to files drawn with replacement; to blocks of rows where there is one file. Empty for maps that
-    nothing was fitted in, and for fits that are none."""
+    """Values of refits to drawn sessions and files within them; to blocks of rows where there is one file. Empty for
+    maps that nothing was fitted in, and for fits that are none."""
     if not fit.values or not candidate.size or not draws or fit.trouble.startswith(("no ", "not ")):
         return ()
     pieces: list[File] = list(train)
@@ -166,5 +179,5 @@ def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], 
         pieces = [pieces[0].rows(slice(a, b)) for a, b in pairwise(bounds) if b > a]
     thin = -(-sum(map(len, pieces)) // DRAWN_ROWS)
     pieces = [p.rows(slice(None, None, thin)) for p in pieces]
-    return tuple(fit_any(candidate, pieces, counts, fit.shape or None).values
-                 for counts in statistics.draws(tuple(range(len(pieces))), seed, draws))
+    counts = refit_weights(len(pieces), labels_of(train) if len(train) > 1 else None, seed, draws)
+    return tuple(fit_any(candidate, pieces, count, fit.shape or None).values for count in counts)

@@ -223,10 +223,11 @@ def _show(options: Options, part: Part) -> None:
     for given, names in _given(part).items():
         options.show(f"  given {given}: {names}")
     found = part.found.parameters()[part.best]
-    files = len(part.found.train)
-    kind = "training flights" if part.found.flown else "stand series"
-    drawn = {1: " (95 % interval of pieces of the only file)", 2: ", without interval: two files"}
-    options.show("  its parameters" + drawn.get(files, f" (95 % interval of {files} {kind} drawn, sessions not)"))
+    files, why = len(part.found.train), part.found.why
+    kind = "training flights in sessions" if part.found.flown else "stand series"
+    drawn = f" (95 % interval of {files} {kind} drawn" + (f"; {why})" if why else ")")
+    options.show("  its parameters" + (drawn if any(body["ci95"] for body in found.values())
+                                       else f", without interval: {why or 'refits to drawn files fail'}"))
     for name, body in found.items():
         interval = body["ci95"]
         options.show(f"  {name} = {body['value']:.5g} {body['unit']}"

@@ -86,6 +86,13 @@ def weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RES
     return drawn
 
 
+def refit_weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray:
+    """(resamples, n) as ``weights``, for refits whose spread is wanted even where it is no interval: flights alone are
+    drawn where all are of one session, and that spread is too narrow."""
+    found = weights(n, sessions, seed, resamples)
+    return draws(tuple(range(n)), seed, resamples) if found is None else found
+
+
 def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = None, seed: int = 0,
                     probability: float = 0.95, resamples: int = RESAMPLES) -> Interval:
     """Interval of sum(sums) / sum(counts) over flights; the same whatever the order of the flights.

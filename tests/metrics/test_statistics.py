@@ -13,8 +13,10 @@ from nanobench_tools.metrics.statistics import (
     intra_class,
     paired_ratio,
     pooled_interval,
+    refit_weights,
     summary,
     summary_table,
+    weights,
 )
 
 
@@ -250,3 +252,12 @@ def test_a_difference_is_one_when_the_interval_excludes_one():
     assert excludes_one([1.01, 1.2])
     assert not excludes_one([0.9, 1.1])
     assert not excludes_one(None)
+
+
+def test_weights_of_refits_draw_sessions_and_fall_back_to_flights():
+    nested = refit_weights(6, [0, 0, 0, 1, 1, 1], 3, 500)
+    assert np.array_equal(nested, weights(6, [0, 0, 0, 1, 1, 1], 3, 500))
+    assert np.ptp(nested[:, :3].sum(axis=1)) == 6.0  # a session is drawn twice, or not at all
+    assert np.all(nested.sum(axis=1) == 6.0)
+    assert weights(6, np.zeros(6), 3, 500) is None
+    assert np.array_equal(refit_weights(6, np.zeros(6), 3, 500), weights(6, None, 3, 500))
