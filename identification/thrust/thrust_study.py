@@ -1,4 +1,5 @@
-"""All candidates on one training set: fitted, held out file by file, one chosen, intervals by drawing sessions and files.
+"""All candidates on one training set: fitted, held out file by file, one chosen, intervals by drawing sessions
+and files.
 
 The same for stand series (thrust per motor, N) and flights (specific force along body z, m/s^2).
 """
@@ -147,7 +148,7 @@ class Study:
 
     def _interval(self, name: str, key: str) -> list[float] | None:
         drawn = [d[key] for d in self.draws.get(name, ()) if np.isfinite(d.get(key, np.nan))]
-        if len(drawn) < DRAWS // 2 or len(self.train) < 3 or self.flown and session_count(labels_of(self.train)) == 1:
+        if len(drawn) < DRAWS // 2 or len(self.train) < 3 or (self.flown and session_count(labels_of(self.train)) == 1):
             return None
         return [float(x) for x in np.percentile(drawn, [2.5, 97.5])]
 

@@ -61,7 +61,8 @@ def test_what_flights_do_not_show_is_held_where_it_does_nothing():
     terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
     none = true_model().with_parameters({"drag_linear.d[2]": -0.004})
     fitted = GreyBox(terms).fit_cuts(cuts_of(made_windows(none)))
-    assert fitted.parameters_["drag_linear.d[2]"] == {"value": 0.0, "ci95": None, "unit": "N s/m"}
+    assert fitted.parameters_["drag_linear.d[2]"] == {"value": 0.0, "ci95": None, "unit": "N s/m",
+                                                        "ci_why": "held"}
     assert fitted.result_.is_result, fitted.result_.trouble
     assert any("drag_linear.d[2]" in text for text in fitted.result_.not_identified)
     slow = true_model().with_parameters({"motor_lag.tau_up_s": 0.4, "motor_lag.tau_down_s": 0.4})
