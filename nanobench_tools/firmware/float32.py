@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba as nb
 import numpy as np
 
 F = np.float32
+Real = float | np.floating[Any]
+"""A float32 number in compiled code; mypy sees what ``math`` returns as float."""
+Triple = tuple[Real, Real, Real]
+Quaternion = tuple[Real, Real, Real, Real]
+Turn = tuple[Triple, Triple, Triple]
+"""Rows, or columns, of a rotation matrix."""
 ZERO, ONE, TWO = F(0.0), F(1.0), F(2.0)
 TURN, HALF_TURN, PI = F(360.0), F(180.0), F(np.pi)
 TO_RAD, TO_DEG = PI / HALF_TURN, HALF_TURN / PI
@@ -20,15 +27,15 @@ _FAR = F(36000.0)
 
 
 @nb.njit(inline="always")
-def clamped(value, low, high):
+def clamped(value: Real, low: Real, high: Real) -> Real:
     """constrain() of num.c; what is no number stays none."""
     if value < low:
         return low
     return high if value > high else value
 
 
-@nb.njit
-def counts16(value):
+@nb.njit()
+def counts16(value: Real) -> np.int16:
     """saturateSignedInt16 of attitude_pid_controller.c: towards zero, within +-32767; 0 for what is no number."""
     if value > F(32767.0):
         return np.int16(32767)
@@ -37,8 +44,8 @@ def counts16(value):
     return np.int16(value) if value == value else np.int16(0)
 
 
-@nb.njit
-def one_turn(angle):
+@nb.njit()
+def one_turn(angle: F) -> Real:
     """capAngle of controller_pid.c: degrees into -180..180; 0 for what is not finite, where the firmware hangs."""
     if not math.isfinite(angle):
         return ZERO
@@ -51,14 +58,14 @@ def one_turn(angle):
     return angle
 
 
-@nb.njit
-def yaw_of(q):
+@nb.njit()
+def yaw_of(q: np.ndarray) -> Real:
     """Yaw [rad] of a quaternion (4,) x, y, z, w; quat2rpy of math3d.h."""
     return math.atan2(TWO * (q[3] * q[2] + q[0] * q[1]), ONE - TWO * (q[1] * q[1] + q[2] * q[2]))
 
 
-@nb.njit
-def rotation_of(q):
+@nb.njit()
+def rotation_of(q: np.ndarray) -> Turn:
     """Rows of the rotation matrix of a quaternion (4,) x, y, z, w; quat2rotmat of math3d.h."""
     x, y, z, w = q[0], q[1], q[2], q[3]
     return ((ONE - TWO * y * y - TWO * z * z, TWO * x * y - TWO * z * w, TWO * x * z + TWO * y * w),
@@ -67,19 +74,19 @@ def rotation_of(q):
 
 
 @nb.njit(inline="always")
-def dot(a, b):
+def dot(a: Triple, b: Triple) -> Real:
     """a . b of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @nb.njit(inline="always")
-def cross(a, b):
+def cross(a: Triple, b: Triple) -> Triple:
     """a x b of two triples."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @nb.njit(inline="always")
-def unit(a, otherwise):
+def unit(a: Triple, otherwise: Triple) -> Triple:
     """Triple of length one, or ``otherwise`` for the zero triple, which poisons the firmware's integrals."""
     square = dot(a, a)
     if not square > ZERO:

@@ -8,11 +8,12 @@ horizontal specific force is not used. Products with a zero of a sparse matrix a
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba as nb
 import numpy as np
 
-from .float32 import GRAVITY, ONE, TWO, ZERO, F
+from .float32 import GRAVITY, ONE, TWO, ZERO, F, Real, Triple
 from .kalman_algebra import (
     HALF,
     attitude_block,
@@ -25,6 +26,7 @@ from .kalman_algebra import (
     turned,
 )
 from .kept import kept
+from .records import Record
 
 X, PX, D0 = 0, 3, 6
 """Where position, velocity and attitude error begin among the nine states."""
@@ -65,8 +67,8 @@ def defaults(n: int = 1) -> np.ndarray:
     return found
 
 
-@nb.njit
-def initialize(p, s, now_ms):
+@nb.njit()
+def initialize(p: Record, s: Record, now_ms: int) -> None:
     """kalmanCoreInit: the rotation matrix stays one until the first ``finalize``, whatever the yaw."""
     for i in range(9):
         s.state[i] = ZERO
@@ -89,8 +91,8 @@ def initialize(p, s, now_ms):
     s.updated = 0
 
 
-@nb.njit
-def predict(p, s, acc, rate, now_ms, flying):
+@nb.njit()
+def predict(p: Record, s: Record, acc: np.ndarray, rate: np.ndarray, now_ms: int, flying: bool) -> None:
     """kalmanCorePredict: acc (3,) specific force [m/s^2], rate (3,) [rad/s], both held since the last prediction."""
     dt = F(now_ms - s.predicted_ms) / _MS
     r, v = s.rotation, (s.state[PX], s.state[PX + 1], s.state[PX + 2])
@@ -121,7 +123,7 @@ def predict(p, s, acc, rate, now_ms, flying):
 
 
 @nb.njit(inline="always")
-def _move(s, acc, rate, v, dt, flying):
+def _move(s: Record, acc: np.ndarray, rate: np.ndarray, v: Triple, dt: Real, flying: bool) -> None:
     """Position and velocity over one prediction; v (3,) is the old velocity. In flight thrust alone pushes."""
     x, r, dt2 = s.state, s.rotation, dt * dt
     ax, ay = (ZERO, ZERO) if flying else (acc[0], acc[1])
@@ -134,8 +136,8 @@ def _move(s, acc, rate, v, dt, flying):
     x[PX + 2] += dt * (acc[2] + rate[1] * v[0] - rate[0] * v[1] - GRAVITY * r[2, 2])
 
 
-@nb.njit
-def add_noise(p, s, now_ms):
+@nb.njit()
+def add_noise(p: Record, s: Record, now_ms: int) -> None:
     """kalmanCoreAddProcessNoise; nothing if no time has passed."""
     dt = F(now_ms - s.noise_ms) / _MS
     if not dt > ZERO:
@@ -153,7 +155,7 @@ def add_noise(p, s, now_ms):
 
 
 @nb.njit(error_model="numpy")
-def update(s, k, error, sd):
+def update(s: Record, k: int, error: Real, sd: Real) -> None:
     """kalmanCoreScalarUpdate for a measurement of state k that is off by ``error``, Joseph form."""
     c = s.covariance
     noise = sd * sd
@@ -177,15 +179,15 @@ def update(s, k, error, sd):
     s.updated = 1
 
 
-@nb.njit
-def position(s, place, sd):
+@nb.njit()
+def position(s: Record, place: np.ndarray, sd: Real) -> None:
     """kalmanCoreUpdateWithPosition: x, y and z one after the other."""
     for k in range(3):
         update(s, k, place[k] - s.state[k], sd)
 
 
 @nb.njit(error_model="numpy")
-def pose(s, place, q, position_sd, attitude_sd):
+def pose(s: Record, place: np.ndarray, q: np.ndarray, position_sd: Real, attitude_sd: Real) -> None:
     """kalmanCoreUpdateWithPose: the position, then the turn from the estimate to ``q`` (4,) x, y, z, w.
 
     A quaternion half a turn away says nothing finite; the firmware would take it in and be lost, here it is left.
@@ -201,8 +203,8 @@ def pose(s, place, q, position_sd, attitude_sd):
             update(s, D0 + k, error[k], attitude_sd)
 
 
-@nb.njit
-def finalize(s):
+@nb.njit()
+def finalize(s: Record) -> bool:
     """kalmanCoreFinalize: the attitude error goes into the quaternion, or is forgotten; False if nothing is new."""
     if s.updated == 0:
         return False
@@ -227,9 +229,9 @@ def finalize(s):
 
 
 @kept
-def run_operations(sources):
+def run_operations(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run_operations(operations, parameters, core, trace):
+    def run_operations(operations: np.ndarray, parameters: np.ndarray, core: np.ndarray, trace: np.ndarray) -> None:
         """``operations`` (m,) OPERATION in turn on one filter, core (1,) CORE; trace (m,) takes it after each."""
         if not sources:
             return

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba as nb
 import numpy as np
 
-from .float32 import ONE, TWO, ZERO, F
+from .float32 import ONE, TWO, ZERO, F, Quaternion, Real, Triple
 
 HALF = F(0.5)
 _EPS = F(1e-6)
@@ -17,8 +18,8 @@ _TURNS, _STEPS = F(0.159154943092), F(512.0)
 _SINE = np.round(np.sin(2.0 * np.pi * np.arange(513) / 512.0), 8).astype(np.float32)
 
 
-@nb.njit
-def _looked_up(turns):
+@nb.njit()
+def _looked_up(turns: np.floating[Any]) -> Real:
     """The sine of so many turns, straight between 512 steps (arm_sin_f32 of CMSIS-DSP)."""
     if not abs(turns) < F(1e6):
         return ZERO
@@ -27,30 +28,31 @@ def _looked_up(turns):
     if index >= 512:
         index, place = 0, place - _STEPS
     part = place - F(index)
-    return (ONE - part) * _SINE[index] + part * _SINE[index + 1]
+    found: Real = (ONE - part) * _SINE[index] + part * _SINE[index + 1]
+    return found
 
 
-@nb.njit
-def sine(angle):
+@nb.njit()
+def sine(angle: Real) -> Real:
     """Of an angle [rad]; 0 where it is not finite."""
     return _looked_up(angle * _TURNS)
 
 
-@nb.njit
-def cosine(angle):
+@nb.njit()
+def cosine(angle: Real) -> Real:
     """Of an angle [rad]; 0 where it is not finite."""
     return _looked_up(angle * _TURNS + F(0.25))
 
 
 @nb.njit(inline="always")
-def bounded(value, diagonal):
+def bounded(value: Real, diagonal: bool) -> Real:
     if math.isnan(value) or value > _MOST:
         return _MOST
     return _LEAST if diagonal and value < _LEAST else value
 
 
-@nb.njit
-def bound(covariance):
+@nb.njit()
+def bound(covariance: np.ndarray) -> None:
     """Makes it symmetric and keeps it within bounds."""
     for i in range(9):
         for j in range(i, 9):
@@ -58,8 +60,8 @@ def bound(covariance):
             covariance[i, j] = covariance[j, i] = value
 
 
-@nb.njit
-def attitude_block(a, d):
+@nb.njit()
+def attitude_block(a: np.ndarray, d: Triple) -> None:
     """Writes I - [d]x + [d]x^2 / 2 where A turns attitude errors; d is half the turn."""
     x, y, z = d[0], d[1], d[2]
     a[6, 6], a[6, 7], a[6, 8] = ONE - y * y / TWO - z * z / TWO, z + x * y / TWO, -y + x * z / TWO
@@ -67,8 +69,8 @@ def attitude_block(a, d):
     a[8, 6], a[8, 7], a[8, 8] = y + x * z / TWO, -x + y * z / TWO, ONE - x * x / TWO - y * y / TWO
 
 
-@nb.njit
-def transform(a, covariance):
+@nb.njit()
+def transform(a: np.ndarray, covariance: np.ndarray) -> None:
     """covariance = A covariance A'; row i of A is zero before its own block, and within it but for i in the first."""
     first = np.empty((9, 9), np.float32)
     for i in range(9):
@@ -87,8 +89,8 @@ def transform(a, covariance):
             covariance[i, j] = total
 
 
-@nb.njit
-def turned(q, v):
+@nb.njit()
+def turned(q: np.ndarray, v: Triple) -> Quaternion:
     """q times the rotation by v [rad], not normalised."""
     angle = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + _EPS
     c, sn = cosine(angle / TWO), sine(angle / TWO)
@@ -97,8 +99,8 @@ def turned(q, v):
             y * q[0] - z * q[1] + c * q[2] + x * q[3], z * q[0] + y * q[1] - x * q[2] + c * q[3])
 
 
-@nb.njit
-def normalised(q, into):
+@nb.njit()
+def normalised(q: Quaternion, into: np.ndarray) -> None:
     norm = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) + _EPS
     for k in range(4):
         into[k] = q[k] / norm

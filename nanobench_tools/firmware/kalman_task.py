@@ -9,6 +9,7 @@ not look, and never finds back from a pose that holds one.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba as nb
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from .float32 import GRAVITY, TO_RAD, ZERO, F
 from .kalman import CORE, PX, add_noise, finalize, initialize, pose, position, predict
 from .kept import kept
+from .records import Record
 
 PREDICT_EVERY_MS = 10
 
@@ -32,7 +34,7 @@ TASK = np.dtype([("core", CORE), ("sum", "f4", 6), ("samples", "i4"), ("mean", "
 
 
 @nb.njit(inline="always")
-def _finite(values):
+def _finite(values: np.ndarray) -> bool:
     good = True
     for value in values:
         good = good and math.isfinite(value)
@@ -40,7 +42,7 @@ def _finite(values):
 
 
 @nb.njit(inline="always")
-def _average(s):
+def _average(s: Record) -> None:
     """axis3fSubSamplerFinalize: the last average stays if no sample came."""
     if s.samples == 0:
         return
@@ -51,7 +53,7 @@ def _average(s):
 
 
 @nb.njit(inline="always")
-def _within(core, p):
+def _within(core: Record, p: Record) -> bool:
     """kalmanSupervisorIsStateWithinBounds; a state that is no number is not, other than in the firmware."""
     for k in range(3):
         if p.max_position_m > ZERO and not abs(core.state[k]) <= p.max_position_m:
@@ -61,8 +63,8 @@ def _within(core, p):
     return True
 
 
-@nb.njit
-def _measure(s, core, m):
+@nb.njit()
+def _measure(s: Record, core: Record, m: Record) -> None:
     if not _finite(m.position_m) or (m.attitude != 0 and not _finite(m.quaternion)):
         s.refused += 1
     elif m.attitude != 0:
@@ -71,8 +73,8 @@ def _measure(s, core, m):
         position(core, m.position_m, m.position_sd_m)
 
 
-@nb.njit
-def task_step(p, s, run, measurements, first):
+@nb.njit()
+def task_step(p: Record, s: Record, run: Record, measurements: np.ndarray, first: int) -> int:
     """One run of the task; takes the measurements from ``first`` on up to its tick, gives the index after them."""
     core, now = s.core, run.t_ms
     if s.started == 0:
@@ -104,9 +106,10 @@ def task_step(p, s, run, measurements, first):
 
 
 @kept
-def run_task(sources):
+def run_task(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run_task(runs, measurements, parameters, task, rows, out):
+    def run_task(runs: np.ndarray, measurements: np.ndarray, parameters: np.ndarray, task: np.ndarray, rows: np.ndarray,
+                 out: np.ndarray) -> None:
         """``runs`` (m,) RUN of one filter, task (1,) TASK carried on; out (k,) CORE takes it after the runs ``rows``.
 
         measurements (j,) MEASUREMENT in order of arrival; parameters (1,) PARAMETERS; rows (k,) rising indices of runs.

@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 def _hash() -> str:
@@ -20,6 +22,6 @@ def _hash() -> str:
 SOURCES = _hash()
 
 
-def kept(make: Callable[[str], Any]) -> Any:
+def kept(make: Callable[[str], T]) -> T:
     """What ``make(sources)`` returns: a function compiled with ``cache=True`` whose body mentions ``sources``."""
     return make(SOURCES)

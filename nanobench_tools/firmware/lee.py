@@ -7,6 +7,7 @@ the turning wanted needs, -J (w x R^T Rd wd) + J R^T Rd dwd/dt; ``coupling`` 1 p
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba as nb
 import numpy as np
@@ -20,6 +21,9 @@ from .float32 import (
     TWO,
     ZERO,
     F,
+    Real,
+    Triple,
+    Turn,
     clamped,
     cross,
     dot,
@@ -28,7 +32,7 @@ from .float32 import (
     yaw_of,
 )
 from .kept import kept
-from .records import ABSOLUTE, DISABLED, VELOCITY
+from .records import ABSOLUTE, DISABLED, VELOCITY, Record
 from .thrust_curve import THRUST_MAX_N
 
 PARAMETERS = np.dtype([
@@ -55,18 +59,20 @@ def defaults(n: int = 1) -> np.ndarray:
     return found
 
 
-@nb.njit
-def _heading(setpoint, estimate):
+@nb.njit()
+def _heading(setpoint: Record, estimate: Record) -> Real:
     """Yaw wanted [rad]."""
     if setpoint.mode_yaw == VELOCITY:
-        return (estimate.attitude_deg[2] + setpoint.rate_deg_s[2] * ATTITUDE_DT) * TO_RAD
+        led: Real = (estimate.attitude_deg[2] + setpoint.rate_deg_s[2] * ATTITUDE_DT) * TO_RAD
+        return led
     if setpoint.mode_yaw == ABSOLUTE:
-        return setpoint.attitude_deg[2] * TO_RAD
+        asked: Real = setpoint.attitude_deg[2] * TO_RAD
+        return asked
     return yaw_of(setpoint.quaternion) if setpoint.mode_quat == ABSOLUTE else ZERO
 
 
-@nb.njit
-def _follow(p, s, setpoint, estimate, yaw, body_z):
+@nb.njit()
+def _follow(p: Record, s: Record, setpoint: Record, estimate: Record, yaw: Real, body_z: Triple) -> Turn:
     """Lines 122-174: thrust along the body's z, and the columns of the rotation that turns z along the force wanted.
 
     Upright where the force wanted points down in the body.
@@ -82,15 +88,15 @@ def _follow(p, s, setpoint, estimate, yaw, body_z):
     if s.thrust_N < LEAST_THRUST_N:
         for k in range(3):
             s.integral[k] = s.integral_r[k] = ZERO
-    z = (ZERO, ZERO, ONE)
+    z: Triple = (ZERO, ZERO, ONE)
     if s.thrust_N > ZERO:
         z = unit(force, z)
     y = unit(cross(z, (math.cos(yaw), math.sin(yaw), ZERO)), (ZERO, ONE, ZERO))
     return cross(y, z), y, z
 
 
-@nb.njit
-def _hold(setpoint, yaw):
+@nb.njit()
+def _hold(setpoint: Record, yaw: Real) -> Turn:
     """Lines 176-196: the rotation wanted from roll, pitch (legacy) and yaw, as columns."""
     roll, pitch = setpoint.attitude_deg[0] * TO_RAD, -setpoint.attitude_deg[1] * TO_RAD
     cr, cp, cy = math.cos(roll), math.cos(pitch), math.cos(yaw)
@@ -99,8 +105,8 @@ def _hold(setpoint, yaw):
             (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr))
 
 
-@nb.njit
-def _run(p, s, setpoint, estimate):
+@nb.njit()
+def _run(p: Record, s: Record, setpoint: Record, estimate: Record) -> None:
     rows = rotation_of(estimate.quaternion)
     body = ((rows[0][0], rows[1][0], rows[2][0]), (rows[0][1], rows[1][1], rows[2][1]),
             (rows[0][2], rows[1][2], rows[2][2]))
@@ -132,8 +138,8 @@ def _run(p, s, setpoint, estimate):
     _torque(p, s, estimate, body, wanted, e, turn)
 
 
-@nb.njit
-def _torque(p, s, estimate, body, wanted, e, turn):
+@nb.njit()
+def _torque(p: Record, s: Record, estimate: Record, body: Turn, wanted: Turn, e: Triple, turn: Triple) -> None:
     """Lines 209-249: M = -KR e_R - Kw e_w - KI integral + w x J w, and the coupling where asked for."""
     gyro = estimate.gyro_deg_s
     w = (gyro[0] * TO_RAD, gyro[1] * TO_RAD, gyro[2] * TO_RAD)
@@ -151,8 +157,8 @@ def _torque(p, s, estimate, body, wanted, e, turn):
                            - p.k_integral_N_m_s[k] * s.integral_r[k] + spin[k] - p.coupling * j[k] * lead[k])
 
 
-@nb.njit
-def lee_step(step, p, s, setpoint, estimate, wrench):
+@nb.njit()
+def lee_step(step: int, p: Record, s: Record, setpoint: Record, estimate: Record, wrench: Record) -> None:
     """controllerLee for one vehicle at ``step`` of the 1 kHz loop; writes ``wrench``."""
     if step % ATTITUDE_EVERY == 0:
         _run(p, s, setpoint, estimate)
@@ -162,9 +168,10 @@ def lee_step(step, p, s, setpoint, estimate, wrench):
 
 
 @kept
-def run_steps(sources):
+def run_steps(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run_steps(steps, parameters, state, setpoint, estimate, wrench, trace):
+    def run_steps(steps: np.ndarray, parameters: np.ndarray, state: np.ndarray, setpoint: np.ndarray,
+                  estimate: np.ndarray, wrench: np.ndarray, trace: np.ndarray) -> None:
         """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, wrench (m, n) out.
 
         state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.

@@ -7,6 +7,7 @@ forces and counts for a vehicle of 0.029 kg; nothing limits the thrust here, the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba as nb
 import numpy as np
@@ -20,6 +21,9 @@ from .float32 import (
     TO_RAD,
     ZERO,
     F,
+    Real,
+    Triple,
+    Turn,
     clamped,
     counts16,
     cross,
@@ -29,7 +33,7 @@ from .float32 import (
     yaw_of,
 )
 from .kept import kept
-from .records import ABSOLUTE, VELOCITY
+from .records import ABSOLUTE, VELOCITY, Record
 
 PARAMETERS = np.dtype([(name, "f4") for name in (
     "mass", "massThrust", "kp_xy", "kd_xy", "ki_xy", "i_range_xy", "kp_z", "kd_z", "ki_z", "i_range_z", "kR_xy",
@@ -50,8 +54,8 @@ def defaults(n: int = 1) -> np.ndarray:
     return np.array([DEFAULTS] * n, PARAMETERS)
 
 
-@nb.njit
-def _force(p, s, setpoint, estimate, rows):
+@nb.njit()
+def _force(p: Record, s: Record, setpoint: Record, estimate: Record, rows: Turn) -> Triple:
     """Lines 141-202: the integrals, and the force wanted [N] (or, without a place to be, a direction)."""
     e = (setpoint.position_m[0] - estimate.position_m[0], setpoint.position_m[1] - estimate.position_m[1],
          setpoint.position_m[2] - estimate.position_m[2])
@@ -74,18 +78,20 @@ def _force(p, s, setpoint, estimate, rows):
     return c * fx - sn * fy, sn * fx + c * fy, fz
 
 
-@nb.njit
-def _heading(setpoint, estimate):
+@nb.njit()
+def _heading(setpoint: Record, estimate: Record) -> Real:
     """Lines 178-187: yaw wanted [deg]; a rate of yaw is only led by one step."""
     if setpoint.mode_yaw == VELOCITY:
-        return estimate.attitude_deg[2] + setpoint.rate_deg_s[2] * ATTITUDE_DT
+        led: Real = estimate.attitude_deg[2] + setpoint.rate_deg_s[2] * ATTITUDE_DT
+        return led
     if setpoint.mode_yaw == ABSOLUTE:
-        return setpoint.attitude_deg[2]
+        asked: Real = setpoint.attitude_deg[2]
+        return asked
     return yaw_of(setpoint.quaternion) * TO_DEG if setpoint.mode_quat == ABSOLUTE else ZERO
 
 
-@nb.njit
-def _turn_error(force, yaw_deg, columns):
+@nb.njit()
+def _turn_error(force: Triple, yaw_deg: Real, columns: Turn) -> tuple[Triple, Triple]:
     """Lines 205-246: z wanted, and vee(Rd^T R - R^T Rd) without the textbook's half, y negated for legacy pitch."""
     yaw = yaw_deg * TO_RAD
     z = unit(force, (ZERO, ZERO, ONE))
@@ -95,16 +101,16 @@ def _turn_error(force, yaw_deg, columns):
     return z, (dot(z, body_y) - dot(y, body_z), dot(z, body_x) - dot(x, body_z), dot(y, body_x) - dot(x, body_y))
 
 
-@nb.njit
-def mellinger_step(step, p, s, setpoint, estimate, control):
+@nb.njit()
+def mellinger_step(step: int, p: Record, s: Record, setpoint: Record, estimate: Record, control: Record) -> None:
     """controllerMellingerFirmware for one vehicle at ``step`` of the 1 kHz loop; writes ``control``."""
     if step % ATTITUDE_EVERY == 0:
         _run(p, s, setpoint, estimate)
     control.thrust, control.roll, control.pitch, control.yaw = s.thrust, s.roll, s.pitch, s.yaw
 
 
-@nb.njit
-def _run(p, s, setpoint, estimate):
+@nb.njit()
+def _run(p: Record, s: Record, setpoint: Record, estimate: Record) -> None:
     rows = rotation_of(estimate.quaternion)
     columns = ((rows[0][0], rows[1][0], rows[2][0]), (rows[0][1], rows[1][1], rows[2][1]),
                (rows[0][2], rows[1][2], rows[2][2]))
@@ -133,9 +139,10 @@ def _run(p, s, setpoint, estimate):
 
 
 @kept
-def run_steps(sources):
+def run_steps(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
+    def run_steps(steps: np.ndarray, parameters: np.ndarray, state: np.ndarray, setpoint: np.ndarray,
+                  estimate: np.ndarray, control: np.ndarray, trace: np.ndarray) -> None:
         """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
 
         state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.

@@ -7,12 +7,15 @@ firmware's rounding can be seen in the counts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numba as nb
 import numpy as np
 
-from .float32 import TWO, ZERO, F
+from .float32 import TWO, ZERO, F, Real
 from .kept import kept
-from .records import CONTROL, WRENCH
+from .records import CONTROL, WRENCH, Record
 from .thrust_curve import THRUST_MAX_N, THRUST_MIN_N, VOLTAGE_MIN_V, voltage_of_thrust
 
 VOLTAGE_SHARE = F(0.01)
@@ -29,16 +32,16 @@ _VOLTAGE_MIN = F(VOLTAGE_MIN_V)
 _voltage_of_thrust = nb.njit(voltage_of_thrust)
 
 
-@nb.njit
-def mix_legacy(control, motor):
+@nb.njit()
+def mix_legacy(control: Record, motor: np.ndarray) -> None:
     """control CONTROL -> counts (4,) int32, not capped: roll and pitch are halved, yaw is not."""
     thrust, r, p, y = control.thrust, F(int(control.roll / TWO)), F(int(control.pitch / TWO)), F(control.yaw)
     motor[0], motor[1] = int(thrust - r + p + y), int(thrust - r - p - y)
     motor[2], motor[3] = int(thrust + r - p + y), int(thrust + r + p - y)
 
 
-@nb.njit
-def mix_wrench(wrench, build, motor):
+@nb.njit()
+def mix_wrench(wrench: Record, build: np.ndarray, motor: np.ndarray) -> None:
     """wrench WRENCH, build (2,) -> counts (4,) int32, not capped; a motor that would have to pull stands still."""
     quarter = F(0.25)
     r, p = quarter / ARM_M * wrench.torque_N_m[0], quarter / ARM_M * wrench.torque_N_m[1]
@@ -48,9 +51,9 @@ def mix_wrench(wrench, build, motor):
 
 
 @kept
-def compensated(sources):
-    @nb.vectorize(cache=True)
-    def compensated(counts, filtered_V, thrust_max_N, thrust_min_N):
+def compensated(sources: str) -> Any:
+    @nb.vectorize(cache=True)  # type: ignore[no-untyped-call, untyped-decorator]
+    def compensated(counts: Real, filtered_V: Real, thrust_max_N: Real, thrust_min_N: Real) -> Real:
         """A motor's command [counts], the filtered battery [V] and the build's limits [N] -> PWM counts, not capped.
 
         Float32 in and out: arrays that broadcast, or numbers in compiled code.
@@ -65,22 +68,22 @@ def compensated(sources):
     return compensated
 
 
-@nb.njit
-def cap(motor):
+@nb.njit()
+def cap(motor: np.ndarray) -> None:
     """(4,) int32 in place: what the strongest has too much is taken from all, and none goes below zero."""
     over = max(motor[0], motor[1], motor[2], motor[3]) - FULL
     for i in range(4):
         motor[i] = max(motor[i] - max(over, 0), 0)
 
 
-@nb.njit
-def filter_voltage(filtered_V, battery_V):
+@nb.njit()
+def filter_voltage(filtered_V: Real, battery_V: Real) -> Real:
     """The filtered voltage one millisecond later."""
     return filtered_V + VOLTAGE_SHARE * (battery_V - filtered_V)
 
 
-@nb.njit
-def drive(filtered_V, build, motor):
+@nb.njit()
+def drive(filtered_V: Real, build: np.ndarray, motor: np.ndarray) -> None:
     """What has been mixed (4,) int32 -> PWM counts, in place: compensation, whole counts, cap, in this order."""
     for i in range(4):
         motor[i] = int(compensated(F(motor[i]), filtered_V, build[0], build[1]))
@@ -88,9 +91,10 @@ def drive(filtered_V, build, motor):
 
 
 @kept
-def drive_legacy(sources):
+def drive_legacy(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def drive_legacy(milliseconds, control, battery_V, filtered_V, build, motor):
+    def drive_legacy(milliseconds: int, control: np.ndarray, battery_V: np.ndarray, filtered_V: np.ndarray,
+                     build: np.ndarray, motor: np.ndarray) -> None:
         """control (n,) CONTROL, battery_V (n,) float32 held for so many ms -> motor (n, 4) int32.
 
         build (n, 2), or (1, 2) for all; filtered_V (n,) goes on, and is left as it was by what is no voltage.
@@ -108,9 +112,10 @@ def drive_legacy(sources):
 
 
 @kept
-def drive_wrench(sources):
+def drive_wrench(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def drive_wrench(milliseconds, wrench, battery_V, filtered_V, build, motor):
+    def drive_wrench(milliseconds: int, wrench: np.ndarray, battery_V: np.ndarray, filtered_V: np.ndarray,
+                     build: np.ndarray, motor: np.ndarray) -> None:
         """``drive_legacy`` for wrench (n,) WRENCH."""
         if not sources:
             return

@@ -9,6 +9,7 @@ accelerations of an absolute setpoint are not used, thrust is not compensated fo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba as nb
 import numpy as np
@@ -23,13 +24,14 @@ from .float32 import (
     TURN,
     ZERO,
     F,
+    Real,
     clamped,
     counts16,
     one_turn,
     yaw_of,
 )
 from .kept import kept
-from .records import ABSOLUTE, VELOCITY
+from .records import ABSOLUTE, VELOCITY, Record
 
 LOOPS = ("X", "Y", "Z", "VX", "VY", "VZ", "roll", "pitch", "yaw", "rollrate", "pitchrate", "yawrate")
 """The twelve PID blocks in the order of ``block``."""
@@ -70,8 +72,8 @@ def defaults(n: int = 1) -> np.ndarray:
     return found
 
 
-@nb.njit
-def _update(g, s, desired, measured, turns):
+@nb.njit()
+def _update(g: np.ndarray, s: Record, desired: Real, measured: Real, turns: bool) -> Real:
     """pidUpdate of pid.c; g (13,) gains, s (4,) memory; ``turns``: the error and the change are angles."""
     error, change = desired - measured, -(measured - s[PREVIOUS])
     if turns:
@@ -89,34 +91,34 @@ def _update(g, s, desired, measured, turns):
     return clamped(out, -g[OUT_LIMIT], g[OUT_LIMIT]) if g[OUT_LIMIT] != ZERO else out
 
 
-@nb.njit
-def _short_way(angle):
+@nb.njit()
+def _short_way(angle: Real) -> Real:
     """One turn is taken off once (pid.c); angles here are never further apart."""
     if angle > F(180.0):
         return angle - TURN
     return angle + TURN if angle < F(-180.0) else angle
 
 
-@nb.njit
-def _filtered(g, s, x):
+@nb.njit()
+def _filtered(g: np.ndarray, s: Record, x: Real) -> Real:
     """lpf2pApply of filter.c, direct form II."""
     d0 = x - s[D1] * g[A1] - s[D2] * g[A2]
     if not math.isfinite(d0):
         d0 = x
-    y = d0 * g[B0] + s[D1] * g[B1] + s[D2] * g[B2]
+    y: Real = d0 * g[B0] + s[D1] * g[B1] + s[D2] * g[B2]
     s[D1], s[D2] = d0, s[D1]
     return y
 
 
-@nb.njit
-def _forget(s, measured):
+@nb.njit()
+def _forget(s: Record, measured: Real) -> None:
     """pidReset of pid.c: the low pass keeps its state."""
     s[INTEGRAL] = ZERO
     s[PREVIOUS] = measured
 
 
-@nb.njit
-def _wanted_yaw(p, s, setpoint, estimate):
+@nb.njit()
+def _wanted_yaw(p: Record, s: Record, setpoint: Record, estimate: Record) -> None:
     """controller_pid.c, lines 63-91: where the nose should point."""
     if setpoint.mode_yaw == VELOCITY:
         s.attitude_deg[2] = one_turn(s.attitude_deg[2] + setpoint.rate_deg_s[2] * ATTITUDE_DT)
@@ -132,8 +134,8 @@ def _wanted_yaw(p, s, setpoint, estimate):
     s.attitude_deg[2] = one_turn(s.attitude_deg[2])
 
 
-@nb.njit
-def _outer(p, s, setpoint, estimate):
+@nb.njit()
+def _outer(p: Record, s: Record, setpoint: Record, estimate: Record) -> None:
     """positionController and velocityController of position_controller_pid.c."""
     yaw = estimate.attitude_deg[2] * PI / HALF_TURN
     c, sn = math.cos(yaw), math.sin(yaw)
@@ -158,8 +160,8 @@ def _outer(p, s, setpoint, estimate):
     s.thrust = clamped(max(thrust, p.thrust_min), ZERO, F(65535.0))
 
 
-@nb.njit
-def _inner(p, s, setpoint, estimate):
+@nb.njit()
+def _inner(p: Record, s: Record, setpoint: Record, estimate: Record) -> None:
     """Attitude and rate loops (attitude_pid_controller.c), what the setpoint overrides (controller_pid.c 97-131)."""
     if setpoint.mode_z == 0:
         s.thrust = setpoint.thrust
@@ -180,8 +182,8 @@ def _inner(p, s, setpoint, estimate):
     s.yaw = -counts16(_update(p.block[_RATE + 2], s.block[_RATE + 2], s.rate_deg_s[2], gyro[2], False))
 
 
-@nb.njit
-def _forget_all(s, estimate):
+@nb.njit()
+def _forget_all(s: Record, estimate: Record) -> None:
     """controller_pid.c 150-162: every loop starts anew where the vehicle is; the nose stays where it points."""
     for k in range(12):
         _forget(s.block[k], ZERO)
@@ -193,8 +195,8 @@ def _forget_all(s, estimate):
     s.attitude_deg[2] = estimate.attitude_deg[2]
 
 
-@nb.njit
-def pid_step(step, p, s, setpoint, estimate, control):
+@nb.njit()
+def pid_step(step: int, p: Record, s: Record, setpoint: Record, estimate: Record, control: Record) -> None:
     """controllerPid for one vehicle at ``step`` of the 1 kHz loop (counted from 1); writes ``control``."""
     if step % ATTITUDE_EVERY == 0:
         _wanted_yaw(p, s, setpoint, estimate)
@@ -208,9 +210,10 @@ def pid_step(step, p, s, setpoint, estimate, control):
 
 
 @kept
-def run_steps(sources):
+def run_steps(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run_steps(steps, parameters, state, setpoint, estimate, control, trace):
+    def run_steps(steps: np.ndarray, parameters: np.ndarray, state: np.ndarray, setpoint: np.ndarray,
+                  estimate: np.ndarray, control: np.ndarray, trace: np.ndarray) -> None:
         """``steps`` (m,) of the 1 kHz loop for n vehicles: setpoint, estimate (m, n) in, control (m, n) out.
 
         state (n,) is carried on; parameters (n,) or (1,) for all; trace (m, n), or (0, n), takes the state after steps.

@@ -6,8 +6,12 @@ quaternions x, y, z, w body to world. Commands are counts of 65535.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+Record = Any
+"""One element of an array of a structured dtype: its fields are attributes in compiled code alone."""
 DISABLED, ABSOLUTE, VELOCITY = 0, 1, 2
 """Modes of a setpoint's axis."""
 

@@ -80,7 +80,8 @@ def flown_state(flight: Flight, controller: str, end_s: float) -> np.ndarray:
     return found
 
 
-def _inputs(flight: Flight, controller: str, end_s: float = np.inf) -> tuple:
+def _inputs(flight: Flight, controller: str, end_s: float = np.inf,
+            ) -> tuple[np.ndarray, np.ndarray, VehicleState, np.ndarray, np.ndarray]:
     """Grid (m,) s, motors on (m,) bool, VehicleState of m rows, SETPOINT (m, 1) and ESTIMATE (m, 1) as logged."""
     needed = ("estimator", "attitude_qw", "imu", "setpoint", "motor", "battery")
     missing = [name for name in needed if name not in flight]
@@ -111,7 +112,7 @@ def flown_command(flight: Flight, time_s: np.ndarray, build: np.ndarray = motor_
     """Mean command [counts] (m,) of the four motors that the logged PWM and battery amount to: the thrust asked for
     wherever no motor is at the cap."""
     volt = flight["motor"].interpolate(MOTORS, time_s) * flight["battery"].interpolate("vbat", time_s)[:, None]
-    return PWM_FULL_SCALE * thrust_of_voltage(volt).mean(axis=1) / float(build[0, 0])
+    return np.asarray(PWM_FULL_SCALE * thrust_of_voltage(volt).mean(axis=1) / float(build[0, 0]))
 
 
 def build_of(flight: Flight) -> np.ndarray | None:

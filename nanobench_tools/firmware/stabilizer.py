@@ -10,16 +10,17 @@ import math
 
 import numba as nb
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import kalman, kalman_task, lee, mellinger, motor_output, pid
-from .float32 import ATTITUDE_EVERY, ONE, TO_DEG, TWO, F
+from .float32 import ATTITUDE_EVERY, ONE, TO_DEG, TWO, F, Real
 from .kalman import PX
 from .kalman_task import task_step
 from .lee import lee_step
 from .mellinger import mellinger_step
 from .motor_output import VOLTAGE_START_V, cap, drive, filter_voltage, mix_legacy, mix_wrench
 from .pid import low_pass, pid_step
-from .records import CONTROL, ESTIMATE, SETPOINT, WRENCH
+from .records import CONTROL, ESTIMATE, SETPOINT, WRENCH, Record
 
 PID, MELLINGER, LEE = 1, 2, 5
 """Values of ``stabilizer.controller`` that are flown here; 0 means the first."""
@@ -43,19 +44,19 @@ _ACC_FILTER = np.array(low_pass(1000.0, ACC_HZ), np.float32)
 FULL = 65535
 
 
-@nb.njit
-def _filtered(c, memory, x):
+@nb.njit()
+def _filtered(c: np.ndarray, memory: np.ndarray, x: Real) -> Real:
     """lpf2pApply of filter.c."""
     d0 = x - memory[0] * c[3] - memory[1] * c[4]
     if not math.isfinite(d0):
         d0 = x
-    y = d0 * c[0] + memory[0] * c[1] + memory[1] * c[2]
+    y: Real = d0 * c[0] + memory[0] * c[1] + memory[1] * c[2]
     memory[1], memory[0] = memory[0], d0
     return y
 
 
-@nb.njit
-def sense(s, acc_g, gyro_deg_s):
+@nb.njit()
+def sense(s: Record, acc_g: np.ndarray, gyro_deg_s: np.ndarray) -> None:
     """A raw sample, both (3,), through the low passes."""
     for k in range(3):
         s.gyro_deg_s[k] = _filtered(_GYRO_FILTER, s.memory[k], F(gyro_deg_s[k]))
@@ -63,8 +64,8 @@ def sense(s, acc_g, gyro_deg_s):
         s.estimate.gyro_deg_s[k] = s.gyro_deg_s[k]
 
 
-@nb.njit
-def believe(s, core):
+@nb.njit()
+def believe(s: Record, core: Record) -> None:
     """kalmanCoreExternalizeState for one vehicle; ``kalman.externalize`` says what it writes."""
     r, q, e = core.rotation, core.quaternion, s.estimate
     for i in range(3):
@@ -80,8 +81,8 @@ def believe(s, core):
     e.quaternion[0], e.quaternion[1], e.quaternion[2], e.quaternion[3] = x, y, z, w
 
 
-@nb.njit
-def _drive(s, build):
+@nb.njit()
+def _drive(s: Record, build: np.ndarray) -> None:
     """Motors from the controller's output; all off while they are not allowed to turn."""
     if s.allowed != 0:
         s.filtered_V = filter_voltage(s.filtered_V, s.vbat_V)
@@ -106,8 +107,10 @@ def _drive(s, build):
         s.motor_on_step = s.step
 
 
-@nb.njit
-def stabilizer_step(s, acc_g, gyro_deg_s, setpoint, gains, states, build, kalman_parameters, task, run, measurements):
+@nb.njit()
+def stabilizer_step(s: Record, acc_g: np.ndarray, gyro_deg_s: np.ndarray, setpoint: Record, gains: tuple[Record, ...],
+                    states: tuple[Record, ...], build: np.ndarray, kalman_parameters: Record, task: Record, run: Record,
+                    measurements: np.ndarray) -> None:
     """One loop of one vehicle; s LOOP, gains and states (pid, mellinger, lee), run RUN, measurements that wait."""
     s.step += 1
     sense(s, acc_g, gyro_deg_s)
@@ -156,7 +159,8 @@ class Stabilizer:
         self.loop["control"] = np.zeros(1, CONTROL)
         self.loop["wrench"] = np.zeros(1, WRENCH)
 
-    def measure(self, position_m, quaternion, position_sd_m: float, attitude_sd_rad: float) -> bool:
+    def measure(self, position_m: ArrayLike, quaternion: ArrayLike | None, position_sd_m: float,
+                attitude_sd_rad: float) -> bool:
         """Queues a pose, or a position (quaternion None), for the filter; False if the queue was full."""
         if self.waiting >= QUEUE:
             return False

@@ -24,7 +24,7 @@ def thrust_of_voltage(voltage_V: np.ndarray) -> np.ndarray:
     return np.maximum(c0 + v * (c1 + v * (c2 + v * c3)), 0.0)
 
 
-def voltage_of_thrust(thrust_N):
+def voltage_of_thrust(thrust_N: np.ndarray) -> np.ndarray:
     """Thrust [N], a float or an array -> motor voltage [V]; the cubic is strictly rising: its one real root by Cardano.
 
     ``motor_output.py`` compiles this same function.

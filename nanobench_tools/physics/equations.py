@@ -46,7 +46,7 @@ class Equations:
             value = expression(value, parameters, at, self.ops)
         return value
 
-    def command(self, inputs: Components) -> list:
+    def command(self, inputs: Components) -> list[Any]:
         """A row of inputs (see ``Model.inputs``) -> thrust asked of each motor [N], constant over the row."""
         n = self.model.rotors
         motor, earlier = list(inputs[:n]), inputs[n + 1:]
@@ -56,7 +56,7 @@ class Equations:
             motor = self._run(stage, motor, at)
         return motor
 
-    def body(self, state: Components, thrust: Components) -> list:
+    def body(self, state: Components, thrust: Components) -> list[Any]:
         """Position, velocity, quaternion, rate (13) and lagged thrusts [N] -> derivative of the 13."""
         vehicle = self.model.vehicle
         position, velocity, rate = state[POSITION], state[VELOCITY], state[RATE]
@@ -80,7 +80,7 @@ class Equations:
         turning = [m * j for m, j in zip(subtract(moment, cross(rate, momentum)), self._per_inertia, strict=True)]
         return [*velocity, *acceleration, *_quaternion_rate(state[QUATERNION], rate), *turning]
 
-    def derivative(self, state: Components, inputs: Components) -> list:
+    def derivative(self, state: Components, inputs: Components) -> list[Any]:
         """Time derivative of all states. Without lag the command acts at once and rotor states stand still."""
         command, thrust = self.command(inputs), state[ROTOR]
         if self.tau_s is None:
@@ -88,14 +88,14 @@ class Equations:
         acting, slope = rotor.derivative(thrust, command, *self.tau_s, self.ops)
         return [*self.body(state[:13], acting), *slope]
 
-    def lagged(self, thrust: Components, inputs: Components) -> list:
+    def lagged(self, thrust: Components, inputs: Components) -> list[Any]:
         """Rotor states [N] one row later."""
         command = self.command(inputs)
         if self.tau_s is None:
             return command
         return rotor.stage_thrusts(thrust, command, *self.tau_s, self.row_s, self.ops)[2]
 
-    def step(self, state: Components, inputs: Components, substeps: int = 1) -> list:
+    def step(self, state: Components, inputs: Components, substeps: int = 1) -> list[Any]:
         """The states one row later: ``substeps`` steps of Runge-Kutta 4.
 
         The quaternion is integrated in R^4, where the equation keeps its length, and normalised after each step; a
@@ -119,18 +119,18 @@ class Equations:
         return [*x, *thrust]
 
 
-def _ahead(state: Components, step_s: float, slope: Components) -> list:
+def _ahead(state: Components, step_s: float, slope: Components) -> list[Any]:
     return [s + step_s * k for s, k in zip(state, slope, strict=True)]
 
 
-def _quaternion_rate(quaternion: Components, rate: Components) -> list:
+def _quaternion_rate(quaternion: Components, rate: Components) -> list[Any]:
     """0.5 q (w, 0), x, y, z, w."""
     x, y, z, w = quaternion
     a, b, c = (0.5 * r for r in rate)
     return [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -(x * a + y * b + z * c)]
 
 
-def normalised(quaternion: Components, ops: Ops) -> list:
+def normalised(quaternion: Components, ops: Ops) -> list[Any]:
     """To unit length."""
     inverse = 1.0 / ops.sqrt(total([q * q for q in quaternion]))
     return [q * inverse for q in quaternion]

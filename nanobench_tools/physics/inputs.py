@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def parameter_values(model: Model, parameters: np.ndarray | None) -> np.ndarray:
     return values
 
 
-def components(vector: np.ndarray) -> list:
+def components(vector: np.ndarray) -> list[Any]:
     """Parameters (P,) or (n, P), one set per window -> P components, floats or arrays (n,)."""
     vector = np.asarray(vector, float)
     return vector.tolist() if vector.ndim == 1 else list(np.ascontiguousarray(vector.T))

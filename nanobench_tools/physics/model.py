@@ -103,12 +103,12 @@ class Model:
         return f"Model({', '.join(f'{n}={v:.6g}' for n, v in zip(self.names, self.values, strict=True))})"
 
     @property
-    def structure(self) -> tuple:
+    def structure(self) -> tuple[Any, ...]:
         """All that shapes the equations and is not in the flat vector; equal structures share compiled functions."""
         return (self.vehicle, self.names)
 
     @property
-    def key(self) -> tuple:
+    def key(self) -> tuple[Any, ...]:
         return (*self.structure, self.values.tobytes())
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ def equations(model: Model, row_s: float, parameters: np.ndarray | None = None) 
     return Equations(model, components(parameter_values(model, parameters)), NUMPY, row_s)
 
 
-def _stacked(found: list, n: int) -> np.ndarray:
+def _stacked(found: list[Any], n: int) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(x, float), (n,)) for x in found], axis=-1)
 
 

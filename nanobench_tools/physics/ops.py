@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,20 +18,20 @@ from ..errors import MissingExtraError
 class Ops(NamedTuple):
     """``where(condition, a, b)``: a where the condition holds, else b."""
 
-    sqrt: Callable
-    exp: Callable
-    sin: Callable
-    cos: Callable
-    fabs: Callable
-    fmin: Callable
-    fmax: Callable
-    where: Callable
+    sqrt: Callable[..., Any]
+    exp: Callable[..., Any]
+    sin: Callable[..., Any]
+    cos: Callable[..., Any]
+    fabs: Callable[..., Any]
+    fmin: Callable[..., Any]
+    fmax: Callable[..., Any]
+    where: Callable[..., Any]
 
 
 NUMPY = Ops(np.sqrt, np.exp, np.sin, np.cos, np.abs, np.minimum, np.maximum, np.where)
 
 
-def import_casadi():
+def import_casadi() -> Any:
     """The module casadi; raises MissingExtraError when the extra is not installed."""
     try:
         import casadi

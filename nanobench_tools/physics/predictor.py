@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class ModelPredictor:
         return cls(read_simulator(path), Path(path).stem)
 
     @property
-    def parameters(self) -> dict[str, dict]:
+    def parameters(self) -> dict[str, dict[str, Any]]:
         """{name: {value, ci95, unit}}."""
         return {name: {"value": value, "ci95": None, "unit": unit} for name, value, unit in zip(
             self.model.names, self.model.values.tolist(), self.model.units, strict=True)}

@@ -28,10 +28,10 @@ def shares(tau_s: Any, step_s: float, ops: Ops) -> tuple[Any, Any, Any]:
 
 
 def stage_thrusts(thrust: Sequence[Any], command: Sequence[Any], tau_up_s: Any, tau_down_s: Any, step_s: float,
-                  ops: Ops) -> tuple[list, list, list]:
+                  ops: Ops) -> tuple[list[Any], list[Any], list[Any]]:
     """Thrusts [N] of the rotors at the first, middle and last stage; the last is the state after the step."""
     up, down = shares(tau_up_s, step_s, ops), shares(tau_down_s, step_s, ops)
-    stages: tuple[list, list, list] = ([], [], [])
+    stages: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
     for now, goal in zip(thrust, command, strict=True):
         rising, left = goal > now, now - goal
         for stage, a, b in zip(stages, up, down, strict=True):
@@ -40,7 +40,7 @@ def stage_thrusts(thrust: Sequence[Any], command: Sequence[Any], tau_up_s: Any, 
 
 
 def derivative(thrust: Sequence[Any], command: Sequence[Any], tau_up_s: Any, tau_down_s: Any,
-               ops: Ops) -> tuple[list, list]:
+               ops: Ops) -> tuple[list[Any], list[Any]]:
     """(thrust that acts, its time derivative N/s); without lag the command acts and the derivative is 0."""
     acting, slope = [], []
     for now, goal in zip(thrust, command, strict=True):

@@ -17,7 +17,7 @@ Terms = Sequence[tuple[Term, Mapping[str, Any]]]
 class Problem(NamedTuple):
     """``where``: ("vehicle", key) or (number of the term, key or None)."""
 
-    where: tuple
+    where: tuple[Any, ...]
     found: str
     advice: str
 
@@ -33,7 +33,7 @@ def nearest(name: str, known: Sequence[str]) -> str:
     return f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
 
 
-def _shape(value: Any) -> tuple | None:
+def _shape(value: Any) -> tuple[Any, ...] | None:
     """() of a number, (n,) or (n, m) of nested lists, None of anything else or ragged."""
     if isinstance(value, (list, tuple)):
         inner = {_shape(v) for v in value}
@@ -42,11 +42,11 @@ def _shape(value: Any) -> tuple | None:
     return () if isinstance(value, Real) and not isinstance(value, bool) else None
 
 
-def _flat(value: Any) -> list:
+def _flat(value: Any) -> list[Any]:
     return [x for v in value for x in _flat(v)] if isinstance(value, (list, tuple)) else [value]
 
 
-def _numbers(where: tuple, name: str, value: Any, shape: tuple, bounds: tuple[float, float],
+def _numbers(where: tuple[Any, ...], name: str, value: Any, shape: tuple[Any, ...], bounds: tuple[float, float],
              unit: str) -> Iterator[Problem]:
     if _shape(value) != shape:
         wanted = {0: "one number", 1: f"a list of {shape[0]} numbers" if shape else ""}.get(len(shape)) or \

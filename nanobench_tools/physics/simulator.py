@@ -109,7 +109,7 @@ class _Lines:
     """In which line a table begins and a key stands."""
 
     def __init__(self, text: str) -> None:
-        self.lines: dict[tuple, int] = {}
+        self.lines: dict[tuple[Any, Any], int] = {}
         table: Any = ""
         terms = -1
         for number, line in enumerate(text.splitlines(), start=1):
@@ -125,7 +125,7 @@ class _Lines:
                 if table == "" and len(parts) > 1:
                     self.lines.setdefault((parts[0], parts[1]), number)
 
-    def of(self, where: tuple) -> int:
+    def of(self, where: tuple[Any, Any]) -> int:
         """The key's own line, else that of its table, else the first."""
         table, key = where
         for place in ((table, key), (table, None), ("", table if isinstance(table, str) else "terms")):

@@ -9,13 +9,15 @@ n rotors have S = 13 + n states; x, u and p are in the order of ``Model.state``,
 
 from __future__ import annotations
 
+from typing import Any
+
 from .equations import Equations
 from .inputs import substeps
 from .model import Model
 from .ops import casadi_ops, import_casadi
 
 
-def _symbols(model: Model, state: int | None = None):
+def _symbols(model: Model, state: int | None = None) -> tuple[Any, Any, Any]:
     ca = import_casadi()
     return (ca.SX.sym("x", state or len(model.state)), ca.SX.sym("u", len(model.inputs)),
             ca.SX.sym("p", len(model.names)))
@@ -25,7 +27,7 @@ def _row_hz(model: Model, row_hz: float | None) -> float:
     return row_hz or model.vehicle.rate_hz
 
 
-def _made(model: Model, name: str, row_hz: float | None, state: int | None = None):
+def _made(model: Model, name: str, row_hz: float | None, state: int | None = None) -> Any:
     ca = import_casadi()
     x, u, p = _symbols(model, state)
     row = _row_hz(model, row_hz)
@@ -36,17 +38,17 @@ def _made(model: Model, name: str, row_hz: float | None, state: int | None = Non
                        ["dx" if name == "derivative" else "x_next"])
 
 
-def derivative(model: Model, row_hz: float | None = None):
+def derivative(model: Model, row_hz: float | None = None) -> Any:
     """casadi.Function derivative(x, u, p)."""
     return _made(model, "derivative", row_hz)
 
 
-def step(model: Model, row_hz: float | None = None):
+def step(model: Model, row_hz: float | None = None) -> Any:
     """casadi.Function step(x, u, p): one row of 1 / row_hz (by default of the model's rate)."""
     return _made(model, "step", row_hz)
 
 
-def command(model: Model, row_hz: float | None = None):
+def command(model: Model, row_hz: float | None = None) -> Any:
     """casadi.Function command(u, p): thrusts [N] asked of the motors, where rotors settle if the row lasts."""
     ca = import_casadi()
     _, u, p = _symbols(model)
@@ -54,12 +56,12 @@ def command(model: Model, row_hz: float | None = None):
     return ca.Function("command", [u, p], [ca.cse(ca.vertcat(*equations.command(ca.vertsplit(u))))], ["u", "p"], ["r"])
 
 
-def lagged(model: Model, row_hz: float | None = None):
+def lagged(model: Model, row_hz: float | None = None) -> Any:
     """casadi.Function lagged(r, u, p): rotor states one row later, for the warm-up before a window."""
     return _made(model, "lagged", row_hz, model.rotors)
 
 
-def rollout(model: Model, horizon: int, row_hz: float | None = None):
+def rollout(model: Model, horizon: int, row_hz: float | None = None) -> Any:
     """casadi.Function rollout(x, U, p): all states after the start."""
     ca = import_casadi()
     whole = step(model, row_hz).mapaccum("mapped", horizon)

@@ -8,22 +8,22 @@ from typing import Any
 Components = Sequence[Any]
 
 
-def cross(a: Components, b: Components) -> list:
+def cross(a: Components, b: Components) -> list[Any]:
     """a x b."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def add(a: Components, b: Components) -> list:
+def add(a: Components, b: Components) -> list[Any]:
     """Element by element, any length."""
     return [x + y for x, y in zip(a, b, strict=True)]
 
 
-def subtract(a: Components, b: Components) -> list:
+def subtract(a: Components, b: Components) -> list[Any]:
     """Element by element, any length."""
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
-def scale(factor: Any, a: Components) -> list:
+def scale(factor: Any, a: Components) -> list[Any]:
     """A number times every element."""
     return [factor * x for x in a]
 
@@ -44,7 +44,7 @@ def polynomial(coefficients: Components, x: Any) -> Any:
     return result
 
 
-def rotation(quaternion: Components) -> list[list]:
+def rotation(quaternion: Components) -> list[list[Any]]:
     """Quaternion x, y, z, w (body to world) -> rows of the rotation matrix.
 
     A rotation for any length: the stages of an integration leave the unit sphere a little.
@@ -59,11 +59,11 @@ def rotation(quaternion: Components) -> list[list]:
             [xz - wy, yz + wx, 1.0 - (xx + yy)]]
 
 
-def apply(matrix: Sequence[Components], v: Components) -> list:
+def apply(matrix: Sequence[Components], v: Components) -> list[Any]:
     """M v."""
     return [row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in matrix]
 
 
-def apply_transposed(matrix: Sequence[Components], v: Components) -> list:
+def apply_transposed(matrix: Sequence[Components], v: Components) -> list[Any]:
     """M^T v."""
     return [matrix[0][i] * v[0] + matrix[1][i] * v[1] + matrix[2][i] * v[2] for i in range(3)]

@@ -67,7 +67,7 @@ class CrazyflowAlong:
     commanded: Model
     vehicle: Vehicle
     notes: tuple[str, ...] = ()
-    _worker: subprocess.Popen | None = None
+    _worker: subprocess.Popen[bytes] | None = None
 
     def __call__(self, along: Along) -> tuple[np.ndarray, np.ndarray]:
         wanted = self._rpm(along)
@@ -105,7 +105,8 @@ class CrazyflowAlong:
         given = rows(model, along.motor[None], along.battery_V[None], row_hz=1.0 / along.row_s)[0][..., 0]
         thrust = np.stack(Equations(model, model.values.tolist(), NUMPY, along.row_s).command(list(given.T)), axis=-1)
         c0, c1, c2 = (float(c) for c in self.keys["rpm2thrust"])
-        return (-c1 + np.sqrt(np.maximum(c1 * c1 - 4.0 * c2 * (c0 - np.maximum(thrust, 0.0)), 0.0))) / (2.0 * c2)
+        root = np.sqrt(np.maximum(c1 * c1 - 4.0 * c2 * (c0 - np.maximum(thrust, 0.0)), 0.0))
+        return np.asarray((-c1 + root) / (2.0 * c2))
 
     def _lagged(self, wanted: np.ndarray, row_s: float) -> np.ndarray:
         """Rotor speeds (n, 4) RPM at the start of every row, settled on the first; exact where the equation is linear
@@ -120,7 +121,7 @@ class CrazyflowAlong:
         return found
 
 
-def _end(worker: subprocess.Popen) -> None:
+def _end(worker: subprocess.Popen[bytes]) -> None:
     worker.kill()
     worker.wait()
     for pipe in (worker.stdin, worker.stdout, worker.stderr):
@@ -153,7 +154,7 @@ def simulator(argument: str | None) -> CrazyflowAlong:
     mixing, arm = np.asarray(keys["mixing_matrix"], float), float(np.max(keys["L"]))
     about = Vehicle(float(keys["mass"]), tuple(float(keys["J"][i][i]) for i in range(3)),  # type: ignore[arg-type]
                     tuple((-arm * float(x), arm * float(y)) for y, x in mixing[:2].T),
-                    tuple(float(s) for s in mixing[2]))  # type: ignore[arg-type]
+                    tuple(float(s) for s in mixing[2]))
     if "vmotor2thrust" in keys:  # drone-models says how its motors answer a voltage
         commanded = Model(Vehicle(), {"thrust_voltage": {"c": keys["vmotor2thrust"]}})
         return CrazyflowAlong(package, keys, commanded, about)

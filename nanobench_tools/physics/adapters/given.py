@@ -105,7 +105,8 @@ def load_simulator(text: str) -> Simulator:
     be found, imported or called, MissingExtraError for an adapter whose package is absent."""
     name, _, argument = text.partition(":")
     if name in registry.names(GROUP):
-        return registry.load(GROUP, name)(argument or None)
+        adapter: Simulator = registry.load(GROUP, name)(argument or None)
+        return adapter
     if ":" not in text:
         raise UsageError(f"--simulator {text}: no such file, and no adapter of that name; there are "
                          f"{', '.join(registry.names(GROUP))}; or give module:callable")
@@ -124,7 +125,8 @@ def load_simulator(text: str) -> Simulator:
     if not callable(found):
         raise UsageError(f"--simulator {text}: is a {type(found).__name__} and cannot be called; give a function, or a "
                          "class with __call__(along), or with reset() and step(row)")
-    return found
+    simulator: Simulator = found
+    return simulator
 
 
 def run(simulator: Simulator, along: Along, place: str) -> tuple[np.ndarray, np.ndarray]:

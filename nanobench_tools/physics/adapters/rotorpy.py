@@ -87,7 +87,7 @@ class RotorPySimulator:
         battery_V = np.zeros(len(motor)) if battery_V is None else battery_V
         given = rows(self.commands, motor[None], np.asarray(battery_V, float)[None], row_hz=row_hz)[0][..., 0]
         commanded = Equations(self.commands, self.commands.values.tolist(), NUMPY, 1.0 / row_hz).command(list(given.T))
-        return np.sqrt(np.maximum(np.stack(commanded, axis=-1), 0.0) / self.k_f)
+        return np.asarray(np.sqrt(np.maximum(np.stack(commanded, axis=-1), 0.0) / self.k_f))
 
     def rollout(self, start_state: np.ndarray, rotor_speeds: np.ndarray, dt_s: float) -> np.ndarray:
         """start_state (13,) or (17,) in the order of ``model.STATE``, commanded speeds (n, 4) rad/s, each held for dt_s
@@ -139,7 +139,7 @@ class RotorPySimulator:
         places = [np.asarray(place, float) for place in about.rotor_pos.values()]
         return Vehicle(float(about.mass), tuple(float(j) for j in np.diag(about.inertia)),  # type: ignore[arg-type]
                        tuple((float(p[0]), float(p[1])) for p in places),
-                       tuple(float(d) for d in np.ravel(about.rotor_dir)))  # type: ignore[arg-type]
+                       tuple(float(d) for d in np.ravel(about.rotor_dir)))
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ APPROXIMATED = {
 def quad_params(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any], Account]:
     """(RotorPy's parameters as plain numbers and lists, what they express). InputError for a model without hover."""
     about = rotors(model, assumed or Assumed())
-    mean_xy, drag = (lambda d: 0.5 * (d[0] + d[1])), get(model, "drag_linear", "d", (0.0,) * 3)
+    drag = get(model, "drag_linear", "d", (0.0,) * 3)
     rotor, quadratic = get(model, "drag_rotor", "d", (0.0,) * 3), get(model, "drag_quadratic", "q", (0.0,) * 3)
     inflow = model.values_of("inflow") if "inflow" in model else {"k_z": 0.0, "k_h": 0.0}
     jx, jy, jz = about.inertia_kg_m2
@@ -53,7 +53,7 @@ def quad_params(model: Model, assumed: Assumed | None = None) -> tuple[dict[str,
         "rotor_directions": list(about.spin), "rI": [0.0, 0.0, 0.0],
         "c_Dx": quadratic[0], "c_Dy": quadratic[1], "c_Dz": quadratic[2],
         "k_eta": about.k_f, "k_m": about.k_m or NO_YAW * about.k_f,
-        "k_d": mean_xy(drag) / about.sum_rad_s + mean_xy(rotor),
+        "k_d": 0.5 * (drag[0] + drag[1]) / about.sum_rad_s + 0.5 * (rotor[0] + rotor[1]),
         "k_z": drag[2] / about.sum_rad_s + rotor[2] + about.hover_N * inflow["k_z"] / about.hover_rad_s,
         "k_h": about.hover_N * inflow["k_h"], "k_flap": get(model, "drag_torque", "c", 0.0) / about.sum_rad_s,
         "tau_m": max(sum(about.tau_s) / 2.0, AT_ONCE_S) if about.tau_s else AT_ONCE_S,

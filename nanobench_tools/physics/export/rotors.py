@@ -124,7 +124,7 @@ def _greatest_thrust(model: Model, assumed: Assumed, weight: float, used: dict[s
         return float(max(np.max(t) for t in command.command([ratio] * 4 + [np.full(201, assumed.battery_V)])))
     limit = get(model, "saturation", "T_max_N", None)
     if limit is not None:
-        return limit * get(model, "thrust_scale", "s", 1.0) * max(get(model, "motor_imbalance", "g", (1.0,)))
+        return float(limit * get(model, "thrust_scale", "s", 1.0) * max(get(model, "motor_imbalance", "g", (1.0,))))
     used["thrust_to_weight"] = f"{assumed.thrust_to_weight:g}: greatest thrust, the model has no limit"
     return assumed.thrust_to_weight * weight / 4.0
 

@@ -1,10 +1,15 @@
 """Rotation dies away."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import DAMPING
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return [tau - d * w for tau, d, w in zip(torque, p.d_r, at.rate_rad_s, strict=True)]
 
 

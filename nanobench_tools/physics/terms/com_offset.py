@@ -1,9 +1,13 @@
 """Centre of mass beside the centre of the motors."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Parameter, Stage, Term
-from ..vector import cross, subtract
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, cross, subtract
 
 SYSTEMATIC_M = number("physics.com_offset.systematic")
 """Changes up to this can come of the logging alone."""
@@ -11,7 +15,7 @@ DIFFERS_M = number("physics.com_offset.differs")
 """Flights that differ by less need not differ in this."""
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return subtract(torque, cross(p.r_m, at.force_b))
 
 

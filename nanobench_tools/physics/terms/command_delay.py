@@ -1,8 +1,13 @@
 """Commands act later than their stamp."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number, setting
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 TYPICAL_S = number("physics.command_delay.typical_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
@@ -14,7 +19,7 @@ FITTED: tuple[float, float, str] = setting("physics.command_delay.fitted")
 """Lowest and highest value of a fit, and why."""
 
 
-def delayed(inputs, p, at, ops):
+def delayed(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     """The mean over the row of the held input shifted by the delay: exact, and linear in delay_s within a row."""
     share = p.delay_s / at.row_s - at.whole_rows
     return [new + share * (old - new) for new, old in zip(inputs, at.before, strict=True)]

@@ -1,14 +1,19 @@
 """Drag in proportion to speed."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import setting
+from ..ops import Ops
 from ..systematic import AIR
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 TYPICAL_N_S_M = setting("physics.drag_linear.typical_n_s_m")
 """Typical of a 40 g quadrotor; where a fit begins."""
 
 
-def force(body_force, p, at, ops):
+def force(body_force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return [f - d * v for f, d, v in zip(body_force, p.d, at.air_b, strict=True)]
 
 

@@ -1,10 +1,15 @@
 """Drag in proportion to speed squared."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import AIR
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 
-def force(body_force, p, at, ops):
+def force(body_force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return [f - q * (ops.fabs(v) * v) for f, q, v in zip(body_force, p.q, at.air_b, strict=True)]
 
 

@@ -1,11 +1,15 @@
 """Drag of the rotors: in proportion to speed and to how fast they turn."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import AIR
-from ..term import Parameter, Stage, Term
-from ..vector import total
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, total
 
 
-def force(body_force, p, at, ops):
+def force(body_force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     speed = total(at.rotor_rad_s)
     return [f - speed * (d * v) for f, d, v in zip(body_force, p.d, at.air_b, strict=True)]
 

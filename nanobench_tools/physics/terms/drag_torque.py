@@ -1,8 +1,13 @@
 """Air velocity across the rotors turns the vehicle."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number, setting
+from ..ops import Ops
 from ..systematic import AIR
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 TYPICAL_N_S = number("physics.drag_torque.typical_n_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
@@ -10,7 +15,7 @@ FITTED: tuple[float, float, str] = setting("physics.drag_torque.fitted")
 """Lowest and highest value of a fit, and why."""
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     """e3 x v_b = (-v_y, v_x, 0)."""
     return [torque[0] - p.c * at.air_b[1], torque[1] + p.c * at.air_b[0], torque[2]]
 

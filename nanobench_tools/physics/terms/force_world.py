@@ -1,15 +1,19 @@
 """A constant push."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
 from ..vector import add
 
 DIFFERS_N = number("physics.force_world.differs")
 """Flights that differ by less need not differ in this; of a vehicle of 40 g."""
 
 
-def force(value, p, at, ops):
+def force(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return add(value, p.f_N)
 
 

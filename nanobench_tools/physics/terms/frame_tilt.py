@@ -1,8 +1,13 @@
 """Thrust axis tilted against the tracked body."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 SYSTEMATIC_RAD = number("physics.frame_tilt.systematic")
 """Changes up to this can come of the logging alone."""
@@ -10,7 +15,7 @@ DIFFERS_RAD = number("physics.frame_tilt.differs")
 """Flights that differ by less need not differ in this."""
 
 
-def turned(force, p, at, ops):
+def turned(force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     """Rot_x(roll) Rot_y(pitch) F."""
     x, y, z = force
     sin_y, cos_y, sin_x, cos_x = ops.sin(p.pitch_rad), ops.cos(p.pitch_rad), ops.sin(p.roll_rad), ops.cos(p.roll_rad)

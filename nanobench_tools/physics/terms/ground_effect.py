@@ -1,9 +1,13 @@
 """Thrust grows near the ground."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
-from ..vector import scale
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, scale
 
 SEARCH_START = number("physics.ground_effect.search_start")
 """It acts far from linearly where it rests."""
@@ -11,7 +15,7 @@ LOWEST = 0.5
 """Heights below this many radii count as this: Cheeseman and Bennett's law is not meant for less and has a pole."""
 
 
-def changed(thrust, p, at, ops):
+def changed(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     ratio = p.R / (4.0 * ops.fmax(at.position_m[2], LOWEST * p.R))
     return scale(1.0 / (1.0 - p.rho * (ratio * ratio)), thrust)
 

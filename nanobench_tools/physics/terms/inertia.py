@@ -1,8 +1,12 @@
 """Another moment of inertia than the vehicle's table says."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Belief, Parameter, Stage, Term
+from ..term import Belief, Parameter, Situation, Stage, Term
 from ..vehicle import Vehicle
 
 SYSTEMATIC = number("physics.inertia.systematic")
@@ -18,7 +22,7 @@ FIRMWARE_MASS_KG, FIRMWARE_INERTIA = 0.027, (1.66e-5, 1.67e-5, 2.93e-5)
 proportion to mass."""
 
 
-def inertia(value, p, at, ops):
+def inertia(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return list(p.inertia_kg_m2)
 
 

@@ -1,9 +1,13 @@
 """Thrust changes with the air that comes through and across the rotors."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number, setting
+from ..ops import Ops
 from ..systematic import AIR
-from ..term import Parameter, Stage, Term
-from ..vector import scale
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, scale
 
 TYPICAL_S_M = number("physics.inflow.typical_s_m")
 """Typical of a 40 g quadrotor; where a fit begins."""
@@ -13,7 +17,7 @@ FITTED_K_H: tuple[float, float, str] = setting("physics.inflow.fitted_k_h")
 """The same of k_h."""
 
 
-def changed(thrust, p, at, ops):
+def changed(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     x, y, z = at.velocity_b
     return scale(1.0 - p.k_z * z + p.k_h * (x * x + y * y), thrust)
 

@@ -1,14 +1,18 @@
 """Another mass than the vehicle's table says."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import LEVEL
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
 
 DIFFERS = number("physics.mass.differs")
 """As a share: flights that differ by less need not differ in this."""
 
 
-def mass(value, p, at, ops):
+def mass(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> Any:
     return p.m
 
 

@@ -1,8 +1,14 @@
 """Motors that differ from each other."""
 
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 SYSTEMATIC = number("physics.motor_imbalance.systematic")
 """Changes up to this can come of the logging alone."""
@@ -12,11 +18,11 @@ MEAN_WITHIN = 0.005
 """Gains written with two or three digits still have mean 1 within this."""
 
 
-def imbalanced(thrust, p, at, ops):
+def imbalanced(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return [g * t for g, t in zip(p.g, thrust, strict=True)]
 
 
-def mean_is_one(values):
+def mean_is_one(values: Mapping[str, Any]) -> tuple[str, str] | None:
     mean = sum(values["g"]) / len(values["g"])
     if abs(mean - 1.0) > MEAN_WITHIN:
         return f"g has mean {mean:.6g}, must be 1", "divide g by its mean and put the mean into thrust_scale"

@@ -1,8 +1,12 @@
 """Thrust follows its command with a first-order lag, faster up than down (or the reverse)."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number, setting
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Belief, Parameter, Stage, Term
+from ..term import Belief, Parameter, Situation, Stage, Term
 
 TYPICAL_UP_S = number("physics.motor_lag.typical_up_s")
 """Typical of a 40 g quadrotor; where a fit begins."""
@@ -21,7 +25,7 @@ BELIEVED_DOWN_S: tuple[float, float] = setting("physics.motor_lag.believed_down_
 """The same of the lag down."""
 
 
-def time_constants(value, p, at, ops):
+def time_constants(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> tuple[Any, Any]:
     return p.tau_up_s, p.tau_down_s
 
 

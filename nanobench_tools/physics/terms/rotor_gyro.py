@@ -1,11 +1,15 @@
 """The rotors are gyroscopes."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
-from ..vector import cross, subtract, total
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, cross, subtract, total
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     spinning = total([s * omega for s, omega in zip(at.vehicle.spin, at.rotor_rad_s, strict=True)])
     zero = 0.0 * spinning
     return subtract(torque, cross(at.rate_rad_s, [zero, zero, p.J_r * spinning]))

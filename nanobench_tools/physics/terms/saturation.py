@@ -1,18 +1,24 @@
 """Motors that can do no more."""
 
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 
-def limited_input(inputs, p, at, ops):
+def limited_input(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> Components:
     return inputs if p.u_max is None else [ops.fmin(u, p.u_max) for u in inputs]
 
 
-def limited_thrust(thrust, p, at, ops):
+def limited_thrust(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> Components:
     return thrust if p.T_max_N is None else [ops.fmin(t, p.T_max_N) for t in thrust]
 
 
-def one_is_given(values):
+def one_is_given(values: Mapping[str, Any]) -> tuple[str, str] | None:
     return None if values else ("neither u_max nor T_max_N is given", "give one of them")
 
 

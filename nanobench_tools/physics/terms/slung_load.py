@@ -5,16 +5,20 @@ integrates it beside one, and a diagnosis looks for it as a force that comes and
 there is no neutral length, and the term is not searched for among the causes of a residual.
 """
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
-from ..vector import cross, scale, subtract
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, cross, scale, subtract
 
 
-def mass(value, p, at, ops):
+def mass(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> Any:
     return value + p.m_kg
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     share = p.m_kg / (at.vehicle.mass_kg + p.m_kg)
     return subtract(torque, scale(share, cross(p.r_m, at.force_b)))
 

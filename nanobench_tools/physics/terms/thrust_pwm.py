@@ -1,11 +1,14 @@
 """Thrust from PWM alone, blind to the battery."""
 
+from types import SimpleNamespace
+
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
-from ..vector import polynomial
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, polynomial
 
 
-def thrust(inputs, p, at, ops):
+def thrust(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> Components:
     return [polynomial(p.c, u) for u in inputs]
 
 

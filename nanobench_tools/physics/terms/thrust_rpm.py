@@ -1,19 +1,24 @@
 """Thrust from rotor speed, and rotor speed from thrust where others ask for it."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components
 
 STILL_N = 1e-15
 """Thrust below which a rotor counts as standing; keeps the derivative of the square root finite (0.2 mrad/s)."""
 
 
-def thrust(inputs, p, at, ops):
+def thrust(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> Components:
     if at.vehicle.input != "rpm":  # another map gives thrust; k_f only turns it into speed
         return inputs
     return [p.k_f * omega * omega for omega in inputs]
 
 
-def speed(lagged, p, at, ops):
+def speed(lagged: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     """Omega = sqrt(T / k_f). With measured speeds, scale imbalance belong to k_f; the speed stays."""
     gain = at.gain if at.vehicle.input == "rpm" else [1.0] * len(lagged)
     return [ops.sqrt(ops.fmax(t, STILL_N) * (1.0 / (p.k_f * g))) for t, g in zip(lagged, gain, strict=True)]

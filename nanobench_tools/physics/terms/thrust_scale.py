@@ -1,9 +1,13 @@
 """All motors weaker or stronger than the thrust curve by one factor."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import LEVEL
-from ..term import Parameter, Stage, Term
-from ..vector import scale
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, scale
 
 TYPICAL = number("physics.thrust_scale.typical")
 """Typical of a 40 g quadrotor; where a fit begins."""
@@ -11,7 +15,7 @@ DIFFERS = number("physics.thrust_scale.differs")
 """As a share: flights that differ by less need not differ in this."""
 
 
-def scaled(thrust, p, at, ops):
+def scaled(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return scale(p.s, thrust)
 
 

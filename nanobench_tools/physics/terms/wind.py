@@ -1,15 +1,19 @@
 """Air that moves."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number
+from ..ops import Ops
 from ..systematic import NOTHING
-from ..term import Parameter, Stage, Term
-from ..vector import add
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, add
 
 DIFFERS_M_S = number("physics.wind.differs")
 """Flights that differ by less need not differ in this."""
 
 
-def air(velocity, p, at, ops):
+def air(velocity: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     return add(velocity, p.w_m_s)
 
 

@@ -1,9 +1,13 @@
 """Rotor drag turns the vehicle about its z axis."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from ...settings import number, setting
+from ..ops import Ops
 from ..systematic import Systematic
-from ..term import Parameter, Stage, Term
-from ..vector import total
+from ..term import Parameter, Situation, Stage, Term
+from ..vector import Components, total
 
 SYSTEMATIC = number("physics.yaw_torque.systematic")
 """Of the value before, times the share of the turning that the commands do not explain."""
@@ -13,7 +17,7 @@ FITTED: tuple[float, float, str] = setting("physics.yaw_torque.fitted")
 """Lowest and highest value of a fit, and why."""
 
 
-def moment(torque, p, at, ops):
+def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
     spin = total([s * t for s, t in zip(at.vehicle.spin, at.thrust_N, strict=True)])
     return [torque[0], torque[1], torque[2] + p.k_m * spin]
 
