@@ -11,7 +11,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
 	@echo "make test   install with the test tools, lint, check types, run the tests"
-	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run"
+	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run, kept in a table"
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
 	@echo "make clean  remove the virtual environment and results"
 
@@ -54,7 +54,7 @@ pytest: $(VENV)/.installed-test
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) tests/learned
 
 bench: $(VENV)/.installed-test
-	@for f in benchmarks/speed/*.py; do echo "== $$f"; $(BIN)/python $$f || exit 1; done
+	$(BIN)/python benchmarks/speed/bench.py
 
 # Numbers of README.md and docs/*.md: run what prints them (RESULTS=DIR: take what lies there), store them, write the text.
 RESULTS ?=

@@ -1,9 +1,10 @@
-"""Cold read and audit of all recordings: seconds, and which part takes them.
+"""Cold read and audit of all recordings: seconds, which part takes them, and a plain reader of the same files.
 
 python benchmarks/speed/audit_speed.py [--data DIR...] [--jobs 2] [--json FILE]
 
 Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as a
-user's first ``nanobench audit`` does them; then the audits alone, on one core, with the largest named.
+user's first ``nanobench audit`` does them; then the audits alone, on one core, with the largest named. The plain reader
+(``read_speed.py``: csv module and ``float``) says how fast the machine is.
 """
 
 from __future__ import annotations
@@ -15,9 +16,14 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+from kept import show
+from read_speed import with_csv_module
 
 from nanobench_tools.audit import audit
 from nanobench_tools.sources.discover import default_data, find_recordings, read
+
+PLAIN = 10
+"""Recordings for the plain reader."""
 
 
 def cold(recording) -> tuple[str, float, float]:
@@ -50,6 +56,12 @@ def main() -> None:
         f"  audit median {np.median(auditing):.3f} s, sum {auditing.sum():.1f} s, "
         f"slowest {slowest[2]:.3f} s ({slowest[0]})"
     )
+    csvs = [r.path for r in recordings if r.source == "nanobench"][:PLAIN]
+    if csvs:
+        start = time.perf_counter()
+        with_csv_module(csvs)
+        plain = (time.perf_counter() - start) / len(csvs)
+        show("plain csv reading / reading and audit of one recording", plain / (reading + auditing).mean(), len(rows))
     if options.json:
         body = {
             "recordings": len(rows),

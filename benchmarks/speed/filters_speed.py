@@ -17,6 +17,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from kept import show
 
 from estimators.drag_ekf import DragMatrixEkf
 from estimators.error_state_ekf import ErrorStateEkf
@@ -153,6 +154,7 @@ def main() -> None:
         if function(first_rows(rows, 3)) is not None:
             taken = seconds_of(partial(function, half), 1) * n / len(half.time_s)
             say(label, taken, f"the core is {taken / core:.1f} times as fast")
+            show(f"{label} / compiled core", taken / core, len(half.time_s))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from kept import show
 from scipy.optimize import least_squares
 
 from identification.greybox.fit import GreyBox
@@ -109,6 +110,7 @@ def main() -> None:
     for name, seconds, calls, cost in rows:
         print(f"  scipy least_squares, finite differences, {name}: {seconds:.1f} s, {calls} rollouts, cost {cost:.3f}: "
               f"ratio {seconds / ours:.1f}")
+        show(f"scipy least_squares, {name} / ours", seconds / ours, len(problem.data))
     ratio = rows[0][1] / ours
     print(f"required ratio {REQUIRED_RATIO:.0f}x: {'yes' if ratio >= REQUIRED_RATIO else 'NO'}")
     if args.json:

@@ -16,6 +16,7 @@ import itertools
 import time
 
 import numpy as np
+from kept import show
 
 from controllers.ensemble import shipped_simulator
 from controllers.learned.pilots import MppiFar
@@ -90,9 +91,14 @@ def main() -> None:
     print(f"{args.windows} windows of {HORIZON} steps, {platform()}, SYNTHETIC: first call s, median s, median of "
           f"processor time s, aim {AIM_S} s")
     rows = {row_name(kind, False): LearnedPredictor(kind, kind, False, leaves[kind], scaling) for kind in KINDS}
+    spent: dict[str, float] = {}
     for name, predictor in {"published_physics (NumPy)": PublishedPhysics(), **rows}.items():
         first, median, work = seconds(lambda p=predictor: p.predict(windows), args.repeat)
         print(f"{name:<28} {first:8.3f} {median:8.4f} {work:8.4f}{'' if median < AIM_S else '   MISSED'}")
+        spent[name] = work
+    physics, *others = spent
+    for name in others:
+        show(f"{physics} / {name}", spent[physics] / spent[name], args.repeat)
     if importlib.util.find_spec("torch") is not None:
         first, median, work = seconds(in_torch(args.windows), args.repeat)
         print(f"{'residual_mlp (PyTorch)':<28} {first:8.3f} {median:8.4f} {work:8.4f}")

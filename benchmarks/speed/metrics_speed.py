@@ -19,6 +19,7 @@ from evo import __version__ as evo_version
 from evo.core import metrics as evo_metrics
 from evo.core.trajectory import PoseTrajectory3D
 from evo.core.units import Unit
+from kept import show
 
 from nanobench_tools import so3
 from nanobench_tools.metrics import trajectory
@@ -93,6 +94,7 @@ def main() -> int:
     print(f"{what}\nATE and RTE: nanobench {1e3 * mine:.2f} ms, evo {evo_version.lstrip('v')} {1e3 * evo:.1f} ms, "
           f"ratio {evo / mine:.0f} (required {REQUIRED_RATIO:.0f}); largest difference on the same pairs "
           f"{difference:.1e} m")
+    show("evo / nanobench, ATE and RTE", evo / mine, 5)
     if options.json:
         options.json.write_text(json.dumps(result, indent=1) + "\n")
     return 0 if evo / mine >= REQUIRED_RATIO and difference < 1e-9 else 1

@@ -22,6 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import casadi as ca
 import numpy as np
+from kept import show
 
 from nanobench_tools.physics import Model, Vehicle, numeric, symbolic
 from nanobench_tools.physics.batched import batched
@@ -128,6 +129,10 @@ def main() -> int:
               f"  Jacobian of a step: {found['jacobian_compiled_per_s'] / 1e6:.2f} million/s, "
               f"{found['jacobian_compiled_per_s'] / found['jacobian_casadi_per_s']:.1f} x CasADi map "
               f"(compiled in {found['jacobian_made_s']:.1f} s)")
+        show(f"{name}: NumPy / ours", numpy_ratio, options.windows)
+        show(f"{name}: CasADi map / ours", casadi_ratio, options.windows)
+        show(f"{name}: Jacobian by CasADi map / ours",
+             found["jacobian_compiled_per_s"] / found["jacobian_casadi_per_s"], options.windows)
     if options.json:
         options.json.write_text(json.dumps({"required_steps_per_s": REQUIRED_STEPS_PER_S, "models": results}, indent=1)
                                 + "\n")

@@ -10,12 +10,14 @@ steps of 25 ms. do-mpc (IPOPT) gets the same problem as nmpc: equations, targets
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import time
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from kept import show
 
 from controllers import mpc_model
 from controllers.disturbance import Tuning
@@ -23,6 +25,7 @@ from controllers.mpc_base import Mpc
 from controllers.mpc_condense import headed
 from controllers.mpc_linear import MpcDaqp, MpcOsqp
 from controllers.nmpc import Nmpc
+from nanobench_tools.errors import how_to_install
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
@@ -160,6 +163,7 @@ def against_do_mpc(count: int) -> None:
           f"{1e3 * np.median(mine[:, 0]):.2f} ms wall, {1e3 * np.median(mine[:, 1]):.2f} ms thread")
     print(f"ratio of medians: {np.median(theirs[:, 0]) / np.median(mine[:, 0]):.0f} (wall), "
           f"{np.median(theirs[:, 1]) / np.median(mine[:, 1]):.0f} (thread)")
+    show("do-mpc / nmpc, whole command, thread", np.median(theirs[:, 1]) / np.median(mine[:, 1]), len(theirs))
     print(f"thrusts of ten iterations against do-mpc: largest difference {1e3 * np.median(gaps):.3f} mN median, "
           f"{1e3 * np.max(gaps):.3f} mN most; first thrust of one iteration: {1e3 * np.median(one):.3f} mN median")
 
@@ -171,13 +175,20 @@ def main() -> None:
     given = parser.parse_args()
     print(f"SYNTHETIC, n = {given.steps} commands each, N = 20; ms from measurement to command")
     print(f"{'':28}{'wall: median':>14}{'99 %':>8}{'thread: median':>16}{'99 %':>8}{'no plan':>9}  C code")
+    medians = {}
     for name, create in ROWS.items():
         controller = create()
         spent = 1e3 * flown(controller, WARM + given.steps)[WARM:]
         (wall, thread), (wall99, thread99) = np.median(spent, axis=0), np.quantile(spent, 0.99, axis=0)
         print(f"{name:28}{wall:14.3f}{wall99:8.3f}{thread:16.3f}{thread99:8.3f}{controller.counts['solver']:9d}  "
               f"{'yes' if controller.compiled else 'no'}", flush=True)
-    if given.referee:
+        medians[name] = thread
+    for states in ("12 states", "12 + 4 rotors"):
+        show(f"mpc_osqp / mpc_daqp, {states}, whole command, thread",
+             medians[f"mpc_osqp, {states}"] / medians[f"mpc_daqp, {states}"], given.steps)
+    if given.referee and importlib.util.find_spec("do_mpc") is None:
+        print(f"NOT MEASURED against do-mpc: it is not installed; {how_to_install('bench')}")
+    elif given.referee:
         against_do_mpc(given.referee)
 
 

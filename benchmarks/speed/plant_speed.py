@@ -21,6 +21,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from kept import show
 
 from controllers.ensemble import draw, shipped_simulator
 from controllers.plant_filter import Onboard
@@ -111,6 +112,9 @@ def main() -> None:
     ratio = found["compiled chain, late"] / found["practice plant (NumPy)"]
     print(f"compiled chain over NumPy plant: {ratio:.1f}; required {REQUIRED:g} x real time: "
           f"{'reached' if found['compiled chain, late'] >= REQUIRED else 'missed'}")
+    show("practice plant (NumPy) / compiled chain", ratio, n)
+    show("practice plant (NumPy) / whole flight with the firmware's filter",
+         found["onboard"] / found["practice plant (NumPy)"], n)
     if given.json:
         given.json.write_text(json.dumps({"real_time": found, "ratio": ratio, "vehicles": n}, indent=1))
 

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from kept import show
+
 from nanobench_tools.practice import LoggingChain, path_spec, practice_flights
 from nanobench_tools.practice.flights import SPEEDS
 from nanobench_tools.practice.flying import flight_rngs, fly
@@ -37,6 +39,7 @@ def main() -> None:
     print(f"one flight of {flown.time_s[-1]:.0f} s flown alone: {wall_one:.1f} s wall, {cpu_one:.1f} s CPU")
     print(f"{n} flights, {seconds:.0f} s of flight, flown in one batch: {wall:.1f} s wall, {cpu:.1f} s CPU; "
           f"{seconds / cpu:.0f} times real time, {n * cpu_one / cpu:.0f} times faster than one after the other")
+    show("one flight after the other / one batch", n * cpu_one / cpu, n)
     _, wall, cpu = timed(lambda: [record(flown, i, LoggingChain(), flight_rngs(0, i, 9)[6:]) for i in range(n)])
     print(f"logging chain: {wall:.1f} s wall, {1e3 * cpu / n:.0f} ms CPU per flight")
     _, wall, cpu = timed(lambda: practice_flights(n, 0))

@@ -23,6 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from kept import show
 
 from nanobench_tools.sources import default_data, find_recordings, load_recordings
 
@@ -100,6 +101,8 @@ def main() -> None:
         parser.exit(2, "no recordings found; give --data\n")
     result = measure(places, options.jobs, options.repeat)
     print(json.dumps(result, indent=1))
+    for name, ratio in result["ratio"].items():
+        show(name, ratio, result["recordings"])
     if options.json:
         options.json.write_text(json.dumps(result, indent=1) + "\n")
 

@@ -3,7 +3,8 @@
     python benchmarks/speed/served_vehicle.py [--seconds S] [--vehicles N]
 
 Connecting: cflib from PyPI through UDP until all parameters are there, without a table cache. Own clock: a flight with
-the nine blocks of the recordings at 100 Hz, set-points and poses at 100 Hz. Ten at once: ``nanobench simulate --serve
+the nine blocks of the recordings at 100 Hz, set-points and poses at 100 Hz; beside it the plain version, the same
+vehicle and firmware stepped without radio, logs and poses. Ten at once: ``nanobench simulate --serve
 --vehicles N`` in a process of its own, flown and logged like that by this one; late is a turn of the server (one every
 10 ms or sooner) that ran more than 10 ms after its time.
 """
@@ -22,6 +23,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+
+from kept import show
 
 from controllers.served_vehicle import served
 from nanobench_tools.errors import how_to_install
@@ -104,6 +107,12 @@ def own_clock(seconds: float) -> None:
     wall, used = time.perf_counter() - begin, time.process_time() - cpu
     print(f"own clock: {seconds:.0f} s in {wall:.2f} s, {seconds / wall:.0f} x real time ({seconds / used:.0f} x by "
           f"processor time; aim: 20 x), {packets / seconds:.0f} packets/s down, height {body.true_pose()[0][2]:.2f} m")
+    alone = served()
+    cpu = time.process_time()
+    for _ in range(round(100 * seconds)):
+        alone.advance(10)
+    show("vehicle and firmware alone / served with logs, poses and set-points", (time.process_time() - cpu) / used,
+         round(100 * seconds))
 
 
 class Pilot:
@@ -167,21 +176,21 @@ def many(vehicles: int, seconds: float) -> None:
         for pilot in pilots:
             pilot.logged = pilot.poses = 0
         sockets = [s for p in pilots for s in (p.radio, p.cameras)]
-        begin, asked = time.monotonic(), 0.0
+        begin, subscribed = time.monotonic(), 0.0
         while (now := time.monotonic() - begin) < seconds:
-            if now >= asked:
+            if now >= subscribed:
                 for pilot in pilots:
                     pilot.subscribe()
-                asked += 1.0
+                subscribed += 1.0
             select.select(sockets, [], [], 0.005)
             for pilot in pilots:
                 pilot.hear(now)
     finally:
         server.send_signal(2)
-        _, said = server.communicate(timeout=120)
+        _, report = server.communicate(timeout=120)
     used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
-    turns = [tuple(map(int, found)) for found in re.findall(r"(\d+) turns, (\d+) more", said)]
-    stood = sum(map(float, re.findall(r"stood still for ([0-9.]+) s", said)))
+    turns = [tuple(map(int, found)) for found in re.findall(r"(\d+) turns, (\d+) more", report)]
+    stood = sum(map(float, re.findall(r"stood still for ([0-9.]+) s", report)))
     total, late = sum(t for t, _ in turns), sum(n for _, n in turns)
     rate = sum(p.logged for p in pilots) / seconds / vehicles / len(BLOCKS)
     poses = sum(p.poses for p in pilots) / seconds / vehicles

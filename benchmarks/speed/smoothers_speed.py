@@ -19,6 +19,7 @@ from typing import Any
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, V, X
+from kept import show
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from estimators.error_state_ekf import ErrorStateEkf
@@ -148,6 +149,9 @@ def main() -> None:
     print(f"plain GTSAM takes {spent['plain GTSAM'] / spent['gtsam_batch']:.1f} times as long as gtsam_batch; "
           f"NavStateImuEKF from Python {spent['NavStateImuEKF'] / spent['error_state_ekf']:.1f} times as long as "
           f"error_state_ekf")
+    show("plain GTSAM / gtsam_batch", spent["plain GTSAM"] / spent["gtsam_batch"], given.repeats)
+    show("NavStateImuEKF from Python / error_state_ekf", spent["NavStateImuEKF"] / spent["error_state_ekf"],
+         given.repeats)
 
 
 if __name__ == "__main__":

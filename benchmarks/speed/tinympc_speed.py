@@ -24,6 +24,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from kept import show
 from scipy.linalg import solve_discrete_are
 
 from controllers import mpc_model
@@ -94,7 +95,8 @@ def main() -> None:
     parser.add_argument("--tolerance", type=float, default=1e-4, help="of TinyMPC's residuals; its own default is 1e-3")
     asked = parser.parse_args()
     if asked.python is None:
-        print("NOT MEASURED: TinyMPC needs an interpreter of its own; make one as the first lines of this file say")
+        print("NOT MEASURED: TinyMPC needs an interpreter of its own; make one as the first lines of this file say "
+              "and give it as --python, or to make bench as TINYMPC_PYTHON")
         return
     try:
         subprocess.run([str(asked.python), "-c", "import tinympc"], capture_output=True, check=True)
@@ -133,6 +135,7 @@ def main() -> None:
     if near:
         print(f"ratio of medians, TinyMPC at its fastest within {NEAR_MN:g} mN over DAQP: "
               f"{min(near) / np.median(ours):.1f}")
+        show("TinyMPC / DAQP, condensed", min(near) / np.median(ours), len(starts))
     else:
         print(f"TinyMPC came within {NEAR_MN:g} mN (median) at no penalty")
 
