@@ -24,8 +24,9 @@ from .gtsam_path import Path, State, steps_of
 from .gtsam_rows import Rows
 from .gtsam_sure import covariance_of
 from .imu_noise import NOMINAL_HZ, ImuNoise
+from .inertial_core import DEFAULTS
 
-CHANGE_S = number("smoothers.gtsam_graph.change_s")
+CHANGE_S = DEFAULTS["change_s"]
 """A signal's slope is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
 
 INTEGRATION_SD_M = 1e-3

@@ -11,8 +11,8 @@ import numpy as np
 
 from .errors import InputError
 from .flight import Flight
-from .harness.results import write_bytes
 from .result import to_json
+from .result_files import write_bytes
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 

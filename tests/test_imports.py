@@ -12,11 +12,18 @@ import pytest
 ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
-          "guard", "settings", "result")
+          "guard", "settings", "labels", "result_files", "cache_folder", "result")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "audit", "harness", "protocols", "report",
                        "cli")
 """In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
+
+BESIDE: dict[str, set[str]] = {
+    "delays": set(), "metrics": set(), "noise": set(), "physics": set(), "firmware": set(),
+    "practice": {"firmware", "sources", "signals", "retiming", "faults"}}
+"""What is used from several places of the path, and what each may import above the ground."""
+METHODS = ("estimators", "controllers", "identification")
+"""Handed to the protocols by the command line, which alone imports them."""
 
 
 def modules() -> dict[str, Path]:
@@ -103,6 +110,24 @@ def test_a_recording_goes_one_way(packages):
     for place, name in enumerate(PATH_OF_A_RECORDING):
         later = {f"nanobench_tools.{other}" for other in PATH_OF_A_RECORDING[place + 1:]}
         assert packages[f"nanobench_tools.{name}"] & later == set(), name
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_what_several_use_stands_below_them(name, packages):
+    allowed = {"nanobench_tools", *(f"nanobench_tools.{other}" for other in {*GROUND, *BESIDE[name]})}
+    assert packages[f"nanobench_tools.{name}"] - allowed == set()
+
+
+def test_the_command_line_alone_knows_the_methods(graph):
+    assert [name for name, others in graph.items()
+            if name.startswith("nanobench_tools.") and not name.startswith("nanobench_tools.cli.")
+            and any(other.split(".")[0] in METHODS for other in others)] == []
+
+
+def test_estimators_know_no_protocol(packages):
+    above = {f"nanobench_tools.{name}" for name in ("protocols", "harness", "report", "cli")}
+    assert {name: others & above for name, others in packages.items()
+            if name.split(".")[0] == "estimators" and others & above} == {}
 
 
 def test_imports_are_found_wherever_they_stand():

@@ -10,22 +10,19 @@ noise floor of its own truth at h = 1. Without recordings, practice flights (SYN
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from prediction_table import COLUMNS, asked, line
 
 from identification.greybox.ablation_study import fit_item, predictor_of, rungs
 from identification.greybox.fitted_predictor import GreyBoxPredictor, past_inputs, start_of
 from nanobench_tools import so3
-from nanobench_tools.cli.options import Options
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.physics.model import ROTOR
 from nanobench_tools.physics.rollout import rollout
-from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.windows import cut_windows
 
 NAMES = ("fit_balanced", "fit_observed")
@@ -84,15 +81,7 @@ def half_the_packets(windows: Windows) -> Windows:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--clock", default="retimed", choices=["as-recorded", "retimed"])
-    parser.add_argument("--data", type=Path, nargs="*", default=())
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
-    options = Options(data=tuple(args.data), clock=args.clock, quiet=True)
-    flights = options.load()
-    audits, _ = options.audit(flights)
-    split = task1.split(*options.on_clock(flights, audits))
+    args, split, word = asked(__doc__)
     fitted = {rung.name: predictor_of(fit_item(split.train, rung, 0, 0.04085)) for rung in rungs(NAMES)}
     sums: dict[str, list] = {}
     noise = []
@@ -111,15 +100,12 @@ def main() -> None:
         gyro = came.rate_rad_s
         smooth = sum(w * gyro[:, i:gyro.shape[1] - 4 + i] for i, w in enumerate(SMOOTH))
         noise.append(np.linalg.norm(gyro[:, 2:-2] - smooth, axis=-1).ravel() / LEFT)
-    word = "SYNTHETIC" if options.synthetic else "real"
-    print(f"{len(split.test)} {word} test flights, clock {args.clock}: position m | velocity m/s | attitude rad | "
-          "rate rad/s after 1, 10, 50 steps")
+    print(f"{len(split.test)} {word} test flights, clock {args.clock}: {COLUMNS}")
     rows = {}
     for label, parts in sums.items():
         count = sum(part[0] for part in parts)
         rows[label] = {q: multi_horizon(sum(part[1 + i] for part in parts) / count) for i, q in enumerate(QUANTITIES)}
-        text = " | ".join(" ".join(f"{rows[label][q][h]:.4f}" for h in ("1", "10", "50")) for q in QUANTITIES)
-        print(f"{label:<38} {text}")
+        print(line(label, rows[label]))
     floor = float(np.mean(np.concatenate(noise)))
     print(f"gyro rows against five smoothed ones: {floor:.4f} rad/s, the part of rate at h = 1 that no model foresees")
     if args.json:

@@ -12,13 +12,12 @@ show in yaw? The slope of the yaw error of the model over the change of sum(spin
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
+from prediction_table import COLUMNS, asked, line
 
 from identification.greybox.fit import GreyBox
 from identification.greybox.fit_windows import MOST_WINDOWS, Cut, _rows, cut, gather
@@ -26,11 +25,9 @@ from identification.greybox.fitted_predictor import past_inputs, start_of
 from identification.greybox.ladder import FULL
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.solve import Prior, flown_errors
-from nanobench_tools.cli.options import Options
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.physics.model import RATE, ROTOR
 from nanobench_tools.physics.rollout import rollout
-from nanobench_tools.protocols import task1
 
 GROUPS = 5
 MEASURED = (Prior(("motor_lag.tau_up_s",), 0.055, 0.01, "nanobench motors"),
@@ -105,15 +102,8 @@ def yaw_against_rotors(fitted: GreyBox, c: Cut) -> list[tuple[float, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--clock", default="retimed", choices=["as-recorded", "retimed"])
-    parser.add_argument("--data", type=Path, nargs="*", default=())
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
-    options = Options(data=tuple(args.data), clock=args.clock, quiet=True)
-    flights = options.load()
-    audits, _ = options.audit(flights)
-    cuts = cut(task1.split(*options.on_clock(flights, audits)).train, past=True, thin=1)
+    args, split, word = asked(__doc__)
+    cuts = cut(split.train, past=True, thin=1)
     scores = {name: Scores() for name in (*ROWS, BOUND)}
     for train, held_out in groups(cuts):
         for name, settings in ROWS.items():
@@ -123,15 +113,14 @@ def main() -> None:
                 if name == "fit_observed":
                     scores[BOUND].add(best_constants(fitted, c))
                     scores[BOUND].yaw.append(yaw_against_rotors(fitted, c))
-    word = "SYNTHETIC" if options.synthetic else "real"
     print(f"{len(cuts)} {word} training flights held out in {GROUPS} groups, {scores['fit_observed'].count} windows, "
-          f"clock {args.clock}: position m | velocity m/s | attitude rad | rate rad/s after 1, 10, 50 steps")
+          f"clock {args.clock}: {COLUMNS}")
     rows = {name: scores[name].row() for name in ROWS}
     at = [int(np.flatnonzero(h == HORIZONS)[0]) for h in (1, 10, 50)]
     rows[BOUND] = {q: dict(zip(("1", "10", "50"), (scores[BOUND].sums[q] / scores[BOUND].count)[at].tolist(),
                                strict=True)) for q in QUANTITIES}
     for name, row in rows.items():
-        print(f"{name:<30} " + " | ".join(" ".join(f"{row[q][h]:.4f}" for h in ("1", "10", "50")) for q in QUANTITIES))
+        print(line(name, row))
     yaw = np.array(scores[BOUND].yaw)
     for i, h in enumerate(YAW_AT):
         slope, correlation = yaw[:, i].T

@@ -28,8 +28,8 @@ from scipy.optimize import minimize
 from nanobench_tools.cli.options import Options
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.flight import Flight, Span, mask_of
+from nanobench_tools.labels import FILTERS_SEARCHED_ON, family_of
 from nanobench_tools.protocols import aided, blackout, task3
-from nanobench_tools.protocols.labels import FILTERS_SEARCHED_ON, family_of
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.protocols.usable import POSE
 from nanobench_tools.registry import load

@@ -18,8 +18,8 @@ from nanobench_tools import so3
 from nanobench_tools.audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans
+from nanobench_tools.labels import family_of, speed_of
 from nanobench_tools.metrics.association import associate
-from nanobench_tools.protocols.labels import family_of, speed_of
 from nanobench_tools.protocols.phases import MOTOR_ON
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.task2 import PUBLISHED

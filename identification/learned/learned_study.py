@@ -9,8 +9,8 @@ from typing import Any
 
 from nanobench_tools.errors import InputError, NanobenchError
 from nanobench_tools.flight import Flight
+from nanobench_tools.labels import family_of
 from nanobench_tools.methods import Predictor
-from nanobench_tools.protocols.labels import family_of
 from nanobench_tools.protocols.task1 import Case
 
 from .own import SETTINGS, held_out, lesson

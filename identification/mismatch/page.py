@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.flight import Fault
-from nanobench_tools.harness.results import write_bytes
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.report.environment import environment
 from nanobench_tools.report.quantities import DASH
 from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
 from nanobench_tools.result import to_json
+from nanobench_tools.result_files import write_bytes
 from nanobench_tools.version import __version__
 
 from .pictures import pictures

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.harness.results import write_bytes
 from nanobench_tools.report.environment import environment
 from nanobench_tools.report.report_page import _template
 from nanobench_tools.result import to_json
+from nanobench_tools.result_files import write_bytes
 from nanobench_tools.version import __version__
 
 from .causes import CAUSES

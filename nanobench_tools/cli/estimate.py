@@ -241,7 +241,7 @@ def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Ca
 
 def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
     """The cases that have a file; InputError when none has."""
-    from estimators.trajectory_file import TrajectoryFile
+    from nanobench_tools.sources.trajectory_file import TrajectoryFile
 
     found = [(TrajectoryFile(files[case.flight.name]), case) for case in cases if case.flight.name in files]
     if not found:
@@ -258,8 +258,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
     judged on, where it is another one."""
     from ..harness import make_item
+    from ..labels import speed_of
     from ..protocols import task3, whole_flight
-    from ..protocols.labels import speed_of
     from ..protocols.trajectories import score_and_write, write_missing, write_truths
 
     folder = None if out is None else out / "trajectories"
@@ -347,8 +347,8 @@ def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     """Median and p90 over the windows of all flights, and of families that set nothing, 3-D, horizontal, vertical."""
     from rich.table import Table
 
+    from ..labels import OTHER_FAMILIES
     from ..protocols.blackout import HORIZONS_S, KINDS
-    from ..protocols.labels import OTHER_FAMILIES
     from ..protocols.sessions import interval_note
 
     table = Table(title=f"blackout, end error [m] over windows, {data_word(options)} data, {_clock_text(rows)}: median "
@@ -382,7 +382,7 @@ def _clock_text(rows: Sequence[Mapping[str, Any]]) -> str:
 def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
           columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
     """The groups of the published table, or all and the speeds; families are in the files."""
-    from ..protocols.labels import OTHER_FAMILIES
+    from ..labels import OTHER_FAMILIES
     from ..protocols.sessions import interval_note
 
     lines = []

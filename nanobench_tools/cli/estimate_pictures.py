@@ -73,6 +73,9 @@ def _bands(options: Options, function: Any, done: Done, case: Case, kwargs: Mapp
 def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> dict[str, Any]:
     """What the onboard filter's error comes from, shown; see ``protocols.attribution``. InputError as ``task3.select``
     where no flight fits."""
+    from estimators.drag_ekf import DragMatrixEkf
+    from estimators.firmware_ekf import FirmwareEkf
+
     from ..harness import make_item
     from ..protocols import attribution as protocol
     from ..protocols.selection import distinct
@@ -92,8 +95,9 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
                          file=on[AS_RECORDED][name].flight.provenance.path)
 
     single = {clock: [item(protocol.logged, clock, name, case=on[clock][name]) for name in names] for clock in JUDGES}
-    again = [item(protocol.replays, "replay", name, recorded=on[AS_RECORDED][name], retimed=on["retimed"][name])
-             for name in names]
+    filters = protocol.Filters(FirmwareEkf, DragMatrixEkf())
+    again = [item(protocol.replays, "replay", name, filters=filters, recorded=on[AS_RECORDED][name],
+                  retimed=on["retimed"][name]) for name in names]
     values = options.run([*(one for items in single.values() for one in items), *again], "attribution").values
     flown = [on[AS_RECORDED][name].flight for name in names]
     sessions = {what: options.sessions.labels(flight for flight, one in zip(flown, items, strict=True)

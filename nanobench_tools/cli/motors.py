@@ -63,10 +63,10 @@ def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | 
     """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
     from identification.motors.motor_study import simulator
 
-    from ..harness.results import write_bytes
     from ..physics.simulator import write_simulator
     from ..report.motors_page import motors_page
     from ..result import to_json
+    from ..result_files import write_bytes
 
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside

@@ -221,7 +221,7 @@ class Options:
     def write_json(self, content: Mapping[str, Any]) -> None:
         """Writes ``--json``, or prints it for ``--json -``."""
         from ..harness import write_json
-        from ..harness.results import to_text
+        from ..result_files import to_text
 
         if self.json is not None and str(self.json) == "-":
             click.echo(to_text(content), nl=False)

@@ -108,7 +108,7 @@ def say_export(options: Options, found: Exported) -> dict[str, Any]:
 
 def toc_cache() -> Path | None:
     """Where cflib keeps tables of contents, so that connecting again is quick; None where nothing can be written."""
-    from ..sources.cache import cache_folder
+    from ..cache_folder import cache_folder
 
     folder = cache_folder() / "radio"
     try:

@@ -20,8 +20,8 @@ def report(options: Options) -> int:
     writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights need the recordings:
     those of --data, else of the default places, that audit.json names by content; without them the page has none.
     """
-    from ..harness.results import read_json
     from ..report import write_report
+    from ..result_files import read_json
 
     if options.out is None:
         raise UsageError("report needs --out DIR, the folder that holds the result files")

@@ -162,9 +162,9 @@ def _comparable(flight: Flight) -> Flight:
 
 
 def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
-    from ..harness.results import write_bytes
     from ..report.thrust_page import thrust_page
     from ..result import to_json
+    from ..result_files import write_bytes
 
     out.mkdir(parents=True, exist_ok=True)
     first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]

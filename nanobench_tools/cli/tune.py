@@ -59,9 +59,9 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
     from controllers.simulated_flights import made, settled_s
     from controllers.tuning import compared, evaluate, objective, shortlist
 
-    from ..harness.results import write_bytes
     from ..physics.simulator import loads
     from ..protocols.simulated import specs_of
+    from ..result_files import write_bytes
     from .control_plants import Chosen
 
     if simulator is not None and train:

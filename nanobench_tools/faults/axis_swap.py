@@ -12,19 +12,48 @@ from __future__ import annotations
 import math
 
 from ..flight import Fault, Flight
+from ..signals.axis_unit_matching import wrong_matches
 from ..signals.context import Context
-from ..signals.unit_sign_errors import wrong_axes
+from ..signals.unit_sign_errors import ACC, gravity_axis
 from .kind import FaultKind
 from .making import over_stream
 
 KIND = "axis_swap"
 
 
+def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
+    """(stream, quantities that changed places, evidence)."""
+    found = []
+    for verdict in context.once(wrong_matches):
+        if verdict.swapped:
+            moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
+            seen = ", ".join(
+                f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
+                for i in range(3)
+                if verdict.order[i] != i
+            )
+            found.append((verdict.stream, moved, seen))
+    gravity = context.once(gravity_axis)
+    if (
+        gravity is not None
+        and gravity.axis != 2
+        and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
+    ):
+        found.append(
+            (
+                "imu",
+                (ACC[gravity.axis], "acc_z"),
+                f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)",
+            )
+        )
+    return found
+
+
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream and vector."""
     return [
         over_stream(KIND, flight, name, quantities, math.nan, "1", evidence)
-        for name, quantities, evidence in context.once(wrong_axes)
+        for name, quantities, evidence in wrong_axes(context)
     ]
 
 

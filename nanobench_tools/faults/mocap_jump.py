@@ -14,19 +14,77 @@ Size: metres, or radians for a rotation alone. Smallest found: the limit plus th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from ..flight import Fault, Flight
 from ..signals.context import Context
 from ..signals.held_poses import POSITION, ROTATION
-from ..signals.pose_jumps import displaced_stretches
+from ..signals.pose_jumps import PoseJump, mocap_jumps
+from ..signals.usable_rows import whole_span
 from .kind import FaultKind
 
 KIND = "mocap_jump"
 
 
+@dataclass(frozen=True)
+class Displaced:
+    """From start_s to end_s the poses are off those of the rest; before, after: the jumps at its ends, None at an end
+    of the recording."""
+
+    start_s: float
+    end_s: float
+    before: PoseJump | None
+    after: PoseJump | None
+
+    @property
+    def jump(self) -> PoseJump:
+        """The one that leads into it, else the one out of it."""
+        found = self.before or self.after
+        if found is None:
+            raise ValueError("a displaced stretch has a jump at one of its ends")
+        return found
+
+
+def displaced_stretches(context: Context) -> list[Displaced]:
+    """The stretches between jumps whose poses stand in another frame than the longest consistent part.
+
+    A jump that a later one undoes leads back to the same frame, so stretches with the same sum of jumps belong
+    together. Jumps are known to within their limits; half of the smallest one is the most that counts as the same.
+    """
+    jumps = context.once(mocap_jumps)
+    if not jumps:
+        return []
+    span = context.once(whole_span)
+    starts = np.array([span.start_s, *(jump.end_s for jump in jumps)])
+    ends = np.array([*(jump.start_s for jump in jumps), span.end_s])
+    same = np.ones((len(starts), len(starts)), dtype=bool)
+    for rotation in (False, True):
+        kind = [jump for jump in jumps if jump.rotation == rotation]
+        if not kind:
+            continue
+        steps = np.array([jump.offset if jump.rotation == rotation else (0.0, 0.0, 0.0) for jump in jumps])
+        at = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        off = np.linalg.norm(at[:, None] - at[None, :], axis=2)
+        same &= off < min(2.0 * max(jump.limit for jump in kind), 0.5 * min(jump.size for jump in kind))
+    kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
+    return [
+        Displaced(
+            float(start if before is None else before.start_s),
+            float(end if after is None else after.end_s),
+            before,
+            after,
+        )
+        for rest, start, end, before, after in zip(kept, starts, ends, [None, *jumps], [*jumps, None], strict=True)
+        if not rest
+    ]
+
+
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per displaced stretch."""
     faults = []
-    for stretch in context.once(displaced_stretches):
+    for stretch in displaced_stretches(context):
         jump = stretch.jump
         stream, unit = flight["mocap"], "rad" if jump.rotation else "m"
         columns = tuple(stream.columns[stream.index(q)] for q in (ROTATION if jump.rotation else POSITION))

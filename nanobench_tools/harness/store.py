@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+from ..cache_folder import cache_folder
 from ..errors import InputError
 from ..result import to_json
-from ..sources.cache import cache_folder
+from ..result_files import sweep, write_bytes
 from .identity import sha256_of
-from .results import sweep, write_bytes
 
 
 class Store:

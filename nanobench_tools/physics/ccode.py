@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from ..errors import InputError
+from ..result_files import write_bytes
 from . import symbolic
 from .model import Model
 from .ops import import_casadi
@@ -21,8 +22,6 @@ def write_c(model: Model, folder: Path | str, name: str = "model", row_hz: float
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError("name of the C code", repr(name), "use letters, digits and _, a letter first")
-    from ..harness.results import write_bytes
-
     ca = import_casadi()
     row_hz = row_hz or model.vehicle.rate_hz
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})

@@ -14,7 +14,7 @@ import stat
 import threading
 from pathlib import Path
 
-from ..sources.cache import cache_folder
+from ..cache_folder import cache_folder
 
 _LOCK = threading.Lock()
 _ENGINES: list = []

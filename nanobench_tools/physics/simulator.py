@@ -16,6 +16,7 @@ from typing import Any
 
 from .. import registry
 from ..errors import InputError, MissingExtraError
+from ..result_files import write_bytes
 from . import rules
 from .model import Model, find_term
 from .vehicle import UNITS, Vehicle
@@ -170,6 +171,4 @@ def _lists(value: Any) -> Any:
 
 def write_simulator(model: Model, path: Path | str) -> None:
     """Write ``dumps`` to a file, whole or not at all."""
-    from ..harness.results import write_bytes
-
     write_bytes(Path(path), dumps(model).encode("utf-8"))

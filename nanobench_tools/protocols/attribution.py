@@ -9,23 +9,20 @@ with a pose every 10 ms, undelayed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
-from estimators.drag_ekf import DragMatrixEkf
-from estimators.firmware_ekf import FirmwareEkf
-from estimators.onboard_ekf import OnboardEkf
 
 from .. import so3
 from ..firmware.kalman import defaults
 from ..flight import Flight
 from ..flight import mask_of as inside
-from ..methods import Estimate
+from ..methods import Estimate, Estimator
 from ..metrics.statistics import Labels
 from ..metrics.trajectory import rms
 from ..settings import number
+from ..signals.onboard_estimate import OnboardEkf
 from .aided import Aiding, given_to
 from .score_tables import summaries
 from .sessions import row_keys
@@ -40,34 +37,42 @@ SCORES = {"ate_m": "ate_rmse_m", "along_m": "along_track_rmse_m", "across_m": "a
 """ATE after SE(3) alignment; along and across the track without."""
 
 
-def _replay(case: Case, retimed: Case) -> Estimate:
-    return FirmwareEkf().estimate(given_to(retimed, WHOLE))
+@dataclass(frozen=True)
+class Filters:
+    """firmware(parameters=None, held=False): the vehicle's filter; another: one to compare it with."""
+
+    firmware: Callable[..., Estimator]
+    another: Estimator
 
 
-def _as_recorded(case: Case, retimed: Case) -> Estimate:
-    return FirmwareEkf().estimate(given_to(case, WHOLE))
+def _replay(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.firmware().estimate(given_to(retimed, WHOLE))
 
 
-def _late_poses(case: Case, retimed: Case) -> Estimate:
-    return FirmwareEkf().estimate(given_to(retimed, replace(WHOLE, delay_s=LATE_S)))
+def _as_recorded(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.firmware().estimate(given_to(case, WHOLE))
 
 
-def _lost_poses(case: Case, retimed: Case) -> Estimate:
-    return FirmwareEkf().estimate(given_to(retimed, replace(WHOLE, loss=LOST)))
+def _late_poses(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.firmware().estimate(given_to(retimed, replace(WHOLE, delay_s=LATE_S)))
 
 
-def _held_rows(case: Case, retimed: Case) -> Estimate:
-    return FirmwareEkf(held=True).estimate(given_to(retimed, WHOLE))
+def _lost_poses(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.firmware().estimate(given_to(retimed, replace(WHOLE, loss=LOST)))
 
 
-def _with_drag(case: Case, retimed: Case) -> Estimate:
+def _held_rows(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.firmware(held=True).estimate(given_to(retimed, WHOLE))
+
+
+def _with_drag(filters: Filters, case: Case, retimed: Case) -> Estimate:
     """Motors that stand: the filter then integrates all of the accelerometer, not thrust alone, and so sees drag."""
     flight = given_to(retimed, WHOLE)
     motor = flight["motor"]
-    return FirmwareEkf().estimate(flight.with_streams(motor=replace(motor, values=np.zeros_like(motor.values))))
+    return filters.firmware().estimate(flight.with_streams(motor=replace(motor, values=np.zeros_like(motor.values))))
 
 
-def _noisier(case: Case, retimed: Case) -> Estimate:
+def _noisier(filters: Filters, case: Case, retimed: Case) -> Estimate:
     """Twice the process noise of its accelerations; it starts at the first pose all the same."""
     flight, found = given_to(retimed, WHOLE), defaults()
     mocap = flight["mocap"]
@@ -75,15 +80,15 @@ def _noisier(case: Case, retimed: Case) -> Estimate:
     found["initial_yaw_rad"] = so3.euler_zyx(mocap["qx", "qy", "qz", "qw"][:1])[0, 2]
     for name in ("acc_xy_m_s2", "acc_z_m_s2"):
         found[name] = 2.0 * found[name]
-    return FirmwareEkf(found).estimate(flight)
+    return filters.firmware(found).estimate(flight)
 
 
-def _another(case: Case, retimed: Case) -> Estimate:
-    return DragMatrixEkf().estimate(given_to(retimed, WHOLE))
+def _another(filters: Filters, case: Case, retimed: Case) -> Estimate:
+    return filters.another.estimate(given_to(retimed, WHOLE))
 
 
 BASE = "replay on the re-timed IMU"
-REPLAYS: dict[str, Callable[[Case, Case], Estimate]] = {
+REPLAYS: dict[str, Callable[[Filters, Case, Case], Estimate]] = {
     BASE: _replay,
     "IMU as recorded (telemetry clock)": _as_recorded,
     f"poses {1e3 * LATE_S:.0f} ms late": _late_poses,
@@ -117,10 +122,10 @@ def logged(case: Case) -> dict[str, float]:
     return _scores(case, OnboardEkf().estimate(case.flight))
 
 
-def replays(recorded: Case, retimed: Case) -> dict[str, dict[str, float]]:
+def replays(filters: Filters, recorded: Case, retimed: Case) -> dict[str, dict[str, float]]:
     """{what was changed: {ate_m; change_m: of the ATE against the replay with nothing changed; moves_m: RMS distance of
     the two estimates}} of one flight, judged on the re-timed clock."""
-    made = {name: make(recorded, retimed) for name, make in REPLAYS.items()}
+    made = {name: make(filters, recorded, retimed) for name, make in REPLAYS.items()}
     base = made[BASE]
     level = _scores(retimed, base)["ate_m"]
     found = {}

@@ -10,7 +10,7 @@ import numpy as np
 from ..audit import Audit
 from ..faults.kinds import log_ended
 from ..flight import mask_of as inside
-from .labels import speed_of
+from ..labels import speed_of
 from .task3 import Case
 from .usable import POSE
 

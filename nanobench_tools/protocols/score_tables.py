@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..labels import OTHER_FAMILIES
 from ..metrics.statistics import Labels, summary_table
-from .labels import OTHER_FAMILIES
 
 
 def groups_of(family: str, speed: str | None) -> list[str]:

@@ -15,10 +15,10 @@ import numpy as np
 from ..audit import Audit
 from ..errors import InputError
 from ..flight import Flight, Span, intersect_spans
+from ..labels import family_of, speed_of
 from ..methods import Prediction, Predictor
 from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
 from ..metrics.statistics import design_effect, pooled_interval
-from .labels import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import beside
 from .selection import apart, distinct

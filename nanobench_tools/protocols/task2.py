@@ -19,9 +19,9 @@ from ..errors import InputError, UsageError
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
+from ..labels import UNKNOWN, family_of, speed_of
 from ..metrics import tracking
 from ..metrics.trajectory import rms
-from .labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
 from .published import beside
 from .score_tables import summaries

@@ -14,19 +14,18 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from estimators.onboard_ekf import OnboardEkf
-from estimators.trajectory_file import TrajectoryFile
-
 from .. import so3
 from ..audit import Audit
 from ..errors import InputError, UsageError
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
+from ..labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..methods import Estimate, Estimator
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
-from .labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
+from ..signals.onboard_estimate import OnboardEkf
+from ..sources.trajectory_file import TrajectoryFile
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .score_tables import group_order, groups_of, summaries

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..flight import Flight
-from ..harness.results import write_bytes
 from ..methods import Estimator
 from ..metrics.association import associate, snap
+from ..result_files import write_bytes
 from . import aided, whole_flight
 from .task3 import WHOLE_FLIGHT, Case, score
 

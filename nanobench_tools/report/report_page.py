@@ -37,7 +37,7 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     ``results["audit"]`` with its name, or else its content hash. ``synthetic``: the page, every table and every
     picture say so, and only then.
     """
-    from ..harness.results import write_bytes
+    from ..result_files import write_bytes
 
     out_dir = Path(out_dir)
     entries = {f["flight"]: f for f in (results.get("audit") or {}).get("flights") or []}

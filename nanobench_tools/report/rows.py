@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..protocols.labels import OTHER_FAMILIES
+from ..labels import OTHER_FAMILIES
 from ..protocols.sessions import interval_note
 from .audit_entry import CLOCK_STREAMS, fault_counts, share_clean, total
 from .quantities import shown

@@ -1,5 +1,4 @@
-"""Jumps of the tracked pose between two frames and the stretches they displace; limits and reasons stand in
-``faults.mocap_jump``."""
+"""Jumps of the tracked pose between two frames; limits and reasons stand in ``faults.mocap_jump``."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from .held_poses import held_poses
 from .plausible_ranges import tracker_scale
 from .spikes import spikes
 from .step_removal import grouped, steps
-from .usable_rows import tables, usable_streams, whole_span
+from .usable_rows import tables, usable_streams
 
 LIMIT_RAD = number("audit.pose_jumps.limit_rad")
 BEND_RAD_S2 = number("audit.pose_jumps.bend_rad_s2")
@@ -36,59 +35,6 @@ class PoseJump:
     limit: float
     rotation: bool
     offset: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """From start_s to end_s the poses are off those of the rest; before, after: the jumps at its ends, None at an end
-    of the recording."""
-
-    start_s: float
-    end_s: float
-    before: PoseJump | None
-    after: PoseJump | None
-
-    @property
-    def jump(self) -> PoseJump:
-        """The one that leads into it, else the one out of it."""
-        found = self.before or self.after
-        if found is None:
-            raise ValueError("a displaced stretch has a jump at one of its ends")
-        return found
-
-
-def displaced_stretches(context: Context) -> list[Displaced]:
-    """The stretches between jumps whose poses stand in another frame than the longest consistent part.
-
-    A jump that a later one undoes leads back to the same frame, so stretches with the same sum of jumps belong
-    together. Jumps are known to within their limits; half of the smallest one is the most that counts as the same.
-    """
-    jumps = context.once(mocap_jumps)
-    if not jumps:
-        return []
-    span = context.once(whole_span)
-    starts = np.array([span.start_s, *(jump.end_s for jump in jumps)])
-    ends = np.array([*(jump.start_s for jump in jumps), span.end_s])
-    same = np.ones((len(starts), len(starts)), dtype=bool)
-    for rotation in (False, True):
-        kind = [jump for jump in jumps if jump.rotation == rotation]
-        if not kind:
-            continue
-        steps = np.array([jump.offset if jump.rotation == rotation else (0.0, 0.0, 0.0) for jump in jumps])
-        at = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-        off = np.linalg.norm(at[:, None] - at[None, :], axis=2)
-        same &= off < min(2.0 * max(jump.limit for jump in kind), 0.5 * min(jump.size for jump in kind))
-    kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
-    return [
-        Displaced(
-            float(start if before is None else before.start_s),
-            float(end if after is None else after.end_s),
-            before,
-            after,
-        )
-        for rest, start, end, before, after in zip(kept, starts, ends, [None, *jumps], [*jumps, None], strict=True)
-        if not rest
-    ]
 
 
 def mocap_jumps(context: Context) -> list[PoseJump]:

@@ -1,4 +1,4 @@
-"""All that is known about wrong units, signs and axes of a flight, each mistake once, and the streams it concerns."""
+"""Wrong units of a flight, each once, the streams they concern, and which way gravity lies in it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..settings import number
-from ..units import GRAVITY_M_S2
 from .axis_unit_matching import AxisUnitMatch, wrong_matches
 from .context import Context
 from .crashes import crash_of
@@ -61,62 +60,7 @@ def wrong_units(context: Context) -> list[WrongUnit]:
                 verdict.quantities,
                 verdict.factor,
                 f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
-                f"{_against(verdict)} predicts{_named(verdict)}",
-            )
-        )
-    return found
-
-
-def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
-    """(stream, quantity, evidence) of every negated axis."""
-    found = []
-    gravity = context.once(gravity_axis)
-    if gravity is not None and gravity.sign < 0:
-        found.append(
-            (
-                "imu",
-                ACC[gravity.axis],
-                f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
-                f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}",
-            )
-        )
-    for verdict in context.once(wrong_matches):
-        for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
-            if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
-                found.append(
-                    (
-                        verdict.stream,
-                        quantity,
-                        f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
-                        f"{_against(verdict)} predicts",
-                    )
-                )
-    return found
-
-
-def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
-    """(stream, quantities that changed places, evidence)."""
-    found = []
-    for verdict in context.once(wrong_matches):
-        if verdict.swapped:
-            moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
-            seen = ", ".join(
-                f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
-                for i in range(3)
-                if verdict.order[i] != i
-            )
-            found.append((verdict.stream, moved, seen))
-    gravity = context.once(gravity_axis)
-    if (
-        gravity is not None
-        and gravity.axis != 2
-        and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
-    ):
-        found.append(
-            (
-                "imu",
-                (ACC[gravity.axis], "acc_z"),
-                f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)",
+                f"{against(verdict)} predicts{_named(verdict)}",
             )
         )
     return found
@@ -127,7 +71,7 @@ def distorted_streams(context: Context) -> set[str]:
     return {w.stream for w in context.once(wrong_units)}
 
 
-def _against(verdict: AxisUnitMatch) -> str:
+def against(verdict: AxisUnitMatch) -> str:
     return (
         "vehicle's own streams"
         if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx")

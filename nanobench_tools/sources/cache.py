@@ -17,15 +17,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ..cache_folder import cache_folder
 from ..flight import Fault, Flight, Provenance, Span, Stream
-
-
-def cache_folder() -> Path:
-    """$NANOBENCH_CACHE, else $XDG_CACHE_HOME/nanobench, else ~/.cache/nanobench."""
-    if place := os.environ.get("NANOBENCH_CACHE"):
-        return Path(place)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "nanobench"
 
 
 @functools.cache

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_flights import END_S, dead, made_flight, verdict
 
-from estimators.drag_ekf import DragEkf
+from estimators.drag_ekf import DragEkf, DragMatrixEkf
+from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools.flight import Span
 from nanobench_tools.methods import Estimate
 from nanobench_tools.protocols import attribution, bands, task3
@@ -22,7 +23,7 @@ def test_a_late_clock_is_what_the_logged_error_comes_from():
     """The logged estimate is 40 ms late: with the stamps put right its error is gone; the replay never had it."""
     late, right = case_of(made_flight(late_s=0.04)), case_of(made_flight(late_s=0.0))
     found = attribution.tabulate({"as-recorded": [attribution.logged(late)], "retimed": [attribution.logged(right)]},
-                                 [attribution.replays(right, right)])
+                                 [attribution.replays(attribution.Filters(FirmwareEkf, DragMatrixEkf()), right, right)])
     recorded, retimed = (row["metrics"]["along_m"]["mean"] for row in found["logged"])
     assert recorded > 0.015
     assert retimed < 1e-3

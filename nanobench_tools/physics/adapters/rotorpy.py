@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from ... import so3
 from ...errors import InputError, MissingExtraError
+from ...result_files import read_json
 from ..equations import Equations
 from ..export.rotorpy_params import SCHEMA, commands_beside, quad_params
 from ..inputs import rows
@@ -56,8 +57,6 @@ class RotorPySimulator:
     @classmethod
     def from_file(cls, path: Path | str, tolerance: float = 1e-8) -> RotorPySimulator:
         """From the JSON of ``nanobench convert --to rotorpy``, or RotorPy's parameters in any JSON file."""
-        from ...harness.results import read_json
-
         params = read_json(Path(path))
         beside = params.pop("nanobench", None)
         if beside is None:

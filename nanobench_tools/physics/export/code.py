@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from ...result_files import write_bytes
 from .. import symbolic
 from ..ccode import write_c
 from ..model import Model
@@ -21,8 +22,6 @@ def write_code(model: Model, folder: Path, assumed: Assumed | None = None) -> Ex
 
 def write_casadi(model: Model, folder: Path, assumed: Assumed | None = None) -> Exported:
     """model_step.casadi and model_derivative.casadi (``casadi.Function.load``), and model.py that loads them."""
-    from ...harness.results import write_bytes
-
     folder = Path(folder)
     functions = symbolic.derivative(model), symbolic.step(model)
     paths = tuple(folder / f"{NAME}_{function.name()}.casadi" for function in functions)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingExtraError
+from ...result_files import write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import RAD_S_PER_RPM, Assumed, command_lines, get, rotors
@@ -74,8 +75,6 @@ def _diagonal(values: Any) -> list[list[float]]:
 
 def write_drone_models(model: Model, folder: Path, assumed: Assumed | None = None, name: str = "fitted") -> Exported:
     """crazyflow_params.toml with one section [name]. Raises MissingExtraError without tomlkit."""
-    from ...harness.results import write_bytes
-
     try:
         import tomlkit
     except ImportError:

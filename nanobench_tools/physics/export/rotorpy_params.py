@@ -15,6 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ...result_files import to_text, write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import Assumed, Rotors, command_lines, commands, get, rotors
@@ -85,8 +86,6 @@ def commands_beside(model: Model) -> dict[str, Any]:
 
 def write_rotorpy(model: Model, folder: Path, assumed: Assumed | None = None) -> Exported:
     """rotorpy_params.json, for the adapter, and rotorpy_params.py, to import ``quad_params`` from."""
-    from ...harness.results import to_text, write_bytes
-
     made, about = quad_params(model, assumed)
     beside = {"schema": SCHEMA, **commands_beside(model),
               "exact": about.exact, "approximated": about.approximated, "left_out": about.left_out,

@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from ...errors import InputError
+from ...result_files import write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import RAD_S_PER_RPM, Assumed, command_lines, get, rotors
@@ -88,8 +89,6 @@ def _link(root: ET.Element, name: str, where: tuple[float, ...], mass: float, in
 
 def write_urdf(model: Model, folder: Path, assumed: Assumed | None = None) -> Exported:
     """cf2x.urdf, to lie in the place of gym_pybullet_drones/assets/cf2x.urdf."""
-    from ...harness.results import write_bytes
-
     root, about = robot(model, assumed)
     k_f = float(root[0].attrib["kf"]) / RAD_S_PER_RPM**2
     lines = ["For gym-pybullet-drones, in the place of assets/cf2x.urdf; propellers 0..3 are motors 1..4.",

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
-from ..result import to_json
-from ..version import __version__
+from .errors import InputError
+from .result import to_json
+from .version import __version__
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 """What Python makes of such bytes; no file can hold it."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight
-from nanobench_tools.methods import Estimate
-from nanobench_tools.sources.tum import TumTrajectory
+from ..errors import InputError
+from ..flight import Flight
+from ..methods import Estimate
+from .tum import TumTrajectory
 
 
 class TrajectoryFile:
