@@ -6,11 +6,12 @@ FORMER := $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-che
 OUT ?= results
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run test lint types pytest bench figures figures-slow clean help
+.PHONY: run test test-slow lint types pytest bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
 	@echo "make test   install with the test tools, lint, check types, run the tests"
+	@echo "make test-slow  the slow proofs that make test leaves out"
 	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run, kept in a table"
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
 	@echo "make clean  remove the virtual environment and results"
@@ -50,8 +51,13 @@ types: $(VENV)/.installed-test
 	$(BIN)/mypy
 
 pytest: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n $(JOBS)
-	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) tests/learned
+	$(BIN)/python -m pytest -n $(JOBS) --leave-out-slow
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) --leave-out-slow tests/learned
+
+# What `make test` leaves out, and says so: proofs that take long.
+test-slow: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n $(JOBS) -m slow
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) -m slow tests/learned
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/speed/bench.py

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 REPOSITORY = Path(__file__).resolve().parent.parent
+LEFT_OUT = "a slow proof: make test-slow"
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")  # before NumPy is loaded: every core has a test process of its own
@@ -55,6 +56,17 @@ def real_data() -> Path:
     if root is None:
         pytest.skip("REAL RECORDINGS ABSENT: set NANOBENCH_DATA to run this test")
     return root
+
+
+def pytest_addoption(parser) -> None:
+    parser.addoption("--leave-out-slow", action="store_true", help="skip tests marked slow, and say how many")
+
+
+def pytest_collection_modifyitems(config, items) -> None:
+    if config.getoption("--leave-out-slow"):
+        for item in items:
+            if item.get_closest_marker("slow"):
+                item.add_marker(pytest.mark.skip(reason=LEFT_OUT))
 
 
 def _place_of_all(tmp_path_factory) -> Path:
@@ -133,6 +145,9 @@ def empty_cache(tmp_path, shared_cache):
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
-    """Says at the end, and not only in a skip count, that nothing was checked on real recordings."""
+    """Says at the end, and not only in a skip count, what was not checked: slow proofs, real recordings."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    if slow := sum(LEFT_OUT in str(report.longrepr) for report in skipped):
+        terminalreporter.write_line(f"{slow} SLOW PROOFS LEFT OUT: make test-slow runs them")
     if _real_root() is None:
         terminalreporter.write_line("REAL RECORDINGS ABSENT: every test marked 'real' was skipped; set NANOBENCH_DATA")

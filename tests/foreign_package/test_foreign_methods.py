@@ -123,6 +123,32 @@ def test_the_term_is_fitted_beside_others(installed, case):
     assert found == pytest.approx(value_in(case), rel=0.2)
 
 
+@pytest.mark.slow
+def test_sysid_fits_the_term_and_gives_its_row(installed, case, tmp_path):
+    """The whole verb on the flights that conceal the term: its row beside ours, and nearer to them."""
+    one, two, three = (case / "flights" / f"flight_{k}.csv" for k in (1, 2, 3))
+    nanobench(tmp_path, installed, "sysid", "--train", one, "--train", two, "--test", three, "--json", "s.json",
+              "--jobs", 2)
+    body = json.loads((tmp_path / "s.json").read_text())
+    assert {"fit_full", f"fit_{TERM}"} <= {row["model"] for row in body["rows"]}
+    sums = {row["model"]: row["metrics"]["velocity_mae_m_s"]["sum"] for row in body["rows"]
+            if (row["truth"], row["group"]) == ("mocap", "all")}
+    assert sums[f"fit_{TERM}"] < 0.8 * sums["fit_full"]
+
+
+@pytest.mark.slow
+def test_prove_deals_conceals_and_names_the_term(installed, tmp_path):
+    """The whole verb on one case: the first seed whose case conceals the term, and much of it."""
+    script = ("from identification.prove.blind_proof import plan\n"
+              f"print(next(s for s in range(999) if [(h.effect, h.size) for h in plan(1, s, ['single'])[0].concealed]\n"
+              f"           == [({TERM!r}, 'large')]))")
+    seed = python(tmp_path, installed, "-c", script).split()[-1]
+    nanobench(tmp_path, installed, "prove", "--cases", 1, "--kinds", "single", "--seed", seed, "--engine", "practice",
+              "--out", "out", "--jobs", 1)
+    (case,) = json.loads((tmp_path / "out" / "prove.json").read_text())["cases"]
+    assert (case["truth"], case["named"], case["right"], case["false_name"]) == ([TERM], [TERM], True, False)
+
+
 def test_its_estimator_is_scored(installed, case, tmp_path):
     nanobench(tmp_path, installed, "estimate", "--protocol", "clean", "--method", "walks_on", "--data",
               case / "flights" / "flight_1.csv", "--json", "e.json", "--jobs", 1)

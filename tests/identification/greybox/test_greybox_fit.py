@@ -153,6 +153,7 @@ def test_without_casadi_nothing_is_fitted_and_one_line_says_so(monkeypatch, caps
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data):
     from identification.greybox.fit_windows import cases_of
     from nanobench_tools.protocols.task1 import score

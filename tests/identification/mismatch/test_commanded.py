@@ -69,6 +69,7 @@ def test_hidden_drag_is_named_and_predicts_the_path_of_flights_left_out(flights)
     assert "the measured attitude given" in verdict["paragraph"]
 
 
+@pytest.mark.slow
 def test_hidden_mass_is_named(newtons):
     verdict = diagnose_flights(newtons, QUAD.on(mass_kg=1.1))
     finding, = verdict["findings"]
@@ -117,6 +118,7 @@ def test_recordings_in_different_units_are_refused(newtons):
         recorded([replace(other, name="other"), newtons[1]], False, QUAD.vehicle)
 
 
+@pytest.mark.slow
 def test_motor_commands_win_over_a_collective_one():
     flight = flights_of(QUAD, 1, seconds=10.0)[0]
     command = make_stream("command", flight["mocap"].time_s, np.full((len(flight["mocap"]), 1), 0.5), ("thrust",))

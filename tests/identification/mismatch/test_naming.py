@@ -97,6 +97,7 @@ def test_gains_of_motors_keep_their_mean_however_much_thrust_is_wrong(plain, mod
     assert np.mean(gains) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_two_large_effects_at_once_are_both_named(model):
     """Each by itself, fitted to what both do, is no possible vehicle: that must not hide the other."""
     true = model.with_term("com_offset", r_m=(0.0013, -0.0007, 0.0))
@@ -125,6 +126,7 @@ def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
     assert any(s.kind == "period" and "0.9" in s.hint for s in decision.unknown)
 
 
+@pytest.mark.slow
 def test_a_pull_along_the_vertical_alone_has_no_name(model):
     """A cable that is lifted pulls like this; a force across is one of the world."""
     for force, outcome, names in (((0.0, 0.0, -0.25), "unknown", []), ((0.2, 0.0, -0.25), "named", ["force_world"])):
@@ -265,6 +267,7 @@ def test_a_long_delay_is_tried_however_little_it_promises(plain, model):
     assert "command_delay" in [h.term for h in search.tried()]
 
 
+@pytest.mark.slow
 def test_a_curve_that_is_no_more_than_a_level_gives_way_to_it(plain, model):
     """Accepted while another effect was hidden, it is a scale once that one is named too."""
     simulator = model.with_term("motor_lag", tau_up_s=0.0, tau_down_s=0.0).with_term(

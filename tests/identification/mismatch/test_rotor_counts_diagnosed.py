@@ -30,6 +30,7 @@ def test_a_right_hexarotor_is_left_alone(flights):
     assert (verdict["outcome"], verdict["findings"]) == ("none", [])
 
 
+@pytest.mark.slow
 def test_hidden_drag_of_a_hexarotor_is_named(flights):
     mass = HEXA.vehicle.mass_kg
     verdict = diagnose_flights(flights, HEXA.with_term("drag_linear", d=(0.1 * mass, 0.1 * mass, 0.15 * mass)))
@@ -49,6 +50,7 @@ def test_a_weak_motor_of_six_is_named():
     assert int(np.argmin(gains)) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rotors", "mass_kg", "arm_m"), [(3, 0.03, 0.05), (8, 5.0, 0.5)])
 def test_hidden_mass_of_other_vehicles(rotors, mass_kg, arm_m):
     true = model_of(rotors, mass_kg, arm_m)

@@ -76,6 +76,7 @@ def test_a_fault_that_leaves_enough_to_compare_is_stated_and_no_answer(nothing, 
     assert stated <= kinds(body)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("concealed", "outcome", "terms"), [((), "none", []),
                                                              ((IMBALANCE,), "named", ["motor_imbalance"])])
 def test_a_wandering_clock_is_no_answer(concealed, outcome, terms):

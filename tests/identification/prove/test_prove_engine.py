@@ -136,6 +136,7 @@ def test_flights_that_rotorpy_leaves_out_are_in_no_effect():
     assert truth_of(short, simulator, corrected, []).effects[0].flights == ("flight_3", "flight_4")
 
 
+@pytest.mark.slow
 def test_rotorpy_flies_what_the_simulator_says():
     """A tenth of a second with the inputs of every 2 ms: far below the 0.15 rad/s that noise leaves in a recording. The
     rest is RotorPy's lag of the speed, not of the thrust."""
