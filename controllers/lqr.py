@@ -27,7 +27,7 @@ from .geometric import DRAG_1_S, THRUST_SCALE
 PERIOD_S = 0.002
 MOTOR_TAU_S = number("control.lqr.motor_tau_s")
 """Lag of thrust behind the command (recordings: PWM differences to angular acceleration)."""
-INTEGRAL, POSITION, VELOCITY, TURN, RATE, WRENCH_LEFT = (slice(3 * k, 3 * k + 3) for k in range(6))
+INTEGRAL, POSITION, VELOCITY, TURN, RATE = (slice(3 * k, 3 * k + 3) for k in range(5))
 STATES, INPUTS = 19, 4
 
 TOLERATED = setting("control.lqr.tolerated")

@@ -35,8 +35,6 @@ SHORTEST_AFTER_S = 4.0
 GUST_N, GUST_S, GUST_AT_S = 0.2, 0.25, 4.0
 """Sideways, for so long, so long after the start of the path: an impulse of 0.05 N s, 1.2 m/s."""
 OUTAGE_S, OUTAGE_AT_S = 0.5, 4.0
-FULL_S = 3.0
-"""What a controller that looks ahead may ask for beyond the end of the flight."""
 
 
 def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, float] | None = None) -> Controller:

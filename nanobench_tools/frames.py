@@ -8,10 +8,7 @@ a positive pitch is nose down. Motors: 1 front right, 2 back right, 3 back left,
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .units import GRAVITY_M_S2
 
@@ -20,11 +17,6 @@ MOTOR_SIGNS = np.array([[-1.0, -1.0, -1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], 
 
 Thrust at (x, y) gives tau_x = y T, tau_y = -x T; the yaw signs are the reaction of the rotors.
 """
-
-
-def flip_legacy_pitch(pitch: ArrayLike) -> Any:
-    """Crazyflie firmware pitch <-> FLU pitch: the firmware counts nose up as positive (its legacy convention)."""
-    return -np.asarray(pitch, dtype=float)
 
 
 def gravity_up(n: int | None = None) -> np.ndarray:

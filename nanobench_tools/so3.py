@@ -1,8 +1,7 @@
 """Rotations: quaternions x, y, z, w, body to world (see ``frames``); batched over leading rows.
 
 Exponential and logarithm come from SciPy; here is what it lacks, or does per object: for 3,000 rows its product takes
-28 times as long, Euler angles 4 (from them 13), Slerp 3, which refuses two rows of one stamp besides. Source of the
-right Jacobian: Sola, "A micro Lie theory for state estimation in robotics" (2018), eq. 143.
+28 times as long, Euler angles 4 (from them 13), Slerp 3, which refuses two rows of one stamp besides.
 """
 
 from __future__ import annotations
@@ -103,19 +102,6 @@ def hat(vector: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
-
-
-def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
-    """(..., 3) -> (..., 3, 3): Exp(v + dv) ~ Exp(v) Exp(J_r(v) dv) (Sola 2018, eq. 143)."""
-    v = np.asarray(rotation_vector, float)
-    angle2 = np.sum(v * v, axis=-1)[..., None, None]
-    angle = np.sqrt(angle2)
-    small = angle < 1e-4  # (1 - cos)/a^2 loses digits below; the series is exact to 1e-17 there
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    b = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    k = hat(v)
-    return np.asarray(np.eye(3) - a * k + b * (k @ k))
 
 
 def wrap_angle(angle: ArrayLike) -> Any:

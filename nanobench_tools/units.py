@@ -1,7 +1,7 @@
 """Units at the edges: everything inside is SI, and these factors are the only way in and out.
 
-``to_si(values, unit)`` multiplies by the factor of the unit as found; ``from_si`` divides. PWM is
-carried as the ratio u = PWM / 65535 in 0..1, rotor speed as rad/s, specific force as m/s^2.
+``to_si(values, unit)`` multiplies by the factor of the unit as found. PWM is carried as the ratio
+u = PWM / 65535 in 0..1, rotor speed as rad/s, specific force as m/s^2.
 """
 
 from __future__ import annotations
@@ -43,8 +43,3 @@ def factor(unit: str) -> float:
 def to_si(values: ArrayLike, unit: str) -> np.ndarray:
     """``values`` in ``unit`` -> SI. Any shape."""
     return np.asarray(values, dtype=float) * factor(unit)
-
-
-def from_si(values: ArrayLike, unit: str) -> np.ndarray:
-    """SI ``values`` -> ``unit``. Any shape."""
-    return np.asarray(values, dtype=float) / factor(unit)

@@ -17,7 +17,7 @@ from identification.learned.libraries import libraries
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.rollout import compiled_lagged
-from nanobench_tools.settings import number, setting
+from nanobench_tools.settings import setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .costs import Costs, inputs_of
@@ -26,7 +26,6 @@ from .mppi import MppiSettings, improved, shifted
 from .policies import SEEN, Network, restored
 
 PERIOD_S = 0.01
-HELD_V = number("control.pilots.held_v")
 FAR: dict[str, Any] = setting("control.pilots.far")
 """Settings of MPPI half a second ahead."""
 

@@ -71,11 +71,10 @@ def bootstrap(solution: Solution, seed: int = 0, sessions: Labels = None) -> dic
 
 @dataclass(frozen=True)
 class Information:
-    """Fisher information of the flights alone, priors left out. sd (Q,) of each free parameter if the others were
-    known and if not; correlation (Q, Q) of the estimates; condition of the scaled information."""
+    """Fisher information of the flights alone, priors left out. sd (Q,) of each free parameter, the others
+    unknown too; correlation (Q, Q) of the estimates; condition of the scaled information."""
 
     names: tuple[str, ...]
-    sd_alone: np.ndarray
     sd: np.ndarray
     correlation: np.ndarray
     condition: float
@@ -95,7 +94,7 @@ def information(solution: Solution) -> Information:
     values, vectors = np.linalg.eigh(scaled)
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
     spread = np.sqrt(np.diag(inverse))
-    return Information(names, 1.0 / size, spread / size, inverse / np.outer(spread, spread),
+    return Information(names, spread / size, inverse / np.outer(spread, spread),
                        float(values[-1] / max(values[0], 1e-12)))
 
 

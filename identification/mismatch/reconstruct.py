@@ -14,14 +14,11 @@ from scipy.signal import savgol_filter
 
 from nanobench_tools import so3
 from nanobench_tools.flight import Flight
-from nanobench_tools.settings import count, number
-from nanobench_tools.units import GRAVITY_M_S2
+from nanobench_tools.settings import count
 
 SMOOTH_ROWS = count("mismatch.reconstruct.smooth_rows")
 ORDER = 2
 """Savitzky-Golay filter of derivatives of velocity and attitude: 0.2 s of a 100 Hz log."""
-PITCH_SD_RAD = number("mismatch.reconstruct.pitch_sd_rad")
-"""Of a pitch from accelerations: drag of 0.3 m/s^2, as at 0.7 m/s, would tilt a vehicle by that much."""
 
 
 @dataclass(frozen=True)
@@ -66,28 +63,6 @@ def states_of(flight: Flight) -> States:
         felt = np.column_stack([states.heading(acc.interpolate(("ax", "ay"), time_s)), acc.interpolate("az", time_s)])
         sources["felt"] = "accelerometer, turned into the world on board"
     return States(time_s, velocity, acceleration, yaw, roll, pitch, felt, sources)
-
-
-def pitch_from_acceleration(states: States) -> np.ndarray | None:
-    """(n,) rad, nose down positive, good to PITCH_SD_RAD: thrust points where the vehicle accelerates to."""
-    if states.acceleration_m_s2 is None or states.yaw_rad is None:
-        return None
-    forward = states.heading(states.acceleration_m_s2)[:, 0]
-    return np.arctan2(forward, GRAVITY_M_S2 + states.acceleration_m_s2[:, 2])
-
-
-def rates_from_attitude(states: States) -> np.ndarray | None:
-    """(n, 3) rad/s body rates from roll, pitch (reconstructed where it is missing) and yaw; None without roll."""
-    pitch = states.pitch_rad if states.pitch_rad is not None else pitch_from_acceleration(states)
-    if states.roll_rad is None or pitch is None or states.yaw_rad is None or len(states.time_s) <= SMOOTH_ROWS:
-        return None
-    step = max(float(np.median(np.diff(states.time_s))), 1e-4)
-    angles = np.stack([states.roll_rad, pitch, states.yaw_rad], axis=1)
-    d_roll, d_pitch, d_yaw = savgol_filter(angles, SMOOTH_ROWS, ORDER, deriv=1, delta=step, axis=0).T
-    roll = states.roll_rad
-    return np.stack([d_roll - d_yaw * np.sin(pitch),
-                     d_pitch * np.cos(roll) + d_yaw * np.sin(roll) * np.cos(pitch),
-                     -d_pitch * np.sin(roll) + d_yaw * np.cos(roll) * np.cos(pitch)], axis=1)
 
 
 def _velocity(flight: Flight, time_s: np.ndarray, sources: dict[str, str]) -> np.ndarray | None:

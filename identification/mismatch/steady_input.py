@@ -11,16 +11,12 @@ from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model, Vehicle
-from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
 from .periodic import Swing, swing_in
 from .reconstruct import states_of
 from .trim import Trim, runs_of, trim_of
-
-LIFT_SD = number("mismatch.steady_input.lift_sd")
-"""Of a mass read from the firmware's thrust curve: propellers differ."""
 
 
 def trim_item(flight: Flight) -> dict[str, Any]:
@@ -58,4 +54,4 @@ def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Mod
         return Body(motors, mass_kg)
     lifts = [np.exp(t.gains).sum() / GRAVITY_M_S2 for t in normal if t.known_lift]
     mass = float(np.mean(lifts)) if lifts else Vehicle().mass_kg
-    return Body(motors, mass, LIFT_SD * mass)
+    return Body(motors, mass)

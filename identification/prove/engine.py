@@ -26,11 +26,10 @@ from nanobench_tools.practice.rigid_bodies import (
 from nanobench_tools.practice.vehicle_parameters import Vehicles, draw_vehicles
 
 from .airframe import POSITIONS_M, SPIN, Airframe
-from .effects.effect import Air, Effect
+from .effects.effect import HOOKS, Air, Effect
 
 Acting = tuple[np.ndarray, Effect]
 """The vehicles (k,) of a batch that an effect acts on, and the effect."""
-HOOKS = ("motor", "commanded", "wind", "thrust", "force", "push", "moment", "advance")
 
 
 def _turned(columns: np.ndarray, body: np.ndarray) -> np.ndarray:

@@ -28,11 +28,6 @@ def euler_errors(estimate_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
     return np.asarray(so3.wrap_angle(estimate - truth))
 
 
-def euler_rmse(estimate_rad: np.ndarray, truth_rad: np.ndarray) -> float:
-    """RMS over rows and the three axes together [rad]."""
-    return rms(euler_errors(estimate_rad, truth_rad))
-
-
 def published_euler_rmse_deg(estimate_deg: np.ndarray, truth_rad: np.ndarray) -> float:
     """NanoBench's published attitude "error": sqrt(mean over rows and axes of wrap180(estimate_deg - truth_rad)^2).
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation, Slerp
@@ -40,21 +39,6 @@ def test_geodesic_angle_knows_that_q_and_minus_q_are_one_rotation():
     assert np.all(so3.geodesic_angle(q, -q) < 1e-7)
     turned = so3.multiply(q, so3.exp(np.array([0.0, 0.0, 1e-9])))
     np.testing.assert_allclose(so3.geodesic_angle(q, turned), 1e-9, rtol=1e-3)
-
-
-@settings(max_examples=100, deadline=None)
-@given(vectors, vectors)
-def test_right_jacobian_against_finite_differences(v, d):
-    step = 1e-6 * d
-    moved = so3.multiply(so3.conjugate(so3.exp(v)), so3.exp(v + step))
-    np.testing.assert_allclose(so3.log(moved) / 1e-6, so3.right_jacobian(v) @ d, atol=2e-5)
-
-
-def test_right_jacobian_is_smooth_through_its_series():
-    direction = np.array([0.6, 0.0, 0.8])
-    below, above = so3.right_jacobian(0.99999e-4 * direction), so3.right_jacobian(1.00001e-4 * direction)
-    np.testing.assert_allclose(below, above, atol=1e-8)
-    np.testing.assert_allclose(so3.right_jacobian(np.zeros(3)), np.eye(3))
 
 
 def test_interpolation_equals_slerp_and_holds_its_ends():

@@ -18,12 +18,11 @@ PLACES = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
 
 @dataclass(frozen=True)
 class Body:
-    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg, and its sd; height_m it
+    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it
     flew at; swing: a periodic force that the flights show, or None."""
 
     motors: np.ndarray
     mass_kg: float
-    mass_sd_kg: float = 0.0
     height_m: float = float("nan")
     swing: Mapping[str, Any] | None = None
 

@@ -7,6 +7,7 @@ from .effect import Effect, near
 
 class AngularDamping(Effect):
     name = "angular_damping"
+    parameters = ("d_r",)
     sizes: ClassVar = {"small": "a rate left alone would fall to 1/e in 1 s", "medium": "in 0.3 s", "large": "in 0.1 s"}
     wants = ("fast", "turning", "lateral")
 
@@ -15,13 +16,5 @@ class AngularDamping(Effect):
         rate = near(rng, {"small": 1.0, "medium": 3.3, "large": 10.0}[size])
         return {"d_r": [float(f"{rate * j:.4g}") for j in airframe.inertia_kg_m2]}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"d": p["d_r"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"d_r": p["d_r"]}
-
     def moment(self, air):
-        return -self.a["d"] * air.rate
+        return -self.a["d_r"] * air.rate

@@ -9,6 +9,7 @@ from .effect import Effect, near
 
 class ComOffset(Effect):
     name = "com_offset"
+    parameters = ("r_m",)
     sizes: ClassVar = {"small": "0.5 mm, a battery not quite in its place", "medium": "1.5 mm", "large": "4 mm"}
     wants = ("lateral", "vertical", "turning")
     twins = ()
@@ -18,14 +19,6 @@ class ComOffset(Effect):
         length, way = near(rng, {"small": 5e-4, "medium": 1.5e-3, "large": 4e-3}[size]), rng.uniform(0.0, 2 * np.pi)
         return {"r_m": [float(f"{length * np.cos(way):.4g}"), float(f"{length * np.sin(way):.4g}"), 0.0]}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"r": p["r_m"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"r_m": p["r_m"]}
-
     def moment(self, air):
-        (x, y, z), (fx, fy, fz) = self.a["r"], air.force_b
+        (x, y, z), (fx, fy, fz) = self.a["r_m"], air.force_b
         return -np.stack([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])

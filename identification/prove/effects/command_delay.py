@@ -11,6 +11,7 @@ STEP_S = 0.002
 
 class CommandDelay(Effect):
     name = "command_delay"
+    parameters = ("delay_s",)
     sizes: ClassVar = {"small": "6 ms, below one row of the recording", "medium": "10 ms",
                         "large": "16 ms; at 28 ms the vehicle no longer flies"}
     wants = ("fast", "lateral", "turning")
@@ -18,14 +19,6 @@ class CommandDelay(Effect):
     @staticmethod
     def draw(size, rng, airframe):
         return {"delay_s": {"small": 0.006, "medium": 0.010, "large": 0.016}[size] + STEP_S * int(rng.integers(-1, 2))}
-
-    @staticmethod
-    def arrays(p, airframe):
-        return {"delay_s": p["delay_s"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"delay_s": p["delay_s"]}
 
     def __init__(self, arrays):
         super().__init__(arrays)

@@ -8,6 +8,7 @@ from .effect import Effect, near
 
 class DragLinear(Effect):
     name = "drag_linear"
+    parameters = ("d",)
     sizes: ClassVar = {"small": "0.15 m/s^2 at 1 m/s",
                         "medium": "0.35 m/s^2 at 1 m/s, what the real vehicle has in all",
                         "large": "0.8 m/s^2 at 1 m/s"}
@@ -25,10 +26,6 @@ class DragLinear(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, drag_N_s_m=tuple(p["d"]))
-
-    @staticmethod
-    def term(p, airframe):
-        return {"d": p["d"]}
 
     @staticmethod
     def concealed(model, p, mean_V):

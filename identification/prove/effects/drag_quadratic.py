@@ -9,6 +9,7 @@ from .effect import Effect, near
 
 class DragQuadratic(Effect):
     name = "drag_quadratic"
+    parameters = ("q",)
     sizes: ClassVar = {"small": "0.15 m/s^2 at 1 m/s", "medium": "0.35 m/s^2 at 1 m/s", "large": "0.8 m/s^2 at 1 m/s"}
     wants = ("fast", "lateral", "slow", "turning")
     twins = ()
@@ -17,14 +18,6 @@ class DragQuadratic(Effect):
     def draw(size, rng, airframe):
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         return {"q": [float(f"{near(rng, rate * share) * airframe.mass_kg:.4g}") for share in (1.0, 1.0, 0.5)]}
-
-    @staticmethod
-    def arrays(p, airframe):
-        return {"q": p["q"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"q": p["q"]}
 
     def force(self, air):
         return -self.a["q"] * np.abs(air.air_b) * air.air_b

@@ -7,6 +7,7 @@ from .effect import Effect, near
 
 class DragRotor(Effect):
     name = "drag_rotor"
+    parameters = ("d",)
     sizes: ClassVar = {"small": "0.15 m/s^2 at 1 m/s in hover", "medium": "0.35 m/s^2", "large": "0.8 m/s^2"}
     wants = ("fast", "lateral", "vertical", "turning")
     twins = ("drag_linear",)
@@ -16,14 +17,6 @@ class DragRotor(Effect):
         hover = 4.0 * (airframe.mass_kg * 9.81 / 4.0 / airframe.k_f_N_s2) ** 0.5
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         return {"d": [float(f"{near(rng, rate * share) * airframe.mass_kg / hover:.4g}") for share in (1.0, 1.0, 0.2)]}
-
-    @staticmethod
-    def arrays(p, airframe):
-        return {"d": p["d"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"d": p["d"]}
 
     def force(self, air):
         return -air.rotor.sum(axis=0) * self.a["d"] * air.air_b

@@ -8,6 +8,7 @@ from .effect import Effect, near
 
 class DragTorque(Effect):
     name = "drag_torque"
+    parameters = ("c",)
     sizes: ClassVar = {"small": "2 rad/s^2 at 1 m/s", "medium": "5 rad/s^2, what the real vehicle has in all",
              "large": "12 rad/s^2 at 1 m/s"}
     wants = ("fast", "lateral", "turning")
@@ -21,10 +22,6 @@ class DragTorque(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, drag_torque_N_s=p["c"])
-
-    @staticmethod
-    def term(p, airframe):
-        return {"c": p["c"]}
 
     @staticmethod
     def concealed(model, p, mean_V):

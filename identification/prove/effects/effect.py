@@ -18,6 +18,7 @@ from nanobench_tools.physics.model import Model
 from ..airframe import Airframe
 
 SIZES = ("small", "medium", "large")
+HOOKS = ("motor", "commanded", "wind", "thrust", "force", "push", "moment", "advance")
 Parameters = Mapping[str, Any]
 
 
@@ -42,6 +43,8 @@ class Effect:
 
     name: ClassVar[str]
     """The term of the vocabulary, or a name of its own when ``foreign``."""
+    parameters: ClassVar[tuple[str, ...]] = ()
+    """What of ``draw`` the term has, and the hooks take."""
     foreign: ClassVar[bool] = False
     sizes: ClassVar[Mapping[str, str]]
     """small, medium, large -> what that means physically."""
@@ -65,15 +68,15 @@ class Effect:
         """The airframe that really flies, where the simulator believes in ``airframe``."""
         return airframe
 
-    @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> Parameters | None:
+    @classmethod
+    def arrays(cls, p: Parameters, airframe: Airframe) -> Parameters | None:
         """Numbers or lists per vehicle for the hooks; None when the effect is a change of the airframe alone."""
-        return None
+        return {name: p[name] for name in cls.parameters} if any(map(cls.has, HOOKS)) else None
 
-    @staticmethod
-    def term(p: Parameters, airframe: Airframe) -> Parameters | None:
+    @classmethod
+    def term(cls, p: Parameters, airframe: Airframe) -> Parameters | None:
         """Values of the term ``name`` in a simulator that knows; None for what no term says."""
-        return None
+        return {name: p[name] for name in cls.parameters} or None
 
     @classmethod
     def informed(cls, model: Model, p: Parameters, airframe: Airframe) -> Model:

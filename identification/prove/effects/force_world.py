@@ -9,6 +9,7 @@ from .effect import Effect, near, turned
 
 class ForceWorld(Effect):
     name = "force_world"
+    parameters = ("f_N",)
     sizes: ClassVar = {"small": "0.06 m/s^2 on this mass", "medium": "0.15 m/s^2", "large": "0.4 m/s^2"}
     wants = ("turning", "lateral")
 
@@ -17,13 +18,5 @@ class ForceWorld(Effect):
         strength = near(rng, {"small": 0.06, "medium": 0.15, "large": 0.4}[size]) * airframe.mass_kg
         return {"f_N": [float(f"{x:.4g}") for x in turned(rng, strength)]}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"f": p["f_N"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"f_N": p["f_N"]}
-
     def push(self, air):
-        return np.broadcast_to(self.a["f"], air.position.shape)
+        return np.broadcast_to(self.a["f_N"], air.position.shape)

@@ -15,6 +15,7 @@ from .effect import Effect, near
 
 class FrameTilt(Effect):
     name = "frame_tilt"
+    parameters = ("roll_rad", "pitch_rad")
     sizes: ClassVar = {"small": "0.35 deg", "medium": "1 deg", "large": "2.5 deg"}
     wants = ("turning", "lateral")
 
@@ -23,10 +24,6 @@ class FrameTilt(Effect):
         angle = np.radians(near(rng, {"small": 0.35, "medium": 1.0, "large": 2.5}[size]))
         way = rng.uniform(0.0, 2.0 * np.pi)
         return {"roll_rad": float(f"{angle * np.cos(way):.4g}"), "pitch_rad": float(f"{angle * np.sin(way):.4g}")}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"roll_rad": p["roll_rad"], "pitch_rad": p["pitch_rad"]}
 
     @staticmethod
     def tracked(p) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ from .effect import Effect, either, near
 
 class Inertia(Effect):
     name = "inertia"
+    parameters = ("inertia_kg_m2",)
     sizes: ClassVar = {"small": "15 % about one axis or both", "medium": "30 %", "large": "60 % (or 40 % less)"}
     wants = ("lateral", "fast")
 
@@ -23,7 +24,3 @@ class Inertia(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, inertia_kg_m2=tuple(p["inertia_kg_m2"]))
-
-    @staticmethod
-    def term(p, airframe):
-        return {"inertia_kg_m2": p["inertia_kg_m2"]}

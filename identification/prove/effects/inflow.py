@@ -7,6 +7,7 @@ from .effect import Effect, near
 
 class Inflow(Effect):
     name = "inflow"
+    parameters = ("k_z", "k_h")
     sizes: ClassVar = {"small": "2 % of thrust per m/s of climb, 0.5 % at 1 m/s sideways", "medium": "5 % and 1.5 %",
              "large": "12 % and 4 %"}
     wants = ("vertical", "fast", "lateral")
@@ -15,14 +16,6 @@ class Inflow(Effect):
     def draw(size, rng, airframe):
         k_z, k_h = {"small": (0.02, 0.005), "medium": (0.05, 0.015), "large": (0.12, 0.04)}[size]
         return {"k_z": near(rng, k_z), "k_h": near(rng, k_h)}
-
-    @staticmethod
-    def arrays(p, airframe):
-        return {"k_z": p["k_z"], "k_h": p["k_h"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"k_z": p["k_z"], "k_h": p["k_h"]}
 
     def thrust(self, thrust_N, air):
         x, y, z = air.velocity_b

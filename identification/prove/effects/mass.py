@@ -8,6 +8,7 @@ from .effect import Effect, either, near
 
 class Mass(Effect):
     name = "mass"
+    parameters = ("m",)
     sizes: ClassVar = {"small": "2 % of the weight: 0.8 g, a marker set", "medium": "5 %: 2 g, a deck",
                         "large": "12 %: 4.7 g"}
     wants = ("lateral", "vertical")
@@ -21,7 +22,3 @@ class Mass(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, mass_kg=p["m"])
-
-    @staticmethod
-    def term(p, airframe):
-        return {"m": p["m"]}

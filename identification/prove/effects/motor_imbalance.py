@@ -9,6 +9,7 @@ from .effect import Effect
 
 class MotorImbalance(Effect):
     name = "motor_imbalance"
+    parameters = ("g",)
     sizes: ClassVar = {"small": "the worst motor 2 % off", "medium": "5 %", "large": "10 %"}
     wants = ("lateral", "vertical", "turning")
 
@@ -18,14 +19,6 @@ class MotorImbalance(Effect):
         g -= g.mean()
         g *= {"small": 0.02, "medium": 0.05, "large": 0.10}[size] / np.abs(g).max()
         return {"g": [float(x) for x in np.round(1.0 + g, 5)]}
-
-    @staticmethod
-    def arrays(p, airframe):
-        return {"g": p["g"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"g": p["g"]}
 
     def commanded(self, thrust_N):
         return self.a["g"] * thrust_N

@@ -8,6 +8,7 @@ from .effect import Effect, near
 
 class MotorLag(Effect):
     name = "motor_lag"
+    parameters = ("tau_up_s", "tau_down_s")
     sizes: ClassVar = {"small": "12 ms off (or 15 ms where there should be none)", "medium": "25 ms (30 ms)",
              "large": "40 ms (50 ms)"}
     wants = ("fast", "lateral", "turning")
@@ -27,10 +28,6 @@ class MotorLag(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, tau_up_s=p["tau_up_s"], tau_down_s=p["tau_down_s"])
-
-    @staticmethod
-    def term(p, airframe):
-        return {"tau_up_s": p["tau_up_s"], "tau_down_s": p["tau_down_s"]}
 
     @staticmethod
     def concealed(model, p, mean_V):

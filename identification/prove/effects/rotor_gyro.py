@@ -10,6 +10,7 @@ from .effect import Effect, near
 
 class RotorGyro(Effect):
     name = "rotor_gyro"
+    parameters = ("J_r",)
     sizes: ClassVar = {"small": "1e-7 kg m^2, five times a real propeller of this size", "medium": "5e-7",
                         "large": "2e-6"}
     wants = ("spinning", "fast", "turning")
@@ -18,15 +19,7 @@ class RotorGyro(Effect):
     def draw(size, rng, airframe):
         return {"J_r": -near(rng, {"small": 1e-7, "medium": 5e-7, "large": 2e-6}[size])}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"J": p["J_r"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"J_r": p["J_r"]}
-
     def moment(self, air):
-        momentum = self.a["J"] * sum(s * omega for s, omega in zip(SPIN, air.rotor, strict=True))
+        momentum = self.a["J_r"] * sum(s * omega for s, omega in zip(SPIN, air.rotor, strict=True))
         x, y, _ = air.rate
         return np.stack([-y * momentum, x * momentum, np.zeros_like(momentum)])

@@ -9,6 +9,7 @@ from .effect import Effect
 
 class Saturation(Effect):
     name = "saturation"
+    parameters = ("T_max_N",)
     sizes: ClassVar = {"small": "most thrust 15 % above hover, met 2 % of the time in climbs", "medium": "13 %",
                         "large": "11 %; at 9 % the vehicle falls"}
     wants = ("full", "vertical", "turning", "lateral")
@@ -18,13 +19,5 @@ class Saturation(Effect):
         more = 1.0 + {"small": 0.15, "medium": 0.13, "large": 0.11}[size]
         return {"T_max_N": float(f"{more * airframe.mass_kg * 9.81 / 4.0:.4g}")}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"most": p["T_max_N"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"T_max_N": p["T_max_N"]}
-
     def commanded(self, thrust_N):
-        return np.minimum(thrust_N, self.a["most"])
+        return np.minimum(thrust_N, self.a["T_max_N"])

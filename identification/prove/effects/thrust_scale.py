@@ -8,6 +8,7 @@ from .effect import Effect, either, near
 
 class ThrustScale(Effect):
     name = "thrust_scale"
+    parameters = ("s",)
     sizes: ClassVar = {"small": "2 % of the thrust, as between propeller sets", "medium": "5 %", "large": "12 %"}
     wants = ("lateral", "vertical")
     twins = ("mass",)
@@ -19,7 +20,3 @@ class ThrustScale(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, curve_N_V=tuple(p["s"] * c for c in airframe.curve_N_V))
-
-    @staticmethod
-    def term(p, airframe):
-        return {"s": p["s"]}

@@ -7,6 +7,7 @@ from .effect import Effect, near, turned
 
 class Wind(Effect):
     name = "wind"
+    parameters = ("w_m_s",)
     sizes: ClassVar = {"small": "0.15 m/s, a draught", "medium": "0.4 m/s", "large": "1.0 m/s, a fan"}
     wants = ("turning", "fast", "lateral")
 
@@ -15,13 +16,5 @@ class Wind(Effect):
         speed = near(rng, {"small": 0.15, "medium": 0.4, "large": 1.0}[size])
         return {"w_m_s": [float(f"{x:.4g}") for x in turned(rng, speed, 0.2)]}
 
-    @staticmethod
-    def arrays(p, airframe):
-        return {"w": p["w_m_s"]}
-
-    @staticmethod
-    def term(p, airframe):
-        return {"w_m_s": p["w_m_s"]}
-
     def wind(self):
-        return self.a["w"]
+        return self.a["w_m_s"]

@@ -8,6 +8,7 @@ from .effect import Effect, either, near
 
 class YawTorque(Effect):
     name = "yaw_torque"
+    parameters = ("k_m",)
     sizes: ClassVar = {"small": "20 % of k_m", "medium": "35 %", "large": "60 %"}
     wants = ("turning", "lateral")
     twins = ("inertia",)
@@ -20,7 +21,3 @@ class YawTorque(Effect):
     @staticmethod
     def change(airframe, p):
         return replace(airframe, yaw_arm_m=p["k_m"])
-
-    @staticmethod
-    def term(p, airframe):
-        return {"k_m": p["k_m"]}

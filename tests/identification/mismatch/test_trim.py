@@ -7,12 +7,11 @@ import pytest
 from hover_flights import HOVER_N, hover
 
 from identification.mismatch.periodic import swing_in, swing_of
-from identification.mismatch.reconstruct import pitch_from_acceleration, rates_from_attitude, states_of
+from identification.mismatch.reconstruct import states_of
 from identification.mismatch.trim import Trim, runs_of, trim_of
-from nanobench_tools import so3
 from nanobench_tools.audit import audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.flight import Flight, Provenance, make_stream
+from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.result import to_json
 
 
@@ -71,29 +70,6 @@ def test_what_has_no_trim_says_why():
     stuck = make_stream("motor", full.time_s, np.where(full.values > 0.0, 1.0, 0.0), full.quantities)
     with pytest.raises(InputError, match="full command"):
         trim(flight.with_streams(motor=stuck))
-
-
-def test_pitch_and_rates_are_reconstructed():
-    t = np.arange(0.0, 10.0, 0.01)
-    roll, pitch, yaw = 0.2 * np.sin(t), 0.15 * np.cos(1.3 * t), 0.4 * t
-    q = so3.from_euler_zyx(roll, pitch, yaw)
-    up = so3.rotate(q, np.array([0.0, 0.0, 1.0]))
-    acceleration = 9.81 / up[:, 2:] * up - [0.0, 0.0, 9.81]  # level flight
-    velocity = np.cumsum(acceleration, axis=0) * 0.01
-    streams = {"motor": make_stream("motor", t, np.full((len(t), 4), 0.5), ("m1", "m2", "m3", "m4")),
-               "estimator": make_stream("estimator", t, np.column_stack([0.0 * velocity, velocity]),
-                                        ("x", "y", "z", "vx", "vy", "vz")),
-               "attitude": make_stream("attitude", t, np.stack([roll, yaw], axis=1), ("roll", "yaw"))}
-    states = states_of(Flight("a", streams, {}, Provenance("a", "", "made")))
-    found = pitch_from_acceleration(states)
-    inner = slice(50, -50)
-    assert states.pitch_rad is None
-    assert found is not None
-    assert found[inner] == pytest.approx(pitch[inner], abs=0.015)
-    rates = rates_from_attitude(states)
-    body = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:])) / 0.01
-    assert rates is not None
-    assert rates[inner] == pytest.approx(body[49:-50], abs=0.06)
 
 
 def swing(flight: Flight):
