@@ -15,13 +15,7 @@ import numpy as np
 
 from nanobench_tools import so3
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
-from nanobench_tools.practice.estimator import (
-    ATTITUDE_LAG_S,
-    ERRORS,
-    POSITION_LAG_S,
-    VELOCITY_LAG_S,
-    correlated_noise,
-)
+from nanobench_tools.practice.estimator import ATTITUDE_LAG_S, ERRORS, POSITION_LAG_S, VELOCITY_LAG_S, correlated_noise
 from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number
 

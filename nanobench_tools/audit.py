@@ -115,17 +115,8 @@ class Audit:
             airborne=tuple(Span(*s) for s in body["airborne"]),
             clean=tuple(Span(*s) for s in body["clean"]),
             faults=tuple(
-                Fault(
-                    f["kind"],
-                    f["stream"],
-                    tuple(f["columns"]),
-                    f["start_s"],
-                    f["end_s"],
-                    _nan(f["size"]),
-                    f["unit"],
-                    f["evidence"],
-                    _nan(f.get("minimum_detectable")),
-                )
+                Fault(f["kind"], f["stream"], tuple(f["columns"]), f["start_s"], f["end_s"], _nan(f["size"]), f["unit"],
+                      f["evidence"], _nan(f.get("minimum_detectable")))
                 for f in body["faults"]
             ),
             clock={name: ClockReading.from_json(r) for name, r in body["clock"].items()},
@@ -158,18 +149,10 @@ def audit(flight: Flight, context: Context | None = None) -> Audit:
         faults.extend(kind.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
     cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
-    return Audit(
-        flight=flight.name,
-        path=flight.provenance.path,
-        sha256=flight.provenance.sha256,
-        controller=controller_of(context),
-        airborne=context.once(airborne_spans),
-        clean=subtract_spans([span], cuts),
-        faults=tuple(faults),
-        clock=clocks_with_time_offset(context),
-        rates=context.once(rates_of),
-        span=span,
-    )
+    return Audit(flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
+                 controller=controller_of(context), airborne=context.once(airborne_spans),
+                 clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clocks_with_time_offset(context),
+                 rates=context.once(rates_of), span=span)
 
 
 def find_copies(flights: Sequence[Flight]) -> list[list[str]]:

@@ -30,9 +30,8 @@ def mean_lag(context: Context) -> Lag | None:
     t = truth.time_s
     true_time = np.maximum.accumulate(t - np.interp(t, track.time_s, track.late_s))
     values = np.stack([np.interp(t, true_time, placed[0][:, k]) for k in range(3)], axis=1)
-    pair = paired_signals.pair_of(
-        context, "imu", GYRO, lambda v: v, values, placed[1], truth.rate_rad_s, paired_signals.RATE_BAND_HZ, True
-    )
+    pair = paired_signals.pair_of(context, "imu", GYRO, lambda v: v, values, placed[1], truth.rate_rad_s,
+                                  paired_signals.RATE_BAND_HZ, True)
     if pair is None:
         return None
     sums = lag_sums(pair.measured, pair.reference, pair.use, paired_signals.STEP_S, pair.reach_s)

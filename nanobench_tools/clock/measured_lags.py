@@ -67,14 +67,8 @@ def _measure(context: Context, make: pairs.MakePair, pair: paired_signals.Pair) 
         lag = best_lag(sums, pair.free)
         return Measured(lag, movement(pair.measured, pair.reference, time_s, sums, lag), name)
     # world frames agree once axes, signs and unit are put right
-    fixed = Measured(
-        best_lag(sums, True),
-        None,
-        name,
-        verdict.order,
-        tuple(-1.0 if s < 0 else 1.0 for s in verdict.sign),
-        verdict.factor,
-    )
+    fixed = Measured(best_lag(sums, True), None, name, verdict.order,
+                     tuple(-1.0 if s < 0 else 1.0 for s in verdict.sign), verdict.factor)
     values = fixed.upright(pair.measured)
     mended = lag_sums(values, pair.reference, pair.use, paired_signals.STEP_S, pair.reach_s)
     if mended is None:

@@ -59,9 +59,8 @@ def track_of(context: Context) -> TrackError | None:
     truth = context.once(paired_signals.derivatives_of)
     if placed is None or truth is None:
         return None
-    return track_error(
-        own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s, own.lag.offset_s
-    )
+    return track_error(own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s,
+                       own.lag.offset_s)
 
 
 def moving_clocks(context: Context) -> dict[str, Moving]:

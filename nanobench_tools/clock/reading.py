@@ -54,12 +54,6 @@ class ClockReading:
         def number(value: float | None) -> float:
             return math.nan if value is None else float(value)
 
-        return cls(
-            number(body["offset_s"]),
-            None if body["ci95_s"] is None else tuple(body["ci95_s"]),
-            body["identifiable"],
-            body.get("reason", ""),
-            number(body["wander_sd_s"]),
-            tuple(tuple(point) for point in body["warp"]),
-            tuple(body.get("clock_evidence", ())),
-        )
+        return cls(number(body["offset_s"]), None if body["ci95_s"] is None else tuple(body["ci95_s"]),
+                   body["identifiable"], body.get("reason", ""), number(body["wander_sd_s"]),
+                   tuple(tuple(point) for point in body["warp"]), tuple(body.get("clock_evidence", ())))

@@ -86,13 +86,8 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
     if why_not or OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt:
         explanation = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
         return _of(own, gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {explanation}")
-    return _of(
-        own,
-        own.lag.offset_s,
-        own.lag.half_width_s,
-        OWN_LAG_S,
-        f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay",
-    )
+    return _of(own, own.lag.offset_s, own.lag.half_width_s, OWN_LAG_S,
+               f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay")
 
 
 def _with_wander(context: Context, name: str, reading: ClockReading) -> ClockReading:

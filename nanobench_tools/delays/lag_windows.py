@@ -43,9 +43,8 @@ class Movement(Steadiness):
         return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(ratio - 1.0))) / KEPT
 
 
-def movement(
-    measured: np.ndarray, reference: np.ndarray, time_s: np.ndarray, sums: LagSums, lag: Lag
-) -> Movement | None:
+def movement(measured: np.ndarray, reference: np.ndarray, time_s: np.ndarray, sums: LagSums,
+             lag: Lag) -> Movement | None:
     """From one pair (n, 3), its sums (blocks are the windows) and its lag; None with fewer than eight windows."""
     a, w = lag.matrix, 1.0 / np.maximum(lag.noise, 1e-300)
     near = np.abs(sums.lags_s - lag.offset_s) <= REACH_S + 1e-9
@@ -100,16 +99,6 @@ def _judge(times: np.ndarray, lags: np.ndarray, weight: np.ndarray, placebo: np.
     slope_sd = float(np.sqrt(max(scatter2, noise2) / (effective * (share @ t**2))))
     p_drift = float(2.0 * student.sf(abs(slope) / max(slope_sd, 1e-12), dof))
     p_wander = float(fisher.sf(scatter2 / max(noise2, 1e-14), dof, dof))
-    return Movement(
-        slope=slope,
-        slope_sd=slope_sd,
-        span_s=float(times[-1] - times[0]),
-        wander_sd_s=float(np.sqrt(max(scatter2 - noise2, 0.0))),
-        noise_sd_s=float(np.sqrt(noise2)),
-        blocks=n,
-        p_drift=p_drift,
-        p_wander=p_wander,
-        time_s=times,
-        lag_s=lags,
-        weight=weight,
-    )
+    return Movement(slope=slope, slope_sd=slope_sd, span_s=float(times[-1] - times[0]),
+                    wander_sd_s=float(np.sqrt(max(scatter2 - noise2, 0.0))), noise_sd_s=float(np.sqrt(noise2)),
+                    blocks=n, p_drift=p_drift, p_wander=p_wander, time_s=times, lag_s=lags, weight=weight)

@@ -64,14 +64,8 @@ STILL = 1e-9
 """A signal that moves by less is a constant: no lag can be read from it."""
 
 
-def lag_sums(
-    measured: np.ndarray,
-    reference: np.ndarray,
-    use: np.ndarray,
-    step_s: float,
-    reach_s: float = REACH_S,
-    block_s: float = BLOCK_S,
-) -> LagSums | None:
+def lag_sums(measured: np.ndarray, reference: np.ndarray, use: np.ndarray, step_s: float, reach_s: float = REACH_S,
+             block_s: float = BLOCK_S) -> LagSums | None:
     """Sums over the rows in ``use`` (n,) bool of measured and reference (n, k) on one grid of ``step_s``.
 
     Blocks are whole and without holes; rows closer than ``reach_s`` to the ends of the grid are left out. None with

@@ -44,9 +44,8 @@ class TrackError(Steadiness):
         return max(SMALLEST_WANDER_S, float(self.noise_sd_s * np.sqrt(max(gain - 1.0, 0.0))))
 
 
-def track_error(
-    estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray, use: np.ndarray, time_s: np.ndarray, lag_s: float
-) -> TrackError | None:
+def track_error(estimate: np.ndarray, position: np.ndarray, velocity: np.ndarray, use: np.ndarray, time_s: np.ndarray,
+                lag_s: float) -> TrackError | None:
     """estimate, position, velocity (n, 3) on the grid time_s (n,); use (n,) bool; lag_s: mean delay of the estimate.
 
     None with fewer than eight seconds of fast rows.
@@ -92,16 +91,7 @@ def track_error(
     ratio = np.log(np.maximum(along2, 1e-16) / np.maximum(across2, 1e-16))
     p_wander = float(student.sf(ratio.mean() / max(ratio.std(ddof=1) / np.sqrt(n), 1e-12), n - 1))
     wander = float(np.sqrt(max(np.mean(along2) - np.mean(across2), 0.0)))
-    return TrackError(
-        slope=slope,
-        slope_sd=slope_sd,
-        span_s=float(centre[-1] - centre[0]),
-        wander_sd_s=wander,
-        noise_sd_s=float(np.sqrt(np.median(across2))),
-        blocks=n,
-        p_drift=p_drift,
-        p_wander=p_wander,
-        time_s=t,
-        late_s=late,
-        mean_sd_s=float(mean.std(ddof=1) / np.sqrt(n) * np.sqrt(max(1.0 - len(t) / len(time_s), 0.0))),
-    )
+    return TrackError(slope=slope, slope_sd=slope_sd, span_s=float(centre[-1] - centre[0]), wander_sd_s=wander,
+                      noise_sd_s=float(np.sqrt(np.median(across2))), blocks=n, p_drift=p_drift, p_wander=p_wander,
+                      time_s=t, late_s=late,
+                      mean_sd_s=float(mean.std(ddof=1) / np.sqrt(n) * np.sqrt(max(1.0 - len(t) / len(time_s), 0.0))))

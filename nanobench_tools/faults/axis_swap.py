@@ -40,21 +40,16 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
     ):
         found.append(
-            (
-                "imu",
-                (ACC[gravity.axis], "acc_z"),
-                f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)",
-            )
+            ("imu", (ACC[gravity.axis], "acc_z"),
+             f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)")
         )
     return found
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream and vector."""
-    return [
-        over_stream(KIND, flight, name, quantities, math.nan, "1", evidence)
-        for name, quantities, evidence in wrong_axes(context)
-    ]
+    return [over_stream(KIND, flight, name, quantities, math.nan, "1", evidence) for name, quantities,
+            evidence in wrong_axes(context)]
 
 
 FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,

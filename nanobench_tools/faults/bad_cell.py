@@ -39,17 +39,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             if any(fault.stream == name and fault.start_s <= start and end <= fault.end_s for fault in occluded):
                 continue
             faults.append(
-                Fault(
-                    KIND,
-                    name,
-                    columns,
-                    start,
-                    end,
-                    float(bad[a:b].sum()),
-                    "cells",
-                    f"{', '.join(columns)}: no number, or one beyond any measurement, in {b - a} rows",
-                    1.0,
-                )
+                Fault(KIND, name, columns, start, end, float(bad[a:b].sum()), "cells",
+                      f"{', '.join(columns)}: no number, or one beyond any measurement, in {b - a} rows", 1.0)
             )
     return faults
 

@@ -43,16 +43,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             f"{1e3 * high:.1f} ms); {reading.reason}"
         )
         faults.append(
-            over_stream(
-                KIND,
-                flight,
-                name,
-                None,
-                reading.offset_s,
-                "s",
-                evidence,
-                SMALLEST_S + HALVES * half + (OWN_LAG_S[1] if own else 0.0),
-            )
+            over_stream(KIND, flight, name, None, reading.offset_s, "s", evidence,
+                        SMALLEST_S + HALVES * half + (OWN_LAG_S[1] if own else 0.0))
         )
     return faults
 

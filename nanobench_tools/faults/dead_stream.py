@@ -37,17 +37,9 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         how = "run along a straight line" if dropout.moving else "stand still"
         where = "in the air" if any(s.start_s < dropout.from_s < s.end_s for s in air) else "on the ground"
         faults.append(
-            Fault(
-                KIND,
-                name,
-                streams[name].columns,
-                dropout.from_s,
-                dropout.to_s,
-                lasts,
-                "s",
-                f"last packet of {name} at {dropout.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
-                max(SHORTEST_S, PACKETS * packets[name].interval_s),
-            )
+            Fault(KIND, name, streams[name].columns, dropout.from_s, dropout.to_s, lasts, "s",
+                  f"last packet of {name} at {dropout.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",
+                  max(SHORTEST_S, PACKETS * packets[name].interval_s))
         )
     return faults
 

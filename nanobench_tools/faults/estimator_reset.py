@@ -67,9 +67,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for name, *_, first, last in context.once(spikes):
         if name == "estimator":
             use = use & ~((t > stream.time_s[first] - AROUND_S) & (t < stream.time_s[last] + AROUND_S))
-    windows = np.median(
-        np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0), axis=-1
-    )  # row j: j .. j + ROWS - 1
+    windows = np.median(np.lib.stride_tricks.sliding_window_view(error, ROWS, axis=0),
+                        axis=-1)  # row j: j .. j + ROWS - 1
     before, after = windows[:-ROWS], windows[ROWS:]
     at = np.arange(ROWS - 1, ROWS - 1 + len(before))  # last row before the jump
     jump = after - before
@@ -96,17 +95,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         later = np.linalg.norm(error[at[k] + 1 :] - before[k], axis=1) < step[k] / 3.0
         back = at[k] + 1 + int(np.argmax(later)) if later.any() else len(t) - 1
         faults.append(
-            Fault(
-                KIND,
-                "estimator",
-                tuple(stream.columns[stream.index(q)] for q in POSITION),
-                start,
-                float(min(t[back], start + LONGEST_S)),
-                float(step[k]),
-                "m",
-                f"the estimated position jumps by {step[k]:.2f} m at {start:.2f} s at {speed[at[k]]:.2f} m/s",
-                float(SURELY * np.hypot(along_limit[k], limit[k])),
-            )
+            Fault(KIND, "estimator", tuple(stream.columns[stream.index(q)] for q in POSITION), start,
+                  float(min(t[back], start + LONGEST_S)), float(step[k]), "m",
+                  f"the estimated position jumps by {step[k]:.2f} m at {start:.2f} s at {speed[at[k]]:.2f} m/s",
+                  float(SURELY * np.hypot(along_limit[k], limit[k])))
         )
     return faults
 

@@ -65,17 +65,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 continue
             what = "all columns" if len(columns) == len(stream.columns) else ", ".join(columns)
             faults.append(
-                Fault(
-                    KIND,
-                    name,
-                    columns,
-                    start,
-                    stop,
-                    stop - start,
-                    "s",
-                    f"{what} of {name} repeat one value in {b - a + 1} rows, {stop - start:.2f} s",
-                    shortest,
-                )
+                Fault(KIND, name, columns, start, stop, stop - start, "s",
+                      f"{what} of {name} repeat one value in {b - a + 1} rows, {stop - start:.2f} s", shortest)
             )
     return faults
 
@@ -90,9 +81,7 @@ def _stuck_voltage(context: Context) -> list[Fault]:
     if end - start < BATTERY_HOLDS_S:
         return []
     evidence = f"{', '.join(stream.columns)} shows one value in all {len(stream)} rows while the motors run"
-    return [
-        Fault(KIND, "battery", stream.columns, start, end, end - start, "s", evidence, BATTERY_HOLDS_S),
-    ]
+    return [Fault(KIND, "battery", stream.columns, start, end, end - start, "s", evidence, BATTERY_HOLDS_S)]
 
 
 def _motors_run(context: Context) -> bool:

@@ -96,17 +96,9 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                     found.add((float(t[a - 1]), float(t[b])))
         for start, stop in sorted(found):
             faults.append(
-                Fault(
-                    KIND,
-                    name,
-                    stream.columns,
-                    start,
-                    stop,
-                    stop - start,
-                    "s",
-                    f"no sample of {name} for {stop - start:.3f} s; usual is one in {packets[name].interval_s:.3f} s",
-                    shortest,
-                )
+                Fault(KIND, name, stream.columns, start, stop, stop - start, "s",
+                      f"no sample of {name} for {stop - start:.3f} s; usual is one in {packets[name].interval_s:.3f} s",
+                      shortest)
             )
     return faults
 

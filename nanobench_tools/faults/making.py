@@ -11,16 +11,8 @@ import numpy as np
 from ..flight import Fault, Flight
 
 
-def over_stream(
-    kind: str,
-    flight: Flight,
-    name: str,
-    quantities: Iterable[str] | None,
-    size: float,
-    unit: str,
-    evidence: str,
-    minimum_detectable: float = math.nan,
-) -> Fault:
+def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] | None, size: float, unit: str,
+                evidence: str, minimum_detectable: float = math.nan) -> Fault:
     """A fault from the first to the last row of a stream; ``quantities`` None means all its columns."""
     stream = flight[name]
     # stamps may go backwards

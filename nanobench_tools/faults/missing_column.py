@@ -22,13 +22,8 @@ from .making import findings, over_stream
 KIND = "missing_column"
 
 VECTORS = {
-    "mocap": (
-        ("px", "py", "pz"),
-        ("qx", "qy", "qz", "qw"),
-        ("vx", "vy", "vz"),
-        ("wx", "wy", "wz"),
-        ("roll", "pitch", "yaw"),
-    ),
+    "mocap": (("px", "py", "pz"), ("qx", "qy", "qz", "qw"), ("vx", "vy", "vz"), ("wx", "wy", "wz"),
+              ("roll", "pitch", "yaw")),
     "imu": (("acc_x", "acc_y", "acc_z"), ("gyro_x", "gyro_y", "gyro_z")),
     "estimator": (("x", "y", "z"), ("vx", "vy", "vz")),
     "estimator_acc": (("ax", "ay", "az"),),

@@ -70,12 +70,8 @@ def displaced_stretches(context: Context) -> list[Displaced]:
         same &= off < min(2.0 * max(jump.limit for jump in kind), 0.5 * min(jump.size for jump in kind))
     kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
     return [
-        Displaced(
-            float(start if before is None else before.start_s),
-            float(end if after is None else after.end_s),
-            before,
-            after,
-        )
+        Displaced(float(start if before is None else before.start_s), float(end if after is None else after.end_s),
+                  before, after)
         for rest, start, end, before, after in zip(kept, starts, ends, [None, *jumps], [*jumps, None], strict=True)
         if not rest
     ]
@@ -97,18 +93,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             back = stretch.after
             how = f"next jumps between {back.start_s:.3f} and {back.end_s:.3f} s; the poses between are displaced"
         faults.append(
-            Fault(
-                KIND,
-                "mocap",
-                columns,
-                stretch.start_s,
-                stretch.end_s,
-                jump.size,
-                unit,
-                f"the tracked pose jumps by {jump.size:.3f} {unit} between the frames at {jump.start_s:.3f} and "
-                f"{jump.end_s:.3f} s and {how}",
-                jump.limit,
-            )
+            Fault(KIND, "mocap", columns, stretch.start_s, stretch.end_s, jump.size, unit,
+                  f"the tracked pose jumps by {jump.size:.3f} {unit} between the frames at {jump.start_s:.3f} and "
+                  f"{jump.end_s:.3f} s and {how}",
+                  jump.limit)
         )
     return faults
 

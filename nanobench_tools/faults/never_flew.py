@@ -31,17 +31,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     motors = "" if motor is None else "; motors ran" if ran else "; motors never ran"
     span = context.once(whole_span)
     return [
-        Fault(
-            KIND,
-            "",
-            (),
-            span.start_s,
-            span.end_s,
-            top,
-            "m",
-            f"never more than {100 * top:.1f} cm above the ground{motors}",
-            HEIGHT_M,
-        )
+        Fault(KIND, "", (), span.start_s, span.end_s, top, "m",
+              f"never more than {100 * top:.1f} cm above the ground{motors}", HEIGHT_M)
     ]
 
 

@@ -43,27 +43,17 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         levels, counts = np.unique(stream.values[rows, k], return_counts=True)
         if len(levels) < 2 * NEIGHBOURS:
             continue
-        for limit, here, beside in (
-            (levels[-1], counts[-1], counts[-1 - NEIGHBOURS : -1]),
-            (levels[0], counts[0], counts[1 : 1 + NEIGHBOURS]),
-        ):
+        for limit, here, beside in ((levels[-1], counts[-1], counts[-1 - NEIGHBOURS : -1]),
+                                    (levels[0], counts[0], counts[1 : 1 + NEIGHBOURS])):
             fewest = max(FEWEST_ROWS, TIMES_NEIGHBOURS * int(beside.max()))
             if here < fewest:
                 continue
             at = stream.time_s[rows[stream.values[rows, k] == limit]]
             faults.append(
-                Fault(
-                    KIND,
-                    "imu",
-                    (column,),
-                    float(at[0]),
-                    float(at[-1]),
-                    float(here),
-                    "rows",
-                    f"{column} stands at its extreme {limit:.4g} {stream.unit[k]} in {here} rows, its neighbouring "
-                    f"values in at most {beside.max()}",
-                    float(fewest),
-                )
+                Fault(KIND, "imu", (column,), float(at[0]), float(at[-1]), float(here), "rows",
+                      f"{column} stands at its extreme {limit:.4g} {stream.unit[k]} in {here} rows, its neighbouring "
+                      f"values in at most {beside.max()}",
+                      float(fewest))
             )
     return faults
 

@@ -29,33 +29,25 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
     gravity = context.once(gravity_axis)
     if gravity is not None and gravity.sign < 0:
         found.append(
-            (
-                "imu",
-                ACC[gravity.axis],
-                f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
-                f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}",
-            )
+            ("imu", ACC[gravity.axis],
+             f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
+             f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}")
         )
     for verdict in context.once(wrong_matches):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
                 found.append(
-                    (
-                        verdict.stream,
-                        quantity,
-                        f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
-                        f"{against(verdict)} predicts",
-                    )
+                    (verdict.stream, quantity,
+                     f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
+                     f"{against(verdict)} predicts")
                 )
     return found
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per negated column."""
-    return [
-        over_stream(KIND, flight, name, (quantity,), -1.0, "1", evidence, CLEAR)
-        for name, quantity, evidence in wrong_signs(context)
-    ]
+    return [over_stream(KIND, flight, name, (quantity,), -1.0, "1", evidence, CLEAR) for name, quantity,
+            evidence in wrong_signs(context)]
 
 
 FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,

@@ -14,17 +14,7 @@ import numba as nb
 import numpy as np
 
 from .float32 import GRAVITY, ONE, TWO, ZERO, F, Real, Triple
-from .kalman_algebra import (
-    HALF,
-    attitude_block,
-    bound,
-    bounded,
-    cosine,
-    normalised,
-    sine,
-    transform,
-    turned,
-)
+from .kalman_algebra import HALF, attitude_block, bound, bounded, cosine, normalised, sine, transform, turned
 from .kept import kept
 from .records import Record
 

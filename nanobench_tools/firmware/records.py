@@ -15,12 +15,10 @@ Record = Any
 DISABLED, ABSOLUTE, VELOCITY = 0, 1, 2
 """Modes of a setpoint's axis."""
 
-SETPOINT = np.dtype([
-    ("mode_x", "i1"), ("mode_y", "i1"), ("mode_z", "i1"), ("mode_roll", "i1"), ("mode_pitch", "i1"), ("mode_yaw", "i1"),
-    ("mode_quat", "i1"), ("velocity_body", "i1"),
-    ("attitude_deg", "f4", 3), ("rate_deg_s", "f4", 3), ("quaternion", "f4", 4), ("thrust", "f4"),
-    ("position_m", "f4", 3), ("velocity_m_s", "f4", 3), ("acceleration_m_s2", "f4", 3), ("jerk_m_s3", "f4", 3),
-], align=True)
+SETPOINT = np.dtype([("mode_x", "i1"), ("mode_y", "i1"), ("mode_z", "i1"), ("mode_roll", "i1"), ("mode_pitch", "i1"),
+                     ("mode_yaw", "i1"), ("mode_quat", "i1"), ("velocity_body", "i1"), ("attitude_deg", "f4", 3),
+                     ("rate_deg_s", "f4", 3), ("quaternion", "f4", 4), ("thrust", "f4"), ("position_m", "f4", 3),
+                     ("velocity_m_s", "f4", 3), ("acceleration_m_s2", "f4", 3), ("jerk_m_s3", "f4", 3)], align=True)
 """What is asked for; world axes but for ``velocity_body``, where x and y of the velocity turn with the yaw."""
 
 ESTIMATE = np.dtype([("position_m", "f4", 3), ("velocity_m_s", "f4", 3), ("attitude_deg", "f4", 3),

@@ -29,12 +29,11 @@ QUEUE = 20
 GYRO_HZ, ACC_HZ = 80.0, 30.0
 """Corners of the IMU's low passes (sensors_bmi088_bmp3xx.c)."""
 
-LOOP = np.dtype([
-    ("step", "i8"), ("controller", "i1"), ("allowed", "i1"), ("override", "i1"),
-    ("acc_g", "f4", 3), ("gyro_deg_s", "f4", 3), ("memory", "f4", (6, 2)), ("acceleration_g", "f4", 3),
-    ("vbat_V", "f4"), ("filtered_V", "f4"), ("cmd_thrust", "f4"), ("request", "i4", 4), ("motor", "i4", 4),
-    ("direct", "i4", 4), ("motor_on_step", "i8"), ("control", CONTROL), ("wrench", WRENCH), ("estimate", ESTIMATE),
-], align=True)
+LOOP = np.dtype([("step", "i8"), ("controller", "i1"), ("allowed", "i1"), ("override", "i1"), ("acc_g", "f4", 3),
+                 ("gyro_deg_s", "f4", 3), ("memory", "f4", (6, 2)), ("acceleration_g", "f4", 3), ("vbat_V", "f4"),
+                 ("filtered_V", "f4"), ("cmd_thrust", "f4"), ("request", "i4", 4), ("motor", "i4", 4),
+                 ("direct", "i4", 4), ("motor_on_step", "i8"), ("control", CONTROL), ("wrench", WRENCH),
+                 ("estimate", ESTIMATE)], align=True)
 """The loop: count of steps, which controller flies, whether motors may turn, ``motorPowerSet.enable`` and its values
 (``direct``), filtered IMU, memory of its low passes, world acceleration without gravity [g], battery measured and
 filtered, thrust of the loop before, motors before and after the cap [counts], the step at which one last turned."""

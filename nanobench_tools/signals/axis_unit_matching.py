@@ -93,10 +93,8 @@ class AxisUnitMatch:
 
     @property
     def factor_name(self) -> str:
-        return next(
-            (name for name, f in KNOWN_FACTORS.items() if f == self.factor),
-            "" if self.factor == 1.0 else "unknown unit",
-        )
+        return next((name for name, f in KNOWN_FACTORS.items() if f == self.factor),
+                    "" if self.factor == 1.0 else "unknown unit")
 
 
 def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
@@ -127,14 +125,12 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
         if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
             at = as_is
     found = k[at, axes, order]
-    sign = tuple(
-        int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i, v in enumerate(found)
-    )
+    sign = tuple(int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i,
+                 v in enumerate(found))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
-    return AxisUnitMatch(
-        pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)), swapped
-    )
+    return AxisUnitMatch(pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)),
+                         swapped)
 
 
 def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
@@ -193,12 +189,6 @@ def wrong_matches(context: Context) -> list[AxisUnitMatch]:
 def _inverse(verdict: AxisUnitMatch, stream: str, quantities: tuple[str, ...]) -> AxisUnitMatch:
     """The same disagreement, blamed on the reference."""
     order = tuple(int(i) for i in np.argsort(verdict.order))
-    return AxisUnitMatch(
-        stream,
-        quantities,
-        order,
-        tuple(verdict.sign[i] for i in order),
-        tuple(verdict.correlation[i] for i in order),
-        tuple(1.0 / verdict.ratio[i] for i in order),
-        verdict.swapped,
-    )
+    return AxisUnitMatch(stream, quantities, order, tuple(verdict.sign[i] for i in order),
+                         tuple(verdict.correlation[i] for i in order), tuple(1.0 / verdict.ratio[i] for i in order),
+                         verdict.swapped)

@@ -79,17 +79,8 @@ def derivatives_of(context: Context) -> MocapDerivatives | None:
     a[1:-1] = np.diff(p, 2, axis=0) / STEP_S**2
     a[0], a[-1] = a[1], a[-2]
     euler = np.unwrap(so3.euler_zyx(q), axis=0)
-    return MocapDerivatives(
-        grid,
-        p,
-        v,
-        a,
-        q,
-        euler,
-        body_rate(q, STEP_S),
-        so3.rotate_inverse(q, a + gravity_up()),
-        ~widened(missing | _jumps(p, q), 10),
-    )
+    return MocapDerivatives(grid, p, v, a, q, euler, body_rate(q, STEP_S), so3.rotate_inverse(q, a + gravity_up()),
+                            ~widened(missing | _jumps(p, q), 10))
 
 
 def body_rate(quaternion: np.ndarray, step_s: float) -> np.ndarray:

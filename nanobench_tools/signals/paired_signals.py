@@ -83,13 +83,9 @@ def flying_rows(context: Context) -> np.ndarray:
     return (t >= spans[0].start_s) & (t <= end - BEFORE_LANDING_S)
 
 
-def on_grid(
-    context: Context,
-    name: str,
-    quantities: tuple[str, ...],
-    prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
-    shift_s: float = 0.0,
-) -> tuple[np.ndarray, np.ndarray] | None:
+def on_grid(context: Context, name: str, quantities: tuple[str, ...],
+            prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+            shift_s: float = 0.0) -> tuple[np.ndarray, np.ndarray] | None:
     """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
     they are true values."""
     truth, stream = context.once(derivatives_of), context.once(usable_streams).get(name)
@@ -111,18 +107,11 @@ def on_grid(
     return result, near & (t >= times[0]) & (t <= times[-1])
 
 
-def against(
-    context: Context,
-    name: str,
-    quantities: tuple[str, ...],
-    reference: Callable[[MocapDerivatives], np.ndarray],
-    band_hz: tuple[float, float],
-    free: bool,
-    signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
-    prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
-    reach_s: float = REACH_S,
-    shift_s: float = 0.0,
-) -> Pair | None:
+def against(context: Context, name: str, quantities: tuple[str, ...],
+            reference: Callable[[MocapDerivatives], np.ndarray], band_hz: tuple[float, float], free: bool,
+            signal: Callable[[np.ndarray], np.ndarray] = lambda v: v,
+            prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v, reach_s: float = REACH_S,
+            shift_s: float = 0.0) -> Pair | None:
     """The pair of a stream's ``signal(prepare(values))`` and what ``reference`` makes of truth; see ``on_grid`` and
     ``pair_of``."""
     placed, truth = on_grid(context, name, quantities, prepare, shift_s), context.once(derivatives_of)
@@ -132,18 +121,9 @@ def against(
     return pair_of(context, name, quantities, signal, values, true_rows, reference(truth), band_hz, free, reach_s)
 
 
-def pair_of(
-    context: Context,
-    name: str,
-    quantities: tuple[str, ...],
-    signal: Callable[[np.ndarray], np.ndarray],
-    values: np.ndarray,
-    true_rows: np.ndarray,
-    reference: np.ndarray,
-    band_hz: tuple[float, float],
-    free: bool,
-    reach_s: float = REACH_S,
-) -> Pair | None:
+def pair_of(context: Context, name: str, quantities: tuple[str, ...], signal: Callable[[np.ndarray], np.ndarray],
+            values: np.ndarray, true_rows: np.ndarray, reference: np.ndarray, band_hz: tuple[float, float], free: bool,
+            reach_s: float = REACH_S) -> Pair | None:
     """The pair of ``signal(values)`` and ``reference``, both on the grid of truth; true_rows (n,) bool: real values.
 
     None with less than three seconds in the air.
@@ -162,9 +142,8 @@ def pair_of(
     use[: first + reach] = False
     use[last - reach + 1 :] = False
     both = np.zeros((2, len(values), 3))
-    both[:, first : last + 1] = band_limited(
-        np.stack([signal(values[first : last + 1]), reference[first : last + 1]]), band_hz
-    )
+    both[:, first : last + 1] = band_limited(np.stack([signal(values[first : last + 1]), reference[first : last + 1]]),
+                                             band_hz)
     # an axis that never moves holds rounding errors only
     both[np.broadcast_to((np.abs(both).max(axis=1) < 1e-9)[:, None, :], both.shape)] = 0.0
     return Pair(name, quantities, both[0], both[1], use, free, reach_s)

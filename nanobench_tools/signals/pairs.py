@@ -43,32 +43,16 @@ def force_pair(context: Context) -> Pair | None:
 
 def attitude_pair(context: Context) -> Pair | None:
     """Rates of the estimated Euler angles against those of the motion capture, rad/s."""
-    return against(
-        context,
-        "attitude",
-        ("roll", "pitch", "yaw"),
-        lambda truth: _rate_of_euler(truth.euler_rad),
-        RATE_BAND_HZ,
-        True,
-        signal=_rate_of_euler,
-        prepare=lambda v: np.unwrap(v, axis=0),
-    )
+    return against(context, "attitude", ("roll", "pitch", "yaw"), lambda truth: _rate_of_euler(truth.euler_rad),
+                   RATE_BAND_HZ, True, signal=_rate_of_euler, prepare=lambda v: np.unwrap(v, axis=0))
 
 
 def attitude_qw_pair(context: Context) -> Pair | None:
     """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
     found = context.once(quaternion_orders).get("attitude_qw")
     order = list(ORDERS[found.name] if found else range(4))
-    pair = against(
-        context,
-        "attitude_qw",
-        ("qx", "qy", "qz", "qw"),
-        lambda truth: truth.rate_rad_s,
-        RATE_BAND_HZ,
-        True,
-        signal=_rate_of_quaternion,
-        prepare=lambda q: so3.make_continuous(q[:, order]),
-    )
+    pair = against(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
+                   signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(q[:, order]))
     return None if pair is None else replace(pair, quantities=("qx", "qy", "qz"))
 
 
@@ -84,23 +68,14 @@ def velocity_pair(context: Context) -> Pair | None:
 
 def acceleration_pair(context: Context) -> Pair | None:
     """Estimated against tracked acceleration, m/s^2 world."""
-    return against(
-        context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ, True
-    )
+    return against(context, "estimator_acc", ("ax", "ay", "az"), lambda truth: truth.acceleration_m_s2, RATE_BAND_HZ,
+                   True)
 
 
 def setpoint_pair(context: Context) -> Pair | None:
     """Position asked for, half a second before (vehicles follow 0.3-0.8 s behind), against that reached, m world."""
-    return against(
-        context,
-        "setpoint",
-        ("x", "y", "z"),
-        lambda truth: truth.position_m,
-        COMMANDED_BAND_HZ,
-        True,
-        reach_s=0.5,
-        shift_s=0.5,
-    )
+    return against(context, "setpoint", ("x", "y", "z"), lambda truth: truth.position_m, COMMANDED_BAND_HZ, True,
+                   reach_s=0.5, shift_s=0.5)
 
 
 def request_pair(context: Context) -> Pair | None:
@@ -110,17 +85,14 @@ def request_pair(context: Context) -> Pair | None:
 
 def mocap_velocity_pair(context: Context) -> Pair | None:
     """Velocity columns of the motion capture against its positions, m/s world."""
-    return against(
-        context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True,
-        reach_s=SHORT_REACH_S,
-    )
+    return against(context, "mocap", ("vx", "vy", "vz"), lambda truth: truth.velocity_m_s, POSE_BAND_HZ, True,
+                   reach_s=SHORT_REACH_S)
 
 
 def mocap_rate_pair(context: Context) -> Pair | None:
     """Rate columns of the motion capture against its quaternions, rad/s body."""
-    return against(
-        context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True, reach_s=SHORT_REACH_S
-    )
+    return against(context, "mocap", ("wx", "wy", "wz"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
+                   reach_s=SHORT_REACH_S)
 
 
 def euler_column_pair(context: Context) -> Pair | None:
@@ -135,20 +107,9 @@ def _euler_pair(context: Context, stream: str, reach_s: float = REACH_S) -> Pair
 
 
 MakePair = Callable[[Context], Pair | None]
-PAIRS: tuple[MakePair, ...] = (
-    gyro_pair,
-    force_pair,
-    attitude_pair,
-    attitude_qw_pair,
-    position_pair,
-    velocity_pair,
-    acceleration_pair,
-    setpoint_pair,
-    request_pair,
-    mocap_velocity_pair,
-    mocap_rate_pair,
-    euler_column_pair,
-)
+PAIRS: tuple[MakePair, ...] = (gyro_pair, force_pair, attitude_pair, attitude_qw_pair, position_pair, velocity_pair,
+                               acceleration_pair, setpoint_pair, request_pair, mocap_velocity_pair, mocap_rate_pair,
+                               euler_column_pair)
 
 
 def sums_of(context: Context, pair: MakePair) -> LagSums | None:

@@ -79,18 +79,12 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         norm = float(np.median(np.linalg.norm(acc, axis=1)))
         ratio = norm / GRAVITY_M_S2
         if norm > 0.0 and abs(np.log(ratio)) > np.log(FACTOR):
-            known = min(
-                (GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
-                key=lambda f: abs(np.log(ratio / f)),
-            )
+            known = min((GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
+                        key=lambda f: abs(np.log(ratio / f)))
             factor = known if abs(np.log(ratio / known)) < np.log(NEAR_KNOWN) else ratio
             found.append(
-                WrongUnit(
-                    "imu",
-                    ("acc_x", "acc_y", "acc_z"),
-                    factor,
-                    f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81",
-                )
+                WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), factor,
+                          f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81")
             )
     volts = _alive(context, "battery", ("vbat",))
     if volts is not None:
@@ -113,15 +107,11 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             )
         elif 0.0 < top < 1e-3:
             found.append(
-                WrongUnit(
-                    name, quantities, 1.0 / PWM_FULL_SCALE, f"{', '.join(quantities)} never exceed {top:.2g} of full"
-                )
+                WrongUnit(name, quantities, 1.0 / PWM_FULL_SCALE,
+                          f"{', '.join(quantities)} never exceed {top:.2g} of full")
             )
-    for name, angles in (
-        ("attitude", ("roll", "pitch", "yaw")),
-        ("setpoint", ("yaw",)),
-        ("pid", ("roll", "pitch", "yaw")),
-    ):
+    for name, angles in (("attitude", ("roll", "pitch", "yaw")), ("setpoint", ("yaw",)),
+                         ("pid", ("roll", "pitch", "yaw"))):
         angle = _alive(context, name, angles)
         if angle is not None and float(np.quantile(np.abs(angle), 0.99)) > 4.0 * np.pi:
             found.append(

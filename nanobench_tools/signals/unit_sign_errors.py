@@ -55,13 +55,9 @@ def wrong_units(context: Context) -> list[WrongUnit]:
         if verdict.factor == 1.0 or any((verdict.stream, q) in reported for q in verdict.quantities):
             continue
         found.append(
-            WrongUnit(
-                verdict.stream,
-                verdict.quantities,
-                verdict.factor,
-                f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
-                f"{against(verdict)} predicts{_named(verdict)}",
-            )
+            WrongUnit(verdict.stream, verdict.quantities, verdict.factor,
+                      f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
+                      f"{against(verdict)} predicts{_named(verdict)}")
         )
     return found
 

@@ -58,9 +58,8 @@ def read_bag(data: bytes, place: str, wanted: Callable[[str, str], bool]) -> Bag
             REPAIRS[suffix or ""](data, path, mended)
             bag = _read(mended, wanted, tolerant=True)
         except Exception as error:
-            raise InputError(
-                place, f"cannot be read as a ROS bag ({first}; {_line(error, folder)})", "take another copy of the file"
-            ) from None
+            raise InputError(place, f"cannot be read as a ROS bag ({first}; {_line(error, folder)})",
+                             "take another copy of the file") from None
         if not any(bag.messages.values()) and not bag.types:
             raise InputError(place, f"cannot be read as a ROS bag ({first})", "take another copy of the file")
         bag.broken = f"the bag is not whole ({first}); read up to the break"

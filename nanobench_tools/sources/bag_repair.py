@@ -54,10 +54,8 @@ def _sqlite(data: bytes, path: Path, mended: Path) -> None:
         old.execute("PRAGMA writable_schema=ON")  # else a file shorter than its header says is refused
         new.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
         new.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
-        for table, columns in (
-            ("topics", "id, name, type, serialization_format"),
-            ("messages", "id, topic_id, timestamp, data"),
-        ):
+        for table, columns in (("topics", "id, name, type, serialization_format"),
+                               ("messages", "id, topic_id, timestamp, data")):
             with contextlib.suppress(sqlite3.DatabaseError):
                 for row in old.execute(f"SELECT {columns} FROM {table} NOT INDEXED ORDER BY id"):
                     new.execute(f"INSERT INTO {table}({columns}) VALUES(?, ?, ?, ?)", row)
@@ -74,12 +72,10 @@ def _ros1(data: bytes, path: Path, mended: Path) -> None:
             number = _U32(header["conn"], 0)[0]
             if header["op"][0] == ROS1_CONNECTION and number not in connections:
                 about = dict(_ros1_fields(body))
-                connections[number] = writer.add_connection(
-                    header["topic"].decode(),
-                    about["type"].decode().replace("/", "/msg/"),
-                    msgdef=about["message_definition"].decode(),
-                    md5sum=about["md5sum"].decode(),
-                )
+                connections[number] = writer.add_connection(header["topic"].decode(),
+                                                            about["type"].decode().replace("/", "/msg/"),
+                                                            msgdef=about["message_definition"].decode(),
+                                                            md5sum=about["md5sum"].decode())
             elif header["op"][0] == ROS1_MESSAGE and number in connections:
                 seconds, nanoseconds = struct.unpack("<II", header["time"])
                 writer.write(connections[number], seconds * 10**9 + nanoseconds, body)

@@ -92,16 +92,8 @@ def cell_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray, streams: Mappi
             what = grid.bad[first].what.get(row, "no number")
             more = f"; {count} cells in {len(rows)} rows" if count > 1 else ""
             faults.append(
-                Fault(
-                    "bad_cell",
-                    stream,
-                    tuple(hit),
-                    float(edges[rows[0]]),
-                    float(edges[rows[-1] + 1]),
-                    float(count),
-                    "cells",
-                    f"column {first}, row {row + 1} (line {int(grid.lines[row])}): {what}{more}",
-                )
+                Fault("bad_cell", stream, tuple(hit), float(edges[rows[0]]), float(edges[rows[-1] + 1]), float(count),
+                      "cells", f"column {first}, row {row + 1} (line {int(grid.lines[row])}): {what}{more}")
             )
     return faults + _lost_faults(grid, time_s, kept)
 
@@ -119,43 +111,20 @@ def _lost_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> list[Fault
         end = float(time_s[min(after + 1, n - 1)]) if n else 0.0
         more = f" (and {len(reasons) - 1} more rows)" if len(reasons) > 1 else ""
         faults.append(
-            Fault(
-                "bad_cell",
-                "",
-                (),
-                min(start, end),
-                max(start, end),
-                float(len(reasons)),
-                "rows",
-                f"row left out, {reasons[0]}{more}",
-            )
+            Fault("bad_cell", "", (), min(start, end), max(start, end), float(len(reasons)), "rows",
+                  f"row left out, {reasons[0]}{more}")
         )
     if len(faults) > MAX_FINDINGS:
         rest = faults[MAX_FINDINGS - 1 :]
         faults[MAX_FINDINGS - 1 :] = [
-            Fault(
-                "bad_cell",
-                "",
-                (),
-                rest[0].start_s,
-                rest[-1].end_s,
-                sum(f.size for f in rest),
-                "rows",
-                f"{len(rest)} further stretches of rows left out, first {rest[0].evidence}",
-            )
+            Fault("bad_cell", "", (), rest[0].start_s, rest[-1].end_s, sum(f.size for f in rest), "rows",
+                  f"{len(rest)} further stretches of rows left out, first {rest[0].evidence}")
         ]
     return faults
 
 
-def text_fault(
-    kind: str,
-    stream: str,
-    columns: tuple[str, ...],
-    evidence: str,
-    span: tuple[float, float],
-    size: float = float("nan"),
-    unit: str = "1",
-) -> Fault:
+def text_fault(kind: str, stream: str, columns: tuple[str, ...], evidence: str, span: tuple[float, float],
+               size: float = float("nan"), unit: str = "1") -> Fault:
     """A finding about the file as a whole or about one column."""
     return Fault(kind, stream, columns, span[0], span[1], size, unit, evidence)
 

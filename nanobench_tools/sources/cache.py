@@ -82,15 +82,8 @@ def store(entry: Path, flight: Flight) -> None:
     temporary = entry.with_name(f".{entry.name}.{os.getpid()}.{id(flight)}")
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(
-            table,
-            temporary,
-            compression="none",
-            use_dictionary=False,
-            write_statistics=False,
-            write_page_checksum=True,
-            row_group_size=max(rows, 1),
-        )
+        pq.write_table(table, temporary, compression="none", use_dictionary=False, write_statistics=False,
+                       write_page_checksum=True, row_group_size=max(rows, 1))
         os.replace(temporary, entry)
     except OSError:
         with contextlib.suppress(OSError):
@@ -114,17 +107,8 @@ def fetch(entry: Path, path: str, sha256: str) -> Flight | None:
             for i, column in enumerate(values[s["first"] : s["first"] + len(s["columns"])]):
                 block[:, i] = column[: s["rows"]]
             valid = s["valid"] if s["valid"] is None else tuple(Span(*v) for v in s["valid"])
-            streams[name] = Stream(
-                times[s["clock"]],
-                block,
-                tuple(s["columns"]),
-                tuple(s["quantities"]),
-                tuple(s["unit"]),
-                s["frame"],
-                s["rate_hz"],
-                s["samples"],
-                valid,
-            )
+            streams[name] = Stream(times[s["clock"]], block, tuple(s["columns"]), tuple(s["quantities"]),
+                                   tuple(s["unit"]), s["frame"], s["rate_hz"], s["samples"], valid)
         findings = tuple(Fault(f[0], f[1], tuple(f[2]), *f[3:]) for f in head["findings"])
         provenance = Provenance(path, sha256, head["source"], head["synthetic"], findings, tuple(head["notes"]))
         return Flight(head["name"], streams, head["metadata"], provenance, head["epoch_s"])

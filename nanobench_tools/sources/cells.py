@@ -93,9 +93,8 @@ class TextRows:
     truncated: str
 
 
-def read_text_columns(
-    data: bytes, place: str, wanted: Collection[str]
-) -> tuple[dict[str, list[str]], TextRows, Dialect]:
+def read_text_columns(data: bytes, place: str,
+                      wanted: Collection[str]) -> tuple[dict[str, list[str]], TextRows, Dialect]:
     """The cells of some columns as text (for cells that hold lists). Raises InputError as ``read_grid`` does."""
     body, columns, _, dialect = open_table(data, place)
     text = _split_rows(body, columns, dialect, place)
@@ -114,13 +113,9 @@ def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], 
             pa.BufferReader(body),
             read_options=pacsv.ReadOptions(column_names=columns, use_threads=False, block_size=len(body) + 1),
             parse_options=pacsv.ParseOptions(delimiter=dialect.delimiter, quote_char=False),
-            convert_options=pacsv.ConvertOptions(
-                column_types={c: pa.float64() for c in columns if c in numeric},
-                decimal_point=dialect.decimal,
-                null_values=list(EMPTY_CELLS),
-                auto_dict_encode=False,
-                timestamp_parsers=[],
-            ),
+            convert_options=pacsv.ConvertOptions(column_types={c: pa.float64() for c in columns if c in numeric},
+                                                 decimal_point=dialect.decimal, null_values=list(EMPTY_CELLS),
+                                                 auto_dict_encode=False, timestamp_parsers=[]),
         )
     except pa.ArrowInvalid:
         return None
@@ -137,13 +132,8 @@ def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], 
             continue
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
             return None  # text somewhere in a column: the exact path tells a bad cell from a column of text
-        _note_unreadable(
-            grid,
-            name,
-            column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False),
-            column,
-            np.inf if name == time else GIGANTIC,
-        )
+        _note_unreadable(grid, name, column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), column,
+                         np.inf if name == time else GIGANTIC)
     grid.decimals = decimals_of(body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
     return grid
 

@@ -198,7 +198,6 @@ def _check_once(reader: _Reader, entries: list[Entry]) -> None:
     seen: set[tuple[str, str]] = set()
     for entry in entries:
         if (entry.stream, entry.quantity) in seen:
-            raise reader.fail(
-                f"streams.{entry.stream}.{entry.quantity}", "given twice (motor in rpm is stream rpm)", "keep one"
-            )
+            raise reader.fail(f"streams.{entry.stream}.{entry.quantity}", "given twice (motor in rpm is stream rpm)",
+                              "keep one")
         seen.add((entry.stream, entry.quantity))

@@ -164,9 +164,8 @@ def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
     fits = _Fits(time_s, centred)
     best: list[tuple[float, float, str]] = []
     for curve in CURVES:
-        total = sum(
-            fits.residual(axis, h, curve.climbs and axis == 2) for axis, h in enumerate((curve.x, curve.y, curve.z))
-        )
+        total = sum(fits.residual(axis, h, curve.climbs and axis == 2) for axis,
+                    h in enumerate((curve.x, curve.y, curve.z)))
         total = np.where(FREQUENCIES_RAD_S * np.ptp(time_s) < 2.0 * np.pi * curve.turns, np.inf, total)
         at = int(np.argmin(total))
         if not np.isfinite(total[at]):
@@ -178,11 +177,8 @@ def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
             continue
         share = float(np.sqrt(max(total[at], 0.0) / len(time_s))) / spread
         best.append(
-            (
-                share,
-                curve.residual,
-                _ellipse(time_s, centred, amplitudes) if curve.family == "ellipse" else curve.family,
-            )
+            (share, curve.residual,
+             _ellipse(time_s, centred, amplitudes) if curve.family == "ellipse" else curve.family)
         )
     best.sort()
     if not best or best[0][0] > best[0][1] or (len(best) > 1 and best[1][0] < CLEARLY * best[0][0]):
@@ -212,11 +208,8 @@ class _Fits:
         """Coefficients (frequencies, p), constant first, and sums of squares left (frequencies,)."""
         key = (axis, harmonics, slope)
         if key not in self.solved:
-            columns = [
-                np.ones_like(self.line),
-                *(w for k in harmonics for w in self.waves[k]),
-                *([self.line] if slope else []),
-            ]
+            columns = [np.ones_like(self.line), *(w for k in harmonics for w in self.waves[k]),
+                       *([self.line] if slope else [])]
             basis = np.stack(columns, axis=-1)
             signal = self.position[:, axis]
             gram = np.swapaxes(basis, 1, 2) @ basis + 1e-9 * len(signal) * np.eye(len(columns))

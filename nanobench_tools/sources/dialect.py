@@ -128,11 +128,8 @@ def open_table(data: bytes, place: str) -> tuple[bytes, list[str], list[str], Di
     data = normalise_text(data).lstrip(b"\n")
     names, dialect = header_of(data[: 1 << 16])
     if len(names) < 2:
-        raise InputError(
-            place,
-            "no header line with column names" if data.strip() else "the file is empty",
-            "give a table with a header",
-        )
+        raise InputError(place, "no header line with column names" if data.strip() else "the file is empty",
+                         "give a table with a header")
     first_end = data.find(b"\n")
     body = data[first_end + 1 :] if first_end >= 0 else b""
     if not body.strip():

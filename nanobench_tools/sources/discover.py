@@ -90,12 +90,8 @@ def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Pa
         if not place.exists():
             raise InputError(str(place), "there is no such file or folder", "check the path")
         if place.is_dir():
-            found = [
-                Path(folder) / name
-                for folder, folders, names in _walk(place, refuse)
-                for name in names
-                if not name.startswith(".")
-            ]
+            found = [Path(folder) / name for folder, folders,
+                     names in _walk(place, refuse) for name in names if not name.startswith(".")]
         else:
             found = [place]
         for path in sorted(found, key=lambda p: p.parts):
@@ -111,9 +107,8 @@ def _walk(place: Path, refuse: Callable[[OSError], None]) -> Iterator[tuple[str,
         yield folder, folders, names
 
 
-def find_recordings(
-    paths: Sequence[Path | str], columns: Path | None = None
-) -> tuple[list[Recording], list[dict[str, str]]]:
+def find_recordings(paths: Sequence[Path | str],
+                    columns: Path | None = None) -> tuple[list[Recording], list[dict[str, str]]]:
     """Which files below ``paths`` are recordings, of what source, with which sheets. Sorted by path.
 
     Raises InputError for a place that does not exist or holds nothing at all. A file that nobody recognises and that
@@ -142,9 +137,8 @@ def find_recordings(
     _name_bad_sheets(failed, [path for path, _, _ in found])
     sheets += _sheets_beside(places, {path for path, _, _ in found}, sheets)
     if not found and not failed:
-        raise InputError(
-            ", ".join(map(str, places)) or "no path", "no recording in it", "give a folder with recordings"
-        )
+        raise InputError(", ".join(map(str, places)) or "no path", "no recording in it",
+                         "give a folder with recordings")
     names = _labels([path for path, _, _ in found])
     return [
         Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
@@ -268,13 +262,8 @@ def _attempt(recording: Recording, cache: bool) -> Flight | dict[str, str]:
         }
 
 
-def load_recordings(
-    paths: Sequence[Path | str],
-    columns: Path | None = None,
-    cache: bool = True,
-    progress: Progress | None = None,
-    jobs: int = 1,
-) -> Loaded:
+def load_recordings(paths: Sequence[Path | str], columns: Path | None = None, cache: bool = True,
+                    progress: Progress | None = None, jobs: int = 1) -> Loaded:
     """Read every recording below ``paths``; the result does not depend on ``jobs`` or on the file system.
 
     ``columns`` is a column map for the user's own tables. ``progress(done, all, path)`` is called after each file.

@@ -43,9 +43,8 @@ def _moved(values: np.ndarray) -> np.ndarray:
     return moved
 
 
-def carries_no_packet(
-    time_s: np.ndarray, values: np.ndarray, resolution: np.ndarray | float | None = None
-) -> np.ndarray:
+def carries_no_packet(time_s: np.ndarray, values: np.ndarray,
+                      resolution: np.ndarray | float | None = None) -> np.ndarray:
     """(n,) bool: row i is on the chord of its neighbours in all columns, and changes.
 
     time_s (n,) s, values (n, k) any unit; ``resolution`` (k,) is the value of the last printed digit in the same

@@ -20,16 +20,7 @@ from .describe import describe
 from .dialect import header_of, normalise_text, split_line
 from .interpolation import Packets, count_packets
 from .names import listed
-from .nanobench_columns import (
-    COLUMN_NAMES,
-    MARKS,
-    PLAIN_POSE,
-    POSITION,
-    ROW_COUNT_KEYS,
-    STREAMS,
-    scales_of,
-    units_of,
-)
+from .nanobench_columns import COLUMN_NAMES, MARKS, PLAIN_POSE, POSITION, ROW_COUNT_KEYS, STREAMS, scales_of, units_of
 from .nanobench_writer import write_nanobench
 from .sheets import Sheet, normalised
 from .timestamps import not_seconds
@@ -73,13 +64,9 @@ class NanoBench:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
         if not streams:
             raise InputError(str(path), "none of the 52 columns holds a number", "is this a NanoBench recording?")
-        flight = Flight(
-            path.name,
-            streams,
-            {"rows_in_file": grid.rows_in_file},
-            Provenance(str(path), "", self.name, findings=tuple(faults), notes=tuple(grid.notes)),
-            epoch_s=float(time_unix[0]),
-        )
+        flight = Flight(path.name, streams, {"rows_in_file": grid.rows_in_file},
+                        Provenance(str(path), "", self.name, findings=tuple(faults), notes=tuple(grid.notes)),
+                        epoch_s=float(time_unix[0]))
         flight = replace(flight, metadata={**flight.metadata, **describe(flight)})
         return with_sheet(flight, sheet, own=True) if sheet else flight
 
@@ -143,15 +130,8 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
             empty = [c for c in missing if c in grid.empty]
             how = "without any value" if len(empty) == len(missing) else "not in the file"
             faults.append(
-                text_fault(
-                    "missing_column",
-                    name,
-                    missing,
-                    f"{', '.join(missing)}: {how}",
-                    span,
-                    float(len(missing)),
-                    "columns",
-                )
+                text_fault("missing_column", name, missing, f"{', '.join(missing)}: {how}", span, float(len(missing)),
+                           "columns")
             )
         if not here:
             continue
@@ -161,16 +141,9 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
             raw = raw[kept]
         resolution = np.array([10.0 ** -grid.decimals.get(c.name, 9) for c in here])
         packets = Packets(len(raw), span[1]) if name == "mocap" else count_packets(time_s, raw, resolution)
-        streams[name] = Stream(
-            time_s,
-            raw * scales,
-            tuple(c.name for c in here),
-            tuple(c.quantity for c in here),
-            units_of(here),
-            frame=FRAMES.get(name, "world"),
-            samples=packets.count,
-            rate_hz=packets.count / packets.last_s if packets.last_s > 0.0 else float("nan"),
-        )
+        streams[name] = Stream(time_s, raw * scales, tuple(c.name for c in here), tuple(c.quantity for c in here),
+                               units_of(here), frame=FRAMES.get(name, "world"), samples=packets.count,
+                               rate_hz=packets.count / packets.last_s if packets.last_s > 0.0 else float("nan"))
     extra = [c for c in grid.columns if c not in KNOWN]
     if extra:
         values = np.stack([grid.columns[c] for c in extra], axis=1)[kept]
@@ -180,27 +153,14 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
             "kept in stream extra" if column in extra else "text, left out" if column in grid.text else "no value in it"
         )
         faults.append(
-            text_fault(
-                "extra_column",
-                "extra",
-                (column,),
-                f"column {column} is not of this format; {what}",
-                span,
-                1.0,
-                "columns",
-            )
+            text_fault("extra_column", "extra", (column,), f"column {column} is not of this format; {what}", span, 1.0,
+                       "columns")
         )
     for column in grid.repeated:
         faults.append(
-            text_fault(
-                "extra_column",
-                next((s for s, cs in STREAMS.items() if column in [c.name for c in cs]), ""),
-                (column,),
-                f"column {column} stands there more than once; the first was read",
-                span,
-                1.0,
-                "columns",
-            )
+            text_fault("extra_column", next((s for s, cs in STREAMS.items() if column in [c.name for c in cs]), ""),
+                       (column,), f"column {column} stands there more than once; the first was read", span, 1.0,
+                       "columns")
         )
     return streams, faults
 

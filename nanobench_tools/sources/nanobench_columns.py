@@ -30,39 +30,25 @@ class Column:
 
 def _columns() -> tuple[Column, ...]:
     c = Column
-    mocap = [
-        *(c(n, "mocap", n, "m") for n in ("px", "py", "pz")),
-        *(c(n, "mocap", n, "1") for n in ("qx", "qy", "qz", "qw")),
-        *(c(n, "mocap", n, "rad") for n in ("roll", "pitch", "yaw")),
-        *(c(n, "mocap", n, "m/s") for n in ("vx", "vy", "vz")),
-        *(c(f"{n}_vicon", "mocap", n, "rad/s") for n in ("wx", "wy", "wz")),
-    ]
-    imu = [
-        *(c(f"imu_acc_{a}", "imu", f"acc_{a}", "g") for a in "xyz"),
-        *(c(f"imu_gyro_{a}", "imu", f"gyro_{a}", "rad/s") for a in "xyz"),
-    ]
+    mocap = [*(c(n, "mocap", n, "m") for n in ("px", "py", "pz")),
+             *(c(n, "mocap", n, "1") for n in ("qx", "qy", "qz", "qw")),
+             *(c(n, "mocap", n, "rad") for n in ("roll", "pitch", "yaw")),
+             *(c(n, "mocap", n, "m/s") for n in ("vx", "vy", "vz")),
+             *(c(f"{n}_vicon", "mocap", n, "rad/s") for n in ("wx", "wy", "wz"))]
+    imu = [*(c(f"imu_acc_{a}", "imu", f"acc_{a}", "g") for a in "xyz"),
+           *(c(f"imu_gyro_{a}", "imu", f"gyro_{a}", "rad/s") for a in "xyz")]
     motor = [c(f"motor_motor_m{i}", "motor", f"m{i}", "pwm16") for i in (1, 2, 3, 4)]
-    estimator = [
-        *(c(f"est_stateEstimate_{a}", "estimator", a, "m") for a in "xyz"),
-        *(c(f"est_stateEstimate_v{a}", "estimator", f"v{a}", "m/s") for a in "xyz"),
-        *(c(f"est_stateEstimate_a{a}", "estimator_acc", f"a{a}", "g") for a in "xyz"),
-    ]
-    attitude = [
-        c("att_stateEstimate_roll", "attitude", "roll", "deg"),
-        c("att_stateEstimate_pitch", "attitude", "pitch", "deg", -1.0),
-        c("att_stateEstimate_yaw", "attitude", "yaw", "deg"),
-        *(c(f"att_stateEstimate_{q}", "attitude_qw", q, "1") for q in ("qx", "qy", "qz", "qw")),
-    ]
-    setpoint = [
-        *(c(f"sp_ctrltarget_{a}", "setpoint", a, "m") for a in "xyz"),
-        c("sp_ctrltarget_yaw", "setpoint", "yaw", "deg"),
-    ]
-    pid = [
-        c("pid_controller_roll", "pid", "roll", "deg"),
-        c("pid_controller_pitch", "pid", "pitch", "deg", -1.0),
-        c("pid_controller_yaw", "pid", "yaw", "deg"),
-        c("pid_controller_cmd_thrust", "pid", "cmd_thrust", "pwm16"),
-    ]
+    estimator = [*(c(f"est_stateEstimate_{a}", "estimator", a, "m") for a in "xyz"),
+                 *(c(f"est_stateEstimate_v{a}", "estimator", f"v{a}", "m/s") for a in "xyz"),
+                 *(c(f"est_stateEstimate_a{a}", "estimator_acc", f"a{a}", "g") for a in "xyz")]
+    attitude = [c("att_stateEstimate_roll", "attitude", "roll", "deg"),
+                c("att_stateEstimate_pitch", "attitude", "pitch", "deg", -1.0),
+                c("att_stateEstimate_yaw", "attitude", "yaw", "deg"),
+                *(c(f"att_stateEstimate_{q}", "attitude_qw", q, "1") for q in ("qx", "qy", "qz", "qw"))]
+    setpoint = [*(c(f"sp_ctrltarget_{a}", "setpoint", a, "m") for a in "xyz"),
+                c("sp_ctrltarget_yaw", "setpoint", "yaw", "deg")]
+    pid = [c("pid_controller_roll", "pid", "roll", "deg"), c("pid_controller_pitch", "pid", "pitch", "deg", -1.0),
+           c("pid_controller_yaw", "pid", "yaw", "deg"), c("pid_controller_cmd_thrust", "pid", "cmd_thrust", "pwm16")]
     return (*mocap, *imu, *motor, *estimator, *attitude, *setpoint, *pid, c("pwr_pm_vbat", "battery", "vbat", "V"))
 
 

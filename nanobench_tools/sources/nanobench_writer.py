@@ -39,9 +39,8 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.unlink(temporary)
             raise
     except OSError as error:
-        raise InputError(
-            str(path), f"cannot be written ({error.strerror or error})", "check folder and permissions"
-        ) from None
+        raise InputError(str(path), f"cannot be written ({error.strerror or error})",
+                         "check folder and permissions") from None
 
 
 def _umask() -> int:

@@ -31,9 +31,8 @@ def read_file(path: Path, limit: int | None = None) -> bytes:
         with open(path, "rb") as file:
             return file.read() if limit is None else file.read(limit)
     except OSError as error:
-        raise InputError(
-            str(path), f"cannot be read ({error.strerror or error})", "check the path and its permissions"
-        ) from None
+        raise InputError(str(path), f"cannot be read ({error.strerror or error})",
+                         "check the path and its permissions") from None
 
 
 def digest(stored: bytes) -> str:

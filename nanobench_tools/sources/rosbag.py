@@ -116,11 +116,8 @@ def _meant(bag: Bag) -> list[_Plan]:
         for stream in MEANT[bag.types[topic]] if messages else ():
             best.setdefault(stream, topic)
     return [
-        _Plan(
-            stream,
-            topic,
-            tuple(Entry(stream, q, f"{topic}.{p}", None, 1.0) for q, p in MEANT[bag.types[topic]][stream].items()),
-        )
+        _Plan(stream, topic,
+              tuple(Entry(stream, q, f"{topic}.{p}", None, 1.0) for q, p in MEANT[bag.types[topic]][stream].items()))
         for stream, topic in best.items()
     ]
 
@@ -131,11 +128,9 @@ def _mapped(column_map: ColumnMap) -> list[_Plan]:
         entries = tuple(e for e in column_map.entries if e.stream == stream)
         topics = {e.topic for e in entries}
         if len(topics) > 1:
-            raise InputError(
-                f"{column_map.path}: streams.{stream}",
-                f"comes from {len(topics)} topics ({', '.join(sorted(map(str, topics)))})",
-                "a stream has one clock: give it one topic",
-            )
+            raise InputError(f"{column_map.path}: streams.{stream}",
+                             f"comes from {len(topics)} topics ({', '.join(sorted(map(str, topics)))})",
+                             "a stream has one clock: give it one topic")
         plans.append(_Plan(stream, entries[0].topic or entries[0].column, entries))
     return plans
 
@@ -152,15 +147,9 @@ def _stream(plan: _Plan, bag: Bag, faults: list[Fault], meant: bool) -> tuple[np
     missing = tuple(e.column if e.index is None else f"{e.column}[{e.index}]" for e in plan.entries if e not in entries)
     if missing:
         faults.append(
-            text_fault(
-                "missing_column",
-                plan.stream,
-                missing,
-                f"{', '.join(missing)}: not in the bag or without any number",
-                (0.0, 0.0),
-                float(len(missing)),
-                "columns",
-            )
+            text_fault("missing_column", plan.stream, missing,
+                       f"{', '.join(missing)}: not in the bag or without any number", (0.0, 0.0), float(len(missing)),
+                       "columns")
         )
     if not entries:
         return None

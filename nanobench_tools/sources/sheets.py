@@ -74,13 +74,11 @@ def parse_sheet(path: str, data: bytes) -> Sheet:
             ADVICE,
         ) from None
     if not isinstance(content, Mapping):
-        raise InputError(
-            path, f"bad sheet: it should hold keys and values, this holds a {type(content).__name__}", ADVICE
-        )
+        raise InputError(path, f"bad sheet: it should hold keys and values, this holds a {type(content).__name__}",
+                         ADVICE)
     content = {str(k): v for k, v in content.items()}
-    return Sheet(
-        path, content, unix_time(content.get("recording_start_utc")), unix_time(content.get("recording_end_utc"))
-    )
+    return Sheet(path, content, unix_time(content.get("recording_start_utc")),
+                 unix_time(content.get("recording_end_utc")))
 
 
 @functools.lru_cache(maxsize=1024)
@@ -136,9 +134,8 @@ def may_hold(sheet: Sheet, path: Path, first_s: float | None) -> bool:
     )
 
 
-def choose_sheet(
-    sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray, rows: int | None
-) -> tuple[Sheet | None, bool]:
+def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray,
+                 rows: int | None) -> tuple[Sheet | None, bool]:
     """The sheet of a recording with these times (n,) [Unix s], and whether it is its own or that of a longer recording.
 
     It is its own when the recording starts in the second the sheet gives (or the sheet gives none and lies beside

@@ -124,9 +124,8 @@ class ThrustStand:
             for c in grid.text
         ]
         faults += [
-            text_fault(
-                "missing_column", "", (c,), f"column {c} shows 0 in every row and was left out", span, 1.0, "columns"
-            )
+            text_fault("missing_column", "", (c,), f"column {c} shows 0 in every row and was left out", span, 1.0,
+                       "columns")
             for c in silent
         ]
         faults += [
@@ -134,30 +133,16 @@ class ThrustStand:
             for c in grid.empty
         ]
         faults += [
-            text_fault(
-                "extra_column",
-                "",
-                (c,),
-                f"column {c} stands there more than once; the first was read",
-                span,
-                1.0,
-                "columns",
-            )
+            text_fault("extra_column", "", (c,), f"column {c} stands there more than once; the first was read", span,
+                       1.0, "columns")
             for c in grid.repeated
         ]
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
-        notes = (
-            *grid.notes,
-            "rows have no time: their numbers stand in for seconds",
-            "thrust is what the load cell shows, zero offset included",
-        )
-        return Flight(
-            path.name,
-            streams,
-            {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
-            Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes),
-        )
+        notes = (*grid.notes, "rows have no time: their numbers stand in for seconds",
+                 "thrust is what the load cell shows, zero offset included")
+        return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
+                      Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
 
 
 def _like_a_stand(names: list[str]) -> bool:
@@ -179,18 +164,16 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         stream, quantity = _BASES[head.base]
         allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
         if head.unit not in allowed:
-            raise InputError(
-                f"{place}: column {head.column}", f"unit {head.unit!r}", f"known here: {', '.join(allowed)}"
-            )
+            raise InputError(f"{place}: column {head.column}", f"unit {head.unit!r}",
+                             f"known here: {', '.join(allowed)}")
         motors = (1, 2, 3, 4) if quantity == "m" and not head.motor else (head.motor,)
         for motor in motors:  # one PWM column drives all four motors
             chosen.setdefault(stream, {}).setdefault(f"m{motor}" if quantity == "m" else quantity, head)
     streams = {}
     for stream, heads in chosen.items():
         values = np.stack([grid.columns[h.column] * _FACTORS[h.unit] for h in heads.values()], axis=1)
-        streams[stream] = make_stream(
-            stream, row, values, tuple(heads), [h.column for h in heads.values()], samples=len(row)
-        )
+        streams[stream] = make_stream(stream, row, values, tuple(heads), [h.column for h in heads.values()],
+                                      samples=len(row))
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
 
 

@@ -56,11 +56,8 @@ class TableSource:
         place = str(path)
         cells = _parquet(data, place, self.map) if data.startswith(PARQUET_MAGIC) else _text(data, place, self.map)
         if _key(self.map.time) not in cells.columns:
-            raise InputError(
-                f"{place}: column {self.map.time.column}",
-                "is not there or holds no number",
-                f"{self.map.path} names it as time",
-            )
+            raise InputError(f"{place}: column {self.map.time.column}", "is not there or holds no number",
+                             f"{self.map.path} names it as time")
         absolute = cells.columns[_key(self.map.time)] * self.map.time.scale
         readable = np.isfinite(absolute)
         kept = np.flatnonzero(readable)
@@ -82,13 +79,9 @@ class TableSource:
             faults.append(text_fault("truncated", "", (), cells.truncated, (end, end), 1.0, "rows"))
         used = set(self.map.columns)
         notes = [*cells.notes, *(f"column {c} is not in the map" for c in cells.empty if c not in used)]
-        return Flight(
-            path.name,
-            streams,
-            {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(self.map.vehicle)},
-            Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)),
-            epoch_s=epoch,
-        )
+        return Flight(path.name, streams,
+                      {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(self.map.vehicle)},
+                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)), epoch_s=epoch)
 
 
 def _key(entry: Entry) -> str:
@@ -96,9 +89,8 @@ def _key(entry: Entry) -> str:
     return entry.column if entry.index is None else f"{entry.column}[{entry.index}]"
 
 
-def _streams(
-    column_map: ColumnMap, cells: Grid, time_s: np.ndarray, kept: np.ndarray
-) -> tuple[dict[str, Stream], list[Fault]]:
+def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray,
+             kept: np.ndarray) -> tuple[dict[str, Stream], list[Fault]]:
     streams: dict[str, Stream] = {}
     faults: list[Fault] = []
     span = (0.0, float(time_s[-1]))
@@ -107,15 +99,9 @@ def _streams(
         here = [e for e in wanted if _key(e) in cells.columns]
         if missing := tuple(_key(e) for e in wanted if e not in here):
             faults.append(
-                text_fault(
-                    "missing_column",
-                    name,
-                    missing,
-                    f"{', '.join(missing)}: not in the file or without any value",
-                    span,
-                    float(len(missing)),
-                    "columns",
-                )
+                text_fault("missing_column", name, missing,
+                           f"{', '.join(missing)}: not in the file or without any value", span, float(len(missing)),
+                           "columns")
             )
         if not here:
             continue
@@ -130,15 +116,8 @@ def _streams(
         packets, changes = count_packets(stamps, values), count_changes(values)
         count = min(packets.count, changes if changes is not None else len(values))
         duration = packets.last_s - float(stamps[0])
-        made = make_stream(
-            name,
-            stamps,
-            values,
-            tuple(e.quantity for e in here),
-            [_key(e) for e in here],
-            samples=count,
-            rate_hz=count / duration if duration > 0.0 else float("nan"),
-        )
+        made = make_stream(name, stamps, values, tuple(e.quantity for e in here), [_key(e) for e in here],
+                           samples=count, rate_hz=count / duration if duration > 0.0 else float("nan"))
         streams[name] = in_units(made, here)
     return streams, faults
 
@@ -190,9 +169,8 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
             names = set(file.schema_arrow.names)
             table = file.read(columns=[c for c in column_map.columns if c in names])
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise InputError(
-            place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})", "take another copy"
-        ) from None
+        raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})",
+                         "take another copy") from None
     if not table.num_rows:
         raise InputError(place, "a table without rows", "the recording is empty")
     grid = Grid({}, np.arange(1, table.num_rows + 1), table.num_rows)

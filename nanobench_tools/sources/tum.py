@@ -58,34 +58,15 @@ class TumTrajectory:
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (float(time_s[-1]),) * 2, 1.0, "rows"))
         faults += [
-            text_fault(
-                "extra_column",
-                "mocap",
-                (name,),
-                f"column {name} is no part of a trajectory, and was left out",
-                (0.0, float(time_s[-1])),
-                1.0,
-                "columns",
-            )
+            text_fault("extra_column", "mocap", (name,), f"column {name} is no part of a trajectory, and was left out",
+                       (0.0, float(time_s[-1])), 1.0, "columns")
             for name in left
         ]
         duration = float(time_s[-1])
-        mocap = make_stream(
-            "mocap",
-            time_s,
-            values,
-            POSE,
-            COLUMNS[1:],
-            samples=len(time_s),
-            rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"),
-        )
-        return Flight(
-            path.name,
-            {"mocap": mocap},
-            {"family": None, "speed": None, "reference_speed_m_s": None},
-            Provenance(str(path), "", self.name, findings=tuple(faults)),
-            epoch_s=float(absolute[0]),
-        )
+        mocap = make_stream("mocap", time_s, values, POSE, COLUMNS[1:], samples=len(time_s),
+                            rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"))
+        return Flight(path.name, {"mocap": mocap}, {"family": None, "speed": None, "reference_speed_m_s": None},
+                      Provenance(str(path), "", self.name, findings=tuple(faults)), epoch_s=float(absolute[0]))
 
 
 def _first_lines(head: bytes) -> list[str]:

@@ -90,9 +90,8 @@ def _parse(data: bytes, place: str) -> Any:
         with _printing, contextlib.redirect_stdout(io.StringIO()):  # it prints what the findings say
             return ULog(io.BytesIO(data), [*sorted(wanted), *ulog_motors.TOPICS, *CLOCK_TOPICS])
     except Exception as error:  # whatever damage makes of a parser
-        raise InputError(
-            place, f"cannot be read as ULog ({type(error).__name__}: {error})", "take another copy of the file"
-        ) from None
+        raise InputError(place, f"cannot be read as ULog ({type(error).__name__}: {error})",
+                         "take another copy of the file") from None
 
 
 def _topics(log: Any) -> dict[str, list[Topic]]:

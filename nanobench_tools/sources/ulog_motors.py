@@ -95,9 +95,8 @@ def _order(count: int, parameters: Mapping[str, float], notes: list[str]) -> tup
     return tuple(corners[c] for c in ((True, True), (False, True), (False, False), (True, False)))
 
 
-def _commands(
-    topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float], notes: list[str]
-) -> tuple[Topic, list[str], np.ndarray] | None:
+def _commands(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float],
+              notes: list[str]) -> tuple[Topic, list[str], np.ndarray] | None:
     """(topic, fields, (n, k) in 0..1) of the motors."""
     for topic in topics.get("actuator_motors", ()):
         fields = _rotors(topic, "control", parameters)

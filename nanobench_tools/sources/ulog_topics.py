@@ -136,10 +136,8 @@ def attitude_qw(topic: Topic) -> Stream | None:
 def estimator(topic: Topic) -> Stream | None:
     """Position and velocity of vehicle_local_position; NaN where PX4 marks them as not valid."""
     parts = []
-    for words, fields, flags in (
-        ("x y z", ("x", "y", "z"), ("xy_valid", "z_valid")),
-        ("vx vy vz", ("vx", "vy", "vz"), ("v_xy_valid", "v_z_valid")),
-    ):
+    for words, fields, flags in (("x y z", ("x", "y", "z"), ("xy_valid", "z_valid")),
+                                 ("vx vy vz", ("vx", "vy", "vz"), ("v_xy_valid", "v_z_valid"))):
         values, valid = _world(topic, *fields), topic.array(*flags)
         if values is not None and valid is not None:
             values = np.where(valid[:, [0, 0, 1]] > 0, values, np.nan)
@@ -160,10 +158,7 @@ def mocap(topic: Topic) -> Stream | None:
     return stream_of(
         "mocap",
         topic,
-        [
-            ("px py pz", _swapped(position), _world(topic, *position)),
-            ("qx qy qz qw", TURNED, _turn(topic, QUATERNION)),
-        ],
+        [("px py pz", _swapped(position), _world(topic, *position)), ("qx qy qz qw", TURNED, _turn(topic, QUATERNION))],
     )
 
 

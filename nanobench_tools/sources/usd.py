@@ -71,9 +71,8 @@ class UsdLog:
         unit = TIMES[log.version][1]
         filled = {i: r for i, r in log.records.items() if len(r)}
         if not filled:
-            raise InputError(
-                str(path), "a uSD log without any record", "logging was never started, or the card lost it"
-            )
+            raise InputError(str(path), "a uSD log without any record",
+                             "logging was never started, or the card lost it")
         start = min(int(r["time"][0]) for r in filled.values())
         streams = _streams(log, filled, start, unit)
         if not streams:
@@ -91,13 +90,8 @@ class UsdLog:
                 "usd_version": log.version,
                 "records": {log.types[i].name: len(r) for i, r in log.records.items()},
             },
-            Provenance(
-                str(path),
-                "",
-                self.name,
-                findings=(*_faults(log.fault, end), *not_numbers(streams)),
-                notes=tuple(notes),
-            ),
+            Provenance(str(path), "", self.name, findings=(*_faults(log.fault, end), *not_numbers(streams)),
+                       notes=tuple(notes)),
             epoch_s=start * unit,
         )
 
@@ -126,9 +120,8 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
     def number() -> int:
         nonlocal at
         if at + 2 > len(data):
-            raise InputError(
-                f"{place}: byte {at}", "the header of the uSD log ends early", "take another copy of the file"
-            )
+            raise InputError(f"{place}: byte {at}", "the header of the uSD log ends early",
+                             "take another copy of the file")
         at += 2
         return struct.unpack_from("<H", data, at - 2)[0]
 
@@ -136,9 +129,8 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
         nonlocal at
         end = data.find(b"\x00", at, at + 256)
         if end < 0:
-            raise InputError(
-                f"{place}: byte {at}", "a name in the header of the uSD log has no end", "take another copy of the file"
-            )
+            raise InputError(f"{place}: byte {at}", "a name in the header of the uSD log has no end",
+                             "take another copy of the file")
         start, at = at, end + 1
         return data[start:end].decode("latin-1")
 
@@ -155,9 +147,8 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
             variable = text()
             if len(variable) < 4 or variable[-3] != "(" or variable[-1] != ")" or variable[-2] not in DTYPES:
                 shown = "".join(c if c.isprintable() else "?" for c in variable[:40])
-                raise InputError(
-                    f"{place}: byte {where}", f"variable '{shown}' of unknown type", "the header is damaged"
-                )
+                raise InputError(f"{place}: byte {where}", f"variable '{shown}' of unknown type",
+                                 "the header is damaged")
             names.append(variable[:-3])
             fields.append((f"v{len(names)}", DTYPES[variable[-2]]))
         if key in types:
@@ -166,9 +157,8 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
     return version, types, at
 
 
-def _walk(
-    data: bytes, at: int, end: int, types: dict[int, EventType], time: tuple[str, float], trusted: bool
-) -> tuple[dict[int, list[int]], int]:
+def _walk(data: bytes, at: int, end: int, types: dict[int, EventType], time: tuple[str, float],
+          trusted: bool) -> tuple[dict[int, list[int]], int]:
     """Byte offsets of whole records per event type, and where the walk stopped."""
     sizes = {i: t.dtype.itemsize for i, t in types.items()}
     offsets: dict[int, list[int]] = {i: [] for i in types}
@@ -234,30 +224,16 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             values = values * [v.scale for v in quantities.values()] + [v.offset for v in quantities.values()]
             used.update(v.name for v in quantities.values())
             count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
-            made = make_stream(
-                stream,
-                time_s,
-                values,
-                tuple(quantities),
-                [v.name for v in quantities.values()],
-                samples=count,
-                rate_hz=_rate(count, time_s),
-            )
+            made = make_stream(stream, time_s, values, tuple(quantities), [v.name for v in quantities.values()],
+                               samples=count, rate_hz=_rate(count, time_s))
             forces = ["N" if v.unit == "N" else known for v, known in zip(quantities.values(), made.unit, strict=True)]
             streams[stream] = replace(made, unit=tuple(forces))
         rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
         if rest:
             values = _numbers(records, [fields[v] for v in rest])
             name = "extra" if kind.name == FIXED_FREQUENCY else f"extra_{kind.name}"
-            streams[name] = Stream(
-                time_s,
-                values,
-                tuple(rest),
-                tuple(rest),
-                ("1",) * len(rest),
-                rate_hz=_rate(len(values), time_s),
-                samples=len(values),
-            )
+            streams[name] = Stream(time_s, values, tuple(rest), tuple(rest), ("1",) * len(rest),
+                                   rate_hz=_rate(len(values), time_s), samples=len(values))
     return dict(sorted(streams.items()))
 
 

@@ -40,11 +40,8 @@ def _table() -> dict[str, dict[str, tuple[Variable, ...]]]:
             **{f"acc_{a}": (v(f"acc.{a}", "g"),) for a in "xyz"},
             # compressed rates: the pitch rate keeps the legacy sign there, gyro.y does not
             **{
-                f"gyro_{a}": (
-                    v(f"gyro.{a}", "deg/s"),
-                    v(f"stateEstimateZ.rate{n}", "mrad/s", s),
-                    v(f"ctrlLee.omega{a}", "rad/s"),
-                )
+                f"gyro_{a}": (v(f"gyro.{a}", "deg/s"), v(f"stateEstimateZ.rate{n}", "mrad/s", s),
+                              v(f"ctrlLee.omega{a}", "rad/s"))
                 for a, n, s in (("x", "Roll", 1.0), ("y", "Pitch", -1.0), ("z", "Yaw", 1.0))
             },
         },
@@ -57,10 +54,8 @@ def _table() -> dict[str, dict[str, tuple[Variable, ...]]]:
         },
         # the compressed acceleration still has gravity in z
         "estimator_acc": {
-            f"a{a}": (
-                v(f"stateEstimate.a{a}", "g"),
-                v(f"stateEstimateZ.a{a}", "mm/s^2", offset=-GRAVITY_M_S2 if a == "z" else 0.0),
-            )
+            f"a{a}": (v(f"stateEstimate.a{a}", "g"),
+                      v(f"stateEstimateZ.a{a}", "mm/s^2", offset=-GRAVITY_M_S2 if a == "z" else 0.0))
             for a in "xyz"
         },
         "attitude": {

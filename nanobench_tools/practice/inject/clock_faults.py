@@ -80,14 +80,7 @@ def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *
 
 DUPLICATE_TIME = Injection(duplicate_time, (1, 3, 20), "rows")
 BACKWARD_TIME = Injection(backward_time, (0.005, 0.05, 1.0), "s")
-CLOCK_OFFSET = Injection(
-    clock_offset,
-    (-0.1, -0.03, 0.01, 0.05, 0.1),
-    "s",
-    blind=(
-        Blind(0.05, {}, True, place=5),
-        Blind(0.1, {}, True, place=6),
-    ),
-)
+CLOCK_OFFSET = Injection(clock_offset, (-0.1, -0.03, 0.01, 0.05, 0.1), "s",
+                         blind=(Blind(0.05, {}, True, place=5), Blind(0.1, {}, True, place=6)))
 CLOCK_DRIFT = Injection(clock_drift, (-0.003, 0.001, 0.005), "s/s", blind=(Blind(0.005, {}, True, place=13),))
 CLOCK_WANDER = Injection(clock_wander, (0.01, 0.03, 0.06), "s")

@@ -203,20 +203,14 @@ GAP = Injection(
 UNIT = Injection(
     unit,
     cases=tuple({"case": i} for i in range(len(WRONG_UNITS))),
-    blind=(
-        Blind(None, {"case": 0}, True, place=0),
-        Blind(None, {"case": 3}, True, place=1),
-        Blind(None, {"case": 5}, True, place=2),
-        Blind(None, {"case": 10}, True, place=15),
-    ),
+    blind=(Blind(None, {"case": 0}, True, place=0), Blind(None, {"case": 3}, True, place=1),
+           Blind(None, {"case": 5}, True, place=2), Blind(None, {"case": 10}, True, place=15)),
 )
 SIGN = Injection(
     sign,
     cases=tuple({"stream": s, "column": c} for s, cs in SIGNED.items() for c in cs),
-    blind=(
-        Blind(None, {"stream": "imu", "column": "gyro_x"}, True, place=3),
-        Blind(None, {"stream": "imu", "column": "acc_y"}, True, place=4),
-    ),
+    blind=(Blind(None, {"stream": "imu", "column": "gyro_x"}, True, place=3),
+           Blind(None, {"stream": "imu", "column": "acc_y"}, True, place=4)),
 )
 AXIS_SWAP = Injection(
     axis_swap,

@@ -50,13 +50,11 @@ def seventh_order(start: np.ndarray, end: np.ndarray, duration_s: float) -> np.n
     t = max(duration_s, SHORTEST_S)
     (x0, v0, a0), (xf, vf, af) = start, end
     d = x0 - xf
-    return np.array([
-        x0, v0, a0 / 2.0, 0.0,
-        -5.0 * (14.0 * d + 8.0 * t * v0 + 6.0 * t * vf + 2.0 * t**2 * a0 - t**2 * af) / (2.0 * t**4),
-        (84.0 * d + 45.0 * t * v0 + 39.0 * t * vf + 10.0 * t**2 * a0 - 7.0 * t**2 * af) / t**5,
-        -(140.0 * d + 72.0 * t * v0 + 68.0 * t * vf + 15.0 * t**2 * a0 - 13.0 * t**2 * af) / (2.0 * t**6),
-        2.0 * (10.0 * d + 5.0 * t * v0 + 5.0 * t * vf + t**2 * a0 - t**2 * af) / t**7,
-    ])
+    return np.array([x0, v0, a0 / 2.0, 0.0,
+                     -5.0 * (14.0 * d + 8.0 * t * v0 + 6.0 * t * vf + 2.0 * t**2 * a0 - t**2 * af) / (2.0 * t**4),
+                     (84.0 * d + 45.0 * t * v0 + 39.0 * t * vf + 10.0 * t**2 * a0 - 7.0 * t**2 * af) / t**5,
+                     -(140.0 * d + 72.0 * t * v0 + 68.0 * t * vf + 15.0 * t**2 * a0 - 13.0 * t**2 * af) / (2.0 * t**6),
+                     2.0 * (10.0 * d + 5.0 * t * v0 + 5.0 * t * vf + t**2 * a0 - t**2 * af) / t**7])
 
 
 _POWERS, _ORDERS = np.arange(ORDER, dtype=float), np.arange(4.0)[:, None]
