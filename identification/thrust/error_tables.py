@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from nanobench_tools.metrics.statistics import design_effect, pooled_interval
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import number
 
+from .error_rows import AgainstFirmware, ChosenWithout, ErrorRow, FileError, InverseTable, OwnBands, Points
 from .firmware import LEGACY, PLUS
 from .flight_fit import BALANCED, FlightModel
 from .flight_rows import Flown
@@ -38,10 +40,9 @@ class Scored:
         self.errors.append(found)
         self.widths.append(width)
 
-    def row(self, seed: int) -> dict[str, Any]:
-        """The row of the table; ci95 of the RMS by drawing sessions and files, null where ``ci_why`` says why."""
+    def row(self, seed: int) -> ErrorRow:
+        """The row of the table."""
         flown = is_flown(self.files)
-        key = "rms_m_s2" if flown else "rms_N"
         squares = np.array([np.sum(e**2) for e in self.errors])
         counts = np.array([len(e) for e in self.errors])
         labels = labels_of(self.files)
@@ -50,25 +51,23 @@ class Scored:
         rms = float(np.sqrt(squares.sum() / counts.sum()))
         inside = sum(int(np.sum(np.abs(e) <= w)) for e, w in zip(self.errors, self.widths, strict=True))
         known = all(np.isfinite(w) for w in self.widths)
-        return {"model": self.name, "split": self.split, "kind": "flight" if flown else "stand",
-                "rms_N": None if flown else rms, "rms_m_s2": rms if flown else None, "n": int(counts.sum()),
-                "files": len(self.files), "ci95": None if ends is None else [float(np.sqrt(x)) for x in ends],
-                "sessions": interval.sessions, "design_effect": {key: None if effect is None else float(effect)},
-                **({"ci_why": interval.why} if interval.why else {}),
-                "bias": float(np.concatenate(self.errors).mean()),
-                "coverage95": inside / float(counts.sum()) if known else None, "status": self.status,
-                "uses": self.uses, "given": self.given,
-                "files_covered90": self._covered_files() if known else None}
+        return ErrorRow(
+            self.name, self.split, "flight" if flown else "stand", None if flown else rms, rms if flown else None,
+            int(counts.sum()), len(self.files), None if ends is None else (math.sqrt(ends[0]), math.sqrt(ends[1])),
+            interval.sessions, {"rms_m_s2" if flown else "rms_N": None if effect is None else float(effect)},
+            interval.why, float(np.concatenate(self.errors).mean()), inside / float(counts.sum()) if known else None,
+            self.status, self.uses, self.given, self._covered_files() if known else None)
 
     def _covered_files(self) -> float:
         """Share of the files with nine tenths of their rows inside the interval."""
         return float(np.mean([np.mean(np.abs(e) <= w) >= 0.9 for e, w in zip(self.errors, self.widths, strict=True)]))
 
-    def per_file(self) -> list[dict[str, Any]]:
+    def per_file(self) -> list[FileError]:
         """One entry per file."""
-        key = "rms_m_s2" if is_flown(self.files) else "rms_N"
-        return [{"file": f.name, "model": self.name, "split": self.split, key: float(np.sqrt(np.mean(e**2))),
-                 "bias": float(e.mean()), "n": len(e)} for f, e in zip(self.files, self.errors, strict=True)]
+        flown = is_flown(self.files)
+        rms = [float(np.sqrt(np.mean(e**2))) for e in self.errors]
+        return [FileError(f.name, self.name, self.split, None if flown else x, x if flown else None, float(e.mean()),
+                          len(e)) for f, e, x in zip(self.files, self.errors, rms, strict=True)]
 
 
 def scored(found: Study, files: Sequence[File], split: str) -> list[Scored]:
@@ -98,22 +97,22 @@ def uses(candidate: Any) -> str:
     return candidate.uses if isinstance(candidate, FlightModel) else candidate.equation
 
 
-def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, dict[str, Any]]]:
+def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, ChosenWithout]]:
     """(every model on every series, fitted without it; what each was fitted to and which map was chosen).
 
     A series is predicted from the others of the same propeller (told by thrust per squared rotor speed, where that was
     measured), from all others if there are none of the same, and from its own other PWM bands if it is alone.
     """
     results: dict[str, Scored] = {}
-    chosen: dict[str, dict[str, Any]] = {}
+    chosen: dict[str, ChosenWithout] = {}
     for out in stands:
         others = [s for s in stands if s is not out]
         same = [s for s in others if same_propeller(s, out)]
         basis = same or others
         found = study(basis or [out], mass_kg, seed, draws=0)
-        chosen[out.name] = {"best": found.best, "fitted_to": [s.name for s in basis],
-                            "same_propeller": bool(same) if np.isfinite(out.thrust_per_speed2) else None,
-                            "own_bands": None if same else own_bands(out, mass_kg, seed)}
+        chosen[out.name] = ChosenWithout(found.best, tuple(s.name for s in basis),
+                                         bool(same) if np.isfinite(out.thrust_per_speed2) else None,
+                                         None if same else own_bands(out, mass_kg, seed))
         for name, candidate in found.candidates.items():
             fit = found.fits[name]
             result = results.setdefault(name, Scored(name, "test", uses(candidate), "ok"))
@@ -149,13 +148,11 @@ def basis_words(mates: Sequence[int]) -> str:
     return "; ".join([found[0].replace(":", " series:", 1), *found[1:]]) if found else ""
 
 
-def own_bands(stand: Stand, mass_kg: float, seed: int) -> dict[str, Any]:
-    """{best, rms_N, firmware_N}: a series of whose propeller there is no other, each of its PWM bands predicted from
-    the rest of it."""
+def own_bands(stand: Stand, mass_kg: float, seed: int) -> OwnBands:
+    """Of one series."""
     found = study([stand], mass_kg, seed, draws=0)
     theirs = [s.rms for n, s in found.scores.items() if n.startswith("firmware") and np.isfinite(s.rms)]
-    return {"best": found.best, "rms_N": found.scores[found.best].rms if found.best else None,
-            "firmware_N": min(theirs, default=None)}
+    return OwnBands(found.best, found.scores[found.best].rms if found.best else None, min(theirs, default=None))
 
 
 def same_propeller(a: Stand, b: Stand) -> bool:
@@ -163,39 +160,33 @@ def same_propeller(a: Stand, b: Stand) -> bool:
     return bool(1.0 / SAME_PROPELLER < ratio < SAME_PROPELLER)
 
 
-def points(fit: AnyFit, file: File, split: str) -> dict[str, Any]:
-    """Rows of a file for pictures: PWM (mean of the motors), voltage, what was measured and what the fit says."""
+def points(fit: AnyFit, file: File, split: str) -> Points:
+    """At most POINTS rows."""
     thin = -(-len(file) // POINTS)
     few = file.rows(slice(None, None, thin))
     predictions = predicted(fit, few)
     measured = few.force if isinstance(few, Flown) else few.thrust_N
     pwm = few.u.mean(axis=1) if isinstance(few, Flown) else few.u
-    return {"file": file.name, "split": split, "pwm": np.round(pwm, 4), "voltage": np.round(few.voltage, 4),
-            "measured": measured, "predicted": predictions}
+    return Points(file.name, split, np.round(pwm, 4), np.round(few.voltage, 4), measured, predictions)
 
 
-def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float] | np.ndarray) -> dict[str, Any]:
-    """{voltage_V, thrust_N, limit_N, pwm}: PWM ratios (voltage x thrust) of a fitted model, null where the motor
-    cannot."""
+def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float] | np.ndarray) -> InverseTable:
+    """Of a fitted model."""
     found = model.inverse(np.asarray(thrusts)[None, :], np.asarray(voltages)[:, None])
     pwm = np.where(found.saturated | found.below, np.nan, found.pwm)
-    return {"voltage_V": list(map(float, voltages)), "thrust_N": list(map(float, thrusts)),
-            "limit_N": found.limit_N[:, 0], "pwm": pwm}
+    return InverseTable(tuple(map(float, voltages)), tuple(map(float, thrusts)), found.limit_N[:, 0], pwm)
 
 
-def pair_with_firmware(part_rows: Sequence[Mapping[str, Any]], best: str) -> list[dict[str, Any]]:
-    """[{file, best, firmware, beaten, firmware_scaled, scaled_beaten}] of test files: RMS of the chosen map, of the
-    better of the firmware's two cubics as published, and of the better one given the same as the chosen map (a scale
-    from the training files; the weight the flight carried where that map has it); None without such a row."""
+def pair_with_firmware(entries: Sequence[FileError], best: str) -> list[AgainstFirmware]:
+    """The chosen map beside the firmware's on every test file."""
     found = []
-    key = "rms_m_s2" if part_rows and "rms_m_s2" in part_rows[0] else "rms_N"
     kind = BALANCED if best.endswith(BALANCED) else ""
-    tested = [e for e in part_rows if e["split"] == "test"]
-    for name in dict.fromkeys(e["file"] for e in tested):
-        of = {e["model"]: e[key] for e in tested if e["file"] == name}
+    tested = [e for e in entries if e.split == "test"]
+    for name in dict.fromkeys(e.file for e in tested):
+        of = {e.model: e.rms for e in tested if e.file == name}
         theirs = [of[f"firmware_{p.name}"] for p in (PLUS, LEGACY) if f"firmware_{p.name}" in of]
         scale = min((of[m] for p in (PLUS, LEGACY) if (m := f"scaled_{p.name}{kind}") in of), default=None)
         if best in of and theirs:
-            found.append({"file": name, "rms": of[best], "firmware": min(theirs), "beaten": of[best] < min(theirs),
-                          "firmware_scaled": scale, "scaled_beaten": None if scale is None else of[best] < scale})
+            found.append(AgainstFirmware(name, of[best], min(theirs), of[best] < min(theirs), scale,
+                                         None if scale is None else of[best] < scale))
     return found

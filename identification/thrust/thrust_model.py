@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics.vehicle import Vehicle
@@ -100,8 +101,8 @@ class ThrustModel:
         return float(1.0 + acting.mean() / GRAVITY_M_S2)
 
     @property
-    def parameters_(self) -> dict[str, dict[str, Any]]:
-        """{name: {value, ci95, unit}} of the map in use."""
+    def parameters_(self) -> dict[str, Estimate]:
+        """Of the map in use, by name."""
         return self.study_.parameters()[self.best_]
 
     def predict(self, pwm: ArrayLike, voltage: ArrayLike) -> np.ndarray:
@@ -170,8 +171,8 @@ class ThrustModel:
                  f"  held-out error {found.scores[self.best_].rms:.4g} {unit}, 95 % of a new file within "
                  f"{found.half_width[self.best_]:.3g}"]
         for name, body in self.parameters_.items():
-            interval = body["ci95"]
-            lines.append(f"  {name:12s} {body['value']:.5g} {body['unit']}"
+            interval = body.ci95
+            lines.append(f"  {name:12s} {body.value:.5g} {body.unit}"
                          + (f"  [{interval[0]:.4g}, {interval[1]:.4g}]" if interval else ""))
         lines += [f"  {name} is no result: {fit.trouble}" for name, fit in found.fits.items() if fit.trouble]
         return "\n".join(lines)

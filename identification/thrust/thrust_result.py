@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from identification.fitted_values import Estimate, LeftOut, Value
+from nanobench_tools.result import INLINE, OPTIONAL, Result
 from nanobench_tools.retiming.votes import evidence_of
 
 from .electrical import battery_resistance, motor_constants
+from .error_rows import AgainstFirmware, ChosenWithout, ErrorRow, FileError, InverseTable, Points
 from .error_tables import (
     Scored,
     basis_words,
@@ -35,56 +37,147 @@ Cases = Sequence[Case]
 DRAWN_THRUSTS = 9
 
 
-@dataclass
-class Part:
-    """One kind: rows of the table, entries per file, and everything about the chosen map."""
+@dataclass(frozen=True, repr=False)
+class Curve(Result):
+    """Thrust of one motor at one battery voltage over the PWM ratio, (51,) each."""
 
-    kind: str
+    voltage_V: float
+    pwm: np.ndarray
+    thrust_N: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class ChosenMap(Result):
+    """Everything about the chosen map. interval_half_width: of the 95 % interval of a row of a new file, N per motor or
+    m/s^2; scale: as of ``ThrustModel.scale_``; terms, toml: for a simulator, terms_rms_N from the map; firmware:
+    lines for the firmware, firmware_note: how good, or why there are none."""
+
+    interval_half_width: float
+    scale: float
+    inverse: InverseTable
+    terms: tuple[Mapping[str, object], ...]
+    terms_rms_N: float
+    toml: str
+    firmware: str
+    firmware_note: str
+    points: tuple[Points, ...]
+    curves: tuple[Curve, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class PartResult(Result):
+    """One kind, stand series or flights. split: how files were chosen; no_result: why, by model; held_out_rms: by
+    model, N per motor or m/s^2; parameters by model and name; chosen: None where no map is a result."""
+
+    best: str | None
+    split: str
+    no_result: Mapping[str, str]
+    held_out_rms: Mapping[str, float]
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    per_file: tuple[FileError, ...]
+    chosen: ChosenMap | None = field(metadata=INLINE)
+
+
+@dataclass(frozen=True, repr=False)
+class Series(Result):
+    """What one stand series holds. rows that spin, and that stand still; zero_N: what the load cell showed per motor at
+    PWM 0, from zero_rows (nan: none)."""
+
+    file: str
+    rows: int
+    still: int
+    zero_N: float
+    zero_rows: int
+    notes: tuple[str, ...]
+    constants: Mapping[str, Value]
+    battery_resistance: Estimate | None
+
+
+@dataclass(frozen=True, repr=False)
+class StandResult(PartResult):
+    """held_out: what was fitted without each series, where all were held out in turn."""
+
+    held_out: Mapping[str, ChosenWithout] | None = field(metadata=OPTIONAL)
+    against_firmware: tuple[AgainstFirmware, ...]
+    series: tuple[Series, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class AsRecorded(Result):
+    """The same flights on the clock they were recorded on."""
+
+    rows: tuple[ErrorRow, ...]
+    best: str | None
+
+
+@dataclass(frozen=True, repr=False)
+class FlightResult(PartResult):
+    """delay_s: of the inputs; sessions of the training flights; held_out_coverage95: share of training rows, held out
+    in turn, inside the interval that the others give; best_without_memory: of maps given the inputs of the moment."""
+
+    delay_s: float
+    sessions: int
+    held_out_coverage95: Mapping[str, float | None]
+    best_without_memory: str | None
+    clock: str
+    mass_kg: float
+    against_firmware: tuple[AgainstFirmware, ...]
+    as_recorded: AsRecorded | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, repr=False)
+class ThrustResult(Result):
+    """thrust.json. With both kinds ``best`` and ``parameters`` are those of the flights: that is what flies; each part
+    has its own under its kind."""
+
+    rows: tuple[ErrorRow, ...]
+    best: str | None
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    stand: StandResult | None = field(metadata=OPTIONAL)
+    flight: FlightResult | None = field(metadata=OPTIONAL)
+    left_out: tuple[LeftOut, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Part(Result):
+    """One kind with the fits it is from; reasons of the recordings that could not be used."""
+
     found: Study
-    rows: list[dict[str, Any]]
-    per_file: list[dict[str, Any]]
-    note: str
-    body: dict[str, Any] = field(default_factory=dict)
+    rows: tuple[ErrorRow, ...]
+    result: StandResult | FlightResult
     reasons: dict[str, str] = field(default_factory=dict)
 
     @property
-    def best(self) -> str | None:
-        return self.found.best
-
-    def to_json(self) -> dict[str, Any]:
-        """The part's entry under its kind."""
-        troubles = {name: fit.trouble for name, fit in self.found.fits.items() if fit.trouble}
-        held = {name: score.rms for name, score in self.found.scores.items()}
-        return {"best": self.best, "split": self.note, "no_result": troubles, "held_out_rms": held,
-                "parameters": self.found.parameters(), "per_file": self.per_file, **self.body}
+    def kind(self) -> str:
+        return "flight" if self.found.flown else "stand"
 
 
 def stand_part(train: Sequence[Stand], test: Sequence[Stand] | None, mass_kg: float, seed: int) -> Part:
     """Maps fitted to ``train`` and scored on ``test``; without ``test`` every series is held out in turn."""
     found = study(train, mass_kg, seed)
-    results = scored(found, train, "train")
-    body: dict[str, Any] = {}
+    held_out = None
     if test is None:
-        tested, body["held_out"] = leave_one_out(train, mass_kg, seed)
+        tested, held_out = leave_one_out(train, mass_kg, seed)
         note = f"each of {len(train)} series predicted without it" if len(train) > 1 else "PWM bands of the one series"
-        against = "chosen"
     else:
-        tested, against = scored(found, test, "test"), ""
+        tested = scored(found, test, "test")
         for row in tested:
             row.given = basis_words([propeller_mates(s, train) for s in row.files])
         note = f"{len(train)} series train, {len(test)} test, as given"
-    part = _part("stand", found, [*results, *tested], note, mass_kg, seed)
-    part.body |= body
-    part.body["against_firmware"] = pair_with_firmware(part.per_file, against or str(found.best))
+    results = [*scored(found, train, "train"), *tested]
+    common = _common(found, results, note, mass_kg, seed)
     best = found.fits.get(found.best or "")
-    part.body["series"] = [_series(s, best if isinstance(best, Fit) else None, seed)
-                           for s in {id(s): s for s in (*train, *(test or ()))}.values()]
-    return part
+    series = tuple(_series(s, best if isinstance(best, Fit) else None, seed)
+                   for s in {id(s): s for s in (*train, *(test or ()))}.values())
+    against = pair_with_firmware(common.per_file, "chosen" if test is None else str(found.best))
+    return Part(found, tuple(r.row(seed) for r in results),
+                StandResult(**vars(common), held_out=held_out, against_firmware=tuple(against), series=series))
 
 
-def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str, note: str) -> Part | None:
+def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str, note: str,
+                as_recorded: AsRecorded | None = None) -> Part | None:
     """Maps fitted to the flights of ``train`` and scored on those of ``test``; None if none of ``train`` can be
-    used."""
+    used. as_recorded: what the same gave on the clock they were recorded on."""
     train = fit_to_fly(train)
     if not train:
         return None
@@ -98,16 +191,16 @@ def flight_part(train: Cases, test: Cases, mass_kg: float, seed: int, clock: str
     for name in dict.fromkeys((found.best, _plain_best(found), f"scaled_{PLUS.name}")):
         if name is not None and others.files:
             results += level_rows(found, name, others.files, "test")
-    part = _part("flight", found, results, note, mass_kg, seed)
-    for row in part.rows:
-        row["uses"] += f"; inputs delayed by {delay:.2f} s"
-        row |= {"clock": clock, "clock_evidence": evidence_of(flight for flight, _ in (*train, *test))}
+    evidence = evidence_of(flight for flight, _ in (*train, *test))
+    rows = tuple(replace(row, uses=f"{row.uses}; inputs delayed by {delay:.2f} s", clock=clock, clock_evidence=evidence)
+                 for row in (r.row(seed) for r in results))
+    common = _common(found, results, note, mass_kg, seed)
     held = {name: in_turn(score.errors, len(found.train), found.sessions) for name, score in found.scores.items()}
-    part.body |= {"delay_s": delay, "sessions": found.sessions, "held_out_coverage95": held,
-                  "best_without_memory": _plain_best(found), "clock": clock, "mass_kg": mass_kg,
-                  "against_firmware": pair_with_firmware(part.per_file, str(found.best))}
-    part.reasons = flown.reasons | others.reasons
-    return part
+    against = tuple(pair_with_firmware(common.per_file, str(found.best)))
+    result = FlightResult(**vars(common), delay_s=delay, sessions=found.sessions, held_out_coverage95=held,
+                          best_without_memory=_plain_best(found), clock=clock, mass_kg=mass_kg,
+                          against_firmware=against, as_recorded=as_recorded)
+    return Part(found, rows, result, flown.reasons | others.reasons)
 
 
 def _plain_best(found: Study) -> str | None:
@@ -118,10 +211,15 @@ def _plain_best(found: Study) -> str | None:
     return min(plain, key=plain.__getitem__) if plain else None
 
 
-def _part(kind: str, found: Study, results: Sequence[Scored], note: str, mass_kg: float, seed: int) -> Part:
-    part = Part(kind, found, [r.row(seed) for r in results], [e for r in results for e in r.per_file()], note)
-    if found.best is None:
-        return part
+def _common(found: Study, results: Sequence[Scored], note: str, mass_kg: float, seed: int) -> PartResult:
+    troubles = {name: fit.trouble for name, fit in found.fits.items() if fit.trouble}
+    held = {name: score.rms for name, score in found.scores.items()}
+    chosen = None if found.best is None else _chosen(found, found.best, results, mass_kg, seed)
+    return PartResult(found.best, note, troubles, held, found.parameters(),
+                      tuple(entry for r in results for entry in r.per_file()), chosen)
+
+
+def _chosen(found: Study, best: str, results: Sequence[Scored], mass_kg: float, seed: int) -> ChosenMap:
     model = ThrustModel(mass_kg=mass_kg, seed=seed).use(found)
     exported = model.export()
     volts = np.concatenate([f.voltage for f in found.train])
@@ -129,34 +227,27 @@ def _part(kind: str, found: Study, results: Sequence[Scored], note: str, mass_kg
     voltages = sorted({round(float(v), 2) for v in np.linspace(low, high, 5)})
     most = float(model.predict(1.0, voltages[-1]))
     files = [(f, "train") for f in found.train] + [
-        (f, "test") for r in results if r.name == found.best and r.split == "test" for f in r.files
+        (f, "test") for r in results if r.name == best and r.split == "test" for f in r.files
         if all(f is not t for t in found.train)]
-    part.body |= {
-        "interval_half_width": found.half_width[found.best], "scale": model.scale_,
-        "inverse": inverse_table(model, voltages, np.linspace(0.0, most, DRAWN_THRUSTS + 1)[1:]),
-        "terms": [dict(t) for t in exported.terms], "terms_rms_N": exported.rms_N, "toml": exported.toml(),
-        "firmware": exported.firmware, "firmware_note": exported.note,
-        "points": [points(found.fits[found.best], f, split) for f, split in files],
-        "curves": _curves(model, voltages)}
-    return part
-
-
-def _curves(model: ThrustModel, voltages: Sequence[float]) -> list[dict[str, Any]]:
     pwm = np.linspace(0.0, 1.0, 51)
-    return [{"voltage_V": v, "pwm": pwm, "thrust_N": model.predict(pwm, v)} for v in voltages]
+    return ChosenMap(
+        found.half_width[best], model.scale_,
+        inverse_table(model, voltages, np.linspace(0.0, most, DRAWN_THRUSTS + 1)[1:]),
+        tuple(dict(t) for t in exported.terms), exported.rms_N, exported.toml(), exported.firmware, exported.note,
+        tuple(points(found.fits[best], f, split) for f, split in files),
+        tuple(Curve(v, pwm, model.predict(pwm, v)) for v in voltages))
 
 
-def _series(stand: Stand, fit: Fit | None, seed: int) -> dict[str, Any]:
-    return {"file": stand.name, "rows": len(stand), "still": stand.still, "zero_N": stand.zero_N,
-            "zero_rows": stand.zero_rows, "notes": list(stand.notes),
-            "constants": motor_constants(fit, stand) if fit else {},
-            "battery_resistance": battery_resistance(stand, seed)}
+def _series(stand: Stand, fit: Fit | None, seed: int) -> Series:
+    return Series(stand.name, len(stand), stand.still, stand.zero_N, stand.zero_rows, stand.notes,
+                  motor_constants(fit, stand) if fit else {}, battery_resistance(stand, seed))
 
 
-def whole(parts: Sequence[Part], left_out: Mapping[str, str]) -> dict[str, Any]:
-    """The keys of thrust.json. With both kinds ``best`` and ``parameters`` are those of the flights: that is what
-    flies; each part has its own under its kind."""
-    first = next((p for p in parts if p.kind == "flight"), parts[0])
-    return {"rows": [row for p in parts for row in p.rows], "best": first.best,
-            "parameters": first.found.parameters(), **{p.kind: p.to_json() for p in parts},
-            "left_out": [{"flight": name, "reason": reason} for name, reason in left_out.items()]}
+def whole(parts: Sequence[Part], left_out: Mapping[str, str]) -> ThrustResult:
+    """Of one part or both."""
+    results = [part.result for part in parts]
+    stand = next((r for r in results if isinstance(r, StandResult)), None)
+    flight = next((r for r in results if isinstance(r, FlightResult)), None)
+    first = flight or results[0]
+    return ThrustResult(tuple(row for part in parts for row in part.rows), first.best, first.parameters, stand, flight,
+                        LeftOut.of(left_out))

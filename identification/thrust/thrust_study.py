@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
+from identification.fitted_values import Estimate
 from nanobench_tools.metrics.statistics import refit_weights, session_count, why_not
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import count, number
@@ -128,17 +129,16 @@ class Study:
     def flown(self) -> bool:
         return is_flown(self.train)
 
-    def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """{model: {name: {value, ci95, unit}}}, intervals by drawing sessions and files; ``ci_why`` beside those that
-        are missing or not to be trusted."""
+    def parameters(self) -> dict[str, dict[str, Estimate]]:
+        """{model: {name: parameter}}, intervals by drawing sessions and files."""
         return {name: {key: self._parameter(name, key, value, candidate.units[key])
                        for key, value in self.fits[name].values.items()}
                 for name, candidate in self.candidates.items() if self.fits[name].values}
 
-    def _parameter(self, name: str, key: str, value: float, unit: str) -> dict[str, Any]:
+    def _parameter(self, name: str, key: str, value: float, unit: str) -> Estimate:
         ends = self._interval(name, key)
-        why = self.why or ("" if ends else "nothing fitted, or refits to drawn files fail")
-        return {"value": value, "ci95": ends, "unit": unit, **({"ci_why": why} if why else {})}
+        return Estimate(value, ends, unit,
+                        self.why or ("" if ends else "nothing fitted, or refits to drawn files fail"))
 
     @property
     def why(self) -> str:
@@ -146,11 +146,12 @@ class Study:
         few = {1: "one file", 2: "two files, drawn in three ways only"}.get(len(self.train), "")
         return few or why_not(len(self.train), labels_of(self.train) if self.flown else None)
 
-    def _interval(self, name: str, key: str) -> list[float] | None:
+    def _interval(self, name: str, key: str) -> tuple[float, float] | None:
         drawn = [d[key] for d in self.draws.get(name, ()) if np.isfinite(d.get(key, np.nan))]
         if len(drawn) < DRAWS // 2 or len(self.train) < 3 or (self.flown and session_count(labels_of(self.train)) == 1):
             return None
-        return [float(x) for x in np.percentile(drawn, [2.5, 97.5])]
+        low, high = np.percentile(drawn, [2.5, 97.5])
+        return float(low), float(high)
 
 
 def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRAWS) -> Study:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import MissingExtraError, UsageError
 from ..physics.vehicle import BOUNDS
+from ..result import to_json
 from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from identification.motors import Study
+    from identification.motors.motor_parts import ForcePart, LagPart, MomentPart, MotorResult, SpeedPart
 
 SHOWN = (("roll_pitch_rate_mae_rad_s", "roll, pitch rate rad/s"), ("yaw_rate_mae_rad_s", "yaw rate rad/s"),
          ("attitude_mae_rad", "attitude rad"))
@@ -43,7 +48,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     from identification.motors import identify
-    from identification.motors.motor_result import body
+    from identification.motors.motor_result import motor_result
 
     flights = options.load([*train, *test] if train else None)
     inside = [not train or any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
@@ -51,21 +56,19 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     others = [f for f, known in zip(flights, inside, strict=True) if not known]
     with options.progress.task("motors", 1):
         study = identify(mine, others if train else None, mass_kg=mass_kg, seed=options.seed)
-        content = body(study, options.seed)
-    for entry in content["left_out"]:
-        options.say(f"left out: {one_line(entry['flight'])}: {one_line(entry['reason'])}")
-    _show(options, content)
-    content["simulator"] = _write(options, study, content)
-    return options.finish("motors", content)
+        found = motor_result(study, options.seed)
+    for entry in found.left_out:
+        options.say(f"left out: {one_line(entry.flight)}: {one_line(entry.reason)}")
+    _show(options, found)
+    return options.finish("motors", to_json(replace(found, simulator=_write(options, study, found))))
 
 
-def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | None:
+def _write(options: Options, study: Study, found: MotorResult) -> str | None:
     """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
     from identification.motors.motor_study import simulator
+    from identification.motors.motors_page import motors_page
 
     from ..physics.simulator import write_simulator
-    from ..report.motors_page import motors_page
-    from ..result import to_json
     from ..result_files import write_bytes
 
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
@@ -75,29 +78,23 @@ def _write(options: Options, study: Study, content: Mapping[str, Any]) -> str | 
     folder.mkdir(parents=True, exist_ok=True)
     write_simulator(simulator(study), folder / "simulator.toml")
     if options.out is not None:
-        page = motors_page(to_json(content), options.synthetic)
+        page = motors_page(found, options.synthetic)
         write_bytes(options.out / "motors.html", page.encode(errors="replace"))
         options.say(f"{options.out / 'motors.html'} ({len(page) / 1e6:.1f} MB)")
     return str(folder / "simulator.toml")
 
 
-def _ms(value: float | None, interval: Any = None) -> str:
-    if value is None:
-        return "-"
-    text = f"{1e3 * value:.1f}"
-    return text if not interval else f"{text} ({1e3 * interval[0]:.1f} .. {1e3 * interval[1]:.1f})"
-
-
-def _show(options: Options, content: Mapping[str, Any]) -> None:
+def _show(options: Options, found: MotorResult) -> None:
     from ..protocols.sessions import interval_note
 
-    _show_lag(options, content)
-    _show_speed(options, content)
-    _show_rotation(options, content)
-    options.show(interval_note([{**content, "n": len(content["test"])}]))
+    _show_lag(options, found.lag, len(found.test))
+    _show_speed(options, found.speed, found.force)
+    _show_moments(options, found.moments)
+    _show_rotation(options, found)
+    options.show(interval_note([{"sessions": found.sessions, "ci_why": found.ci_why, "n": len(found.test)}]))
 
 
-def _table(title: str, heads: list[str]) -> Any:
+def _table(title: str, heads: list[str]) -> Table:
     from rich import box
     from rich.table import Table
 
@@ -107,74 +104,74 @@ def _table(title: str, heads: list[str]) -> Any:
     return table
 
 
-def _show_lag(options: Options, content: Mapping[str, Any]) -> None:
-    part = content["lag"]
-    table = _table(f"Motor lag: {data_word(options)} data, {len(content['test'])} held-out flights, error of rotor "
+def _show_lag(options: Options, part: LagPart, held_out: int) -> None:
+    table = _table(f"Motor lag: {data_word(options)} data, {held_out} held-out flights, error of rotor "
                    "speed within seconds", ["model", "up ms", "down ms", "delay ms", "rad/s", "95 %"])
-    for row in part["rows"]:
-        interval = "-" if row["ci95"] is None else " .. ".join(f"{x:.2f}" for x in row["ci95"])
-        name = row["model"] + (" *" if row["model"] == part["best"] else "")
-        table.add_row(name + (" (no result)" if row["trouble"] else ""), *(f"{1e3 * row[k]:.1f}" for k in (
-            "tau_up_s", "tau_down_s", "delay_s")), f"{row['rms_rad_s']:.2f}", interval)
+    for row in part.rows:
+        interval = "-" if row.ci95 is None else " .. ".join(f"{x:.2f}" for x in row.ci95)
+        name = row.model + (" *" if row.model == part.best else "")
+        table.add_row(name + (" (no result)" if row.trouble else ""), *(f"{1e3 * t:.1f}" for t in (
+            row.times.tau_up_s, row.times.tau_down_s, row.times.delay_s)), f"{row.rms_rad_s:.2f}", interval)
     options.show(table)
-    both, ends = part["fit"], part["fit"]["ci95"]
-    options.show("Fitted with both: " + ", ".join(
-        f"{name} {_ms(both[key], ends.get(key))} ms" for name, key in (
-            ("up", "tau_up_s"), ("down", "tau_down_s"), ("delay", "delay_s")))
-        + ". The delay is also that of the speed measurement.")
+    both, text = part.fit, []
+    for name, key, time_s in (("up", "tau_up_s", both.tau_up_s), ("down", "tau_down_s", both.tau_down_s),
+                              ("delay", "delay_s", both.delay_s)):
+        ends = both.ci95.get(key)
+        text.append(f"{name} {1e3 * time_s:.1f}" + (f" ({1e3 * ends[0]:.1f} .. {1e3 * ends[1]:.1f})" if ends else "")
+                    + " ms")
+    options.show(f"Fitted with both: {', '.join(text)}. The delay is also that of the speed measurement.")
 
 
-def _show_speed(options: Options, content: Mapping[str, Any]) -> None:
-    part, force = content["speed"], content["force"]
+def _show_speed(options: Options, part: SpeedPart, force: ForcePart) -> None:
     table = _table(f"Rotor speed from PWM and voltage: {data_word(options)} data, training flights held out in turn",
                    ["map", "rad/s", "equation", "note"])
-    for row in sorted(part["rows"], key=lambda r: r["rms_rad_s"] if r["rms_rad_s"] is not None else 1e9):
-        table.add_row(row["model"] + (" *" if row["model"] == part["best"] else ""), f"{row['rms_rad_s']:.2f}",
-                      one_line(row["equation"]), one_line(row["trouble"]))
+    for row in part.ranked:
+        table.add_row(row.model + (" *" if row.model == part.best else ""), f"{row.rms_rad_s:.2f}",
+                      one_line(row.equation), one_line(row.trouble))
     options.show(table)
-    if part["best"] is None:
+    if part.best is None:
         options.show("No map is a result: none predicts flights held out better than a constant, or only one trains.")
-    options.show(f"Speeds vary by {part['spread_rad_s']:.1f} rad/s (SD). Slope of thrust over motor voltage: "
-                 f"{part['slope_fast_N_per_V']:.4f} N/V from changes within a second, "
-                 f"{part['slope_slow_N_per_V']:.4f} N/V from this map.")
-    value, unit = (force["k_f"], "N s²/rad²") if force["k_f"] is not None else (force["k_f_per_kg"], "N s²/rad² per kg")
-    ends = "" if force["ci95"] is None else f" ({force['ci95'][0]:.4g} .. {force['ci95'][1]:.4g})"
-    options.show(f"Thrust per squared speed: {value:.4g} {unit}{ends}; {force['identified']}. Body-z specific force on "
-                 "held-out flights: " + ", ".join(f"from {r['from']} {r['rms_m_s2']:.3f} m/s²" for r in force["rows"]
-                                                  if r["rms_m_s2"] == r["rms_m_s2"]) + ".")
-    found = content["moments"]
-    explained = {name: value["median"] for name, value in found["explained"].items()}
-    if explained["x"] is not None:
-        options.show(f"Moments from rotor speed: J_x {found['inertia_kg_m2']['x']:.3g}, J_y "
-                     f"{found['inertia_kg_m2']['y']:.3g} kg m² ({found['identified']}); share of angular acceleration "
-                     "explained (3 to 30 Hz): " + ", ".join(f"{n} {100 * v:.0f} %" for n, v in explained.items()) + ".")
+    options.show(f"Speeds vary by {part.spread_rad_s:.1f} rad/s (SD). Slope of thrust over motor voltage: "
+                 f"{part.slope_fast_N_per_V:.4f} N/V from changes within a second, "
+                 f"{part.slope_slow_N_per_V:.4f} N/V from this map.")
+    value, unit = (force.k_f, "N s²/rad²") if force.k_f is not None else (force.k_f_per_kg, "N s²/rad² per kg")
+    ends = "" if force.ci95 is None else f" ({force.ci95[0]:.4g} .. {force.ci95[1]:.4g})"
+    options.show(f"Thrust per squared speed: {value:.4g} {unit}{ends}; {force.identified}. Body-z specific force on "
+                 "held-out flights: " + ", ".join(f"from {r.source} {r.rms_m_s2:.3f} m/s²" for r in force.rows
+                                                  if not math.isnan(r.rms_m_s2)) + ".")
 
 
-def _show_rotation(options: Options, content: Mapping[str, Any]) -> None:
+def _show_moments(options: Options, part: MomentPart) -> None:
+    if part.explained["x"].median is not None:
+        shares = ", ".join(f"{n} {100 * found.median:.0f} %" for n, found in part.explained.items()
+                           if found.median is not None)
+        options.show(f"Moments from rotor speed: J_x {part.inertia_kg_m2['x']:.3g}, J_y "
+                     f"{part.inertia_kg_m2['y']:.3g} kg m² ({part.identified}); share of angular acceleration "
+                     f"explained (3 to 30 Hz): {shares}.")
+
+
+def _show_rotation(options: Options, found: MotorResult) -> None:
     from ..protocols.compare import verdict
 
-    rows = content["rows"]
+    rows = found.rows
     if not rows:
         options.show("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
         return
-    step = 1e3 * content["step_s"]
+    step_ms = 1e3 * found.step_s
     table = _table(f"Rotation predicted on held-out flights: {data_word(options)} data, mean error after 1, 10, 50 "
-                   f"steps of {step:.2f} ms \\[95 % after 10], {rows[0]['n_windows']} windows, "
-                   f"{rows[0]['n_flights']} flights", ["input", *(heading for _, heading in SHOWN)])
+                   f"steps of {step_ms:.2f} ms \\[95 % after 10], {rows[0].n_windows} windows, "
+                   f"{rows[0].n_flights} flights", ["input", *(heading for _, heading in SHOWN)])
     for row in rows:
         cells = []
         for metric, _ in SHOWN:
-            ends = row["ci95"][metric].get("10")
-            cells.append(" ".join(f"{row['metrics'][metric][h]:.3f}" for h in ("1", "10", "50"))
+            ends = row.ci95[metric].get("10")
+            cells.append(" ".join(f"{row.metrics[metric][h]:.3f}" for h in ("1", "10", "50"))
                          + (f" \\[{ends[0]:.3f}, {ends[1]:.3f}]" if ends else ""))
-        table.add_row(row["input"], *cells)
+        table.add_row(row.input, *cells)
     options.show(table)
     for row in rows:
-        options.show(f"  {row['input']}: {row['words']}" + (f" ({one_line(row['trouble'])})" if row["trouble"] else ""))
-    for entry in content["gains"]:
-        if entry["metric"] == SHOWN[0][0] and entry["h"] == 10:
-            ends = entry["ci95"]
-            ratio_ends = [1.0 - 0.01 * e for e in reversed(ends)] if ends else None
-            judgement = verdict(1.0 - 0.01 * entry["less_percent"], ratio_ends)
-            options.show(f"{entry['input']}: error of roll and pitch rate after {10 * step:.0f} ms against the radio "
-                         f"stream's: {judgement}")
+        options.show(f"  {row.input}: {row.words}" + (f" ({one_line(row.trouble)})" if row.trouble else ""))
+    for gain in found.gains:
+        if gain.metric == SHOWN[0][0] and gain.h == 10:
+            options.show(f"{gain.input}: error of roll and pitch rate after {10 * step_ms:.0f} ms against the radio "
+                         f"stream's: {verdict(*gain.ratio)}")

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import InputError, UsageError
+from ..result import to_json
 from .options import PATH, Options, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
-    from identification.thrust.thrust_result import Part
+    from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult
 
     from ..audit import Audit
     from ..flight import Flight
 
-UNITS = {"stand": ("rms_N", "mN per motor", 1e3, 2), "flight": ("rms_m_s2", "m/s²", 1.0, 4)}
+UNITS = {"stand": ("mN per motor", 1e3, 2), "flight": ("m/s²", 1.0, 4)}
+"""Of errors as shown, times what is stored, digits."""
 
 
 @click.command()
@@ -49,17 +51,17 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
-    body, found = thrust_body(options, flights, parts, mass_kg)
+    found = thrust_result(options, flights, parts, mass_kg)
     if options.out is not None:
-        _write(options, options.out, body, found)
-    return options.finish("thrust", body)
+        _write(options, options.out, found)
+    return options.finish("thrust", to_json(found))
 
 
-def thrust_body(options: Options, flights: Sequence[Flight],
-                given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
-                mass_kg: float = 0.04085) -> tuple[dict[str, Any], list[Part]]:
-    """(the keys of thrust.json, the parts they are from), with the tables shown; ``given`` (train, test) replaces the
-    splits. InputError when nothing can be fitted."""
+def thrust_result(options: Options, flights: Sequence[Flight],
+                  given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
+                  mass_kg: float = 0.04085) -> ThrustResult:
+    """What was found, with the tables shown; ``given`` (train, test) replaces the splits. InputError when nothing can
+    be fitted."""
     from identification.thrust.thrust_result import whole
     from identification.thrust.thrust_rows import sort_out
 
@@ -75,10 +77,9 @@ def thrust_body(options: Options, flights: Sequence[Flight],
         reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")
         more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
         raise InputError(place, f"nothing to fit: {reason}{more}")
-    body = whole(found, left)
     for part in found:
         _show(options, part)
-    return body, found
+    return whole(found, left)
 
 
 def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
@@ -103,23 +104,22 @@ def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], s
 
 def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
              left: dict[str, str]) -> Part | None:
-    from identification.thrust.thrust_result import flight_part
+    from identification.thrust.thrust_result import AsRecorded, flight_part
 
     if not flights:
         return None
     audits, _ = options.audit(flights)
-    parts = []
+    found: Part | None = None
+    before: AsRecorded | None = None
     for clock in dict.fromkeys(("as-recorded", options.clock)):
         on_clock, verdicts = (flights, audits) if clock == "as-recorded" else options.on_clock(flights, audits)
         train, test, note, reasons = _split(on_clock, verdicts, names)
-        part = flight_part(train, test, mass_kg, options.seed, clock, note)
+        part = flight_part(train, test, mass_kg, options.seed, clock, note, before)
         if clock == options.clock:
             left |= reasons | (part.reasons if part else {})
         if part is not None:
-            parts.append(part)
-    if len(parts) > 1:
-        parts[-1].body["as_recorded"] = {"rows": parts[0].rows, "best": parts[0].best}
-    return parts[-1] if parts else None
+            found, before = part, AsRecorded(part.rows, part.result.best)
+    return found
 
 
 def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
@@ -161,18 +161,18 @@ def _comparable(flight: Flight) -> Flight:
     return flight if whole else flight.without_streams("mocap")
 
 
-def _write(options: Options, out: Path, body: Mapping[str, Any], parts: Sequence[Part]) -> None:
-    from ..report.thrust_page import thrust_page
-    from ..result import to_json
+def _write(options: Options, out: Path, found: ThrustResult) -> None:
+    from identification.thrust.thrust_page import thrust_page
+
     from ..result_files import write_bytes
 
     out.mkdir(parents=True, exist_ok=True)
-    first = body[next((p.kind for p in parts if p.kind == "flight"), parts[0].kind)]
-    if first.get("toml"):
-        write_bytes(out / "terms.toml", first["toml"].encode())
-    if first.get("firmware"):
-        write_bytes(out / "thrust_firmware.h", first["firmware"].encode())
-    page = thrust_page(to_json(body), options.synthetic)
+    first = found.flight or found.stand
+    if first is not None and first.chosen is not None:
+        write_bytes(out / "terms.toml", first.chosen.toml.encode())
+        if first.chosen.firmware:
+            write_bytes(out / "thrust_firmware.h", first.chosen.firmware.encode())
+    page = thrust_page(found, options.synthetic)
     write_bytes(out / "thrust.html", page.encode(errors="replace"))
     options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 
@@ -181,8 +181,8 @@ def _given(part: Part) -> dict[str, str]:
     """What predictions are made from -> the models that have it."""
     found: dict[str, list[str]] = {}
     for row in part.rows:
-        if row["given"] and row["model"] not in found.setdefault(row["given"], []):
-            found[row["given"]].append(row["model"])
+        if row.given and row.model not in found.setdefault(row.given, []):
+            found[row.given].append(row.model)
     return {given: ", ".join(names) for given, names in found.items()}
 
 
@@ -190,64 +190,86 @@ def _show(options: Options, part: Part) -> None:
     from rich import box
     from rich.table import Table
 
+    from identification.thrust.thrust_result import FlightResult
+
     from ..protocols.sessions import interval_note
 
-    as_recorded = (part.body.get("as_recorded") or {}).get("rows", [])
-    key, unit, factor, digits = UNITS[part.kind]
-    what = "thrust per motor on rows that spin" if part.kind == "stand" else "body-z specific force, 3 Hz low-pass"
-    table = Table(title=f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, {part.note}",
-                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    heads = ["model", *(["clock"] if part.kind == "flight" else []), "split", f"RMS {unit}", "95 %", "n", "files",
+    flown = part.result if isinstance(part.result, FlightResult) else None
+    as_recorded = flown.as_recorded.rows if flown is not None and flown.as_recorded is not None else ()
+    unit, factor, digits = UNITS[part.kind]
+    what = "thrust per motor on rows that spin" if flown is None else "body-z specific force, 3 Hz low-pass"
+    title = f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, {part.result.split}"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    heads = ["model", *([] if flown is None else ["clock"]), "split", f"RMS {unit}", "95 %", "n", "files",
              "in 95 % interval", "status"]
     for head in heads:
         table.add_column(head, no_wrap=head not in ("status", "in 95 % interval"),
                          justify="right" if head[:3] in ("RMS", "95 ", "n", "fil", "in ") else "left")
     for row in [*as_recorded, *part.rows]:
-        name = row["model"] + (" *" if row["model"] == part.best else "")
-        interval = "-" if row["ci95"] is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row["ci95"])
-        cells = [name, *([row["clock"]] if part.kind == "flight" else []), row["split"],
-                 f"{factor * row[key]:.{digits}f}", interval, str(row["n"]), str(row["files"]),
-                 "-" if row["coverage95"] is None else f"{100 * row['coverage95']:.0f} %", one_line(row["status"])]
+        name = row.model + (" *" if row.model == part.result.best else "")
+        interval = "-" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95)
+        cells = [name, *([] if flown is None else [row.clock]), row.split, f"{factor * row.rms:.{digits}f}", interval,
+                 str(row.n), str(row.files), "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %",
+                 one_line(row.status)]
         table.add_row(*cells)
     options.show(table)
-    options.show(interval_note(part.rows))
-    if part.best is None:
+    options.show(interval_note(to_json(part.rows)))
+    _show_chosen(options, part)
+    _show_firmware(options, part.result)
+
+
+def _show_chosen(options: Options, part: Part) -> None:
+    """The chosen map, what it was given, its parameters."""
+    from identification.thrust.thrust_result import FlightResult
+
+    result = part.result
+    if result.best is None or result.chosen is None:
         options.show("No map is a result: none predicts held-out rows better than a constant"
-                     + "".join(f"; {n}: {t}" for n, t in part.to_json()["no_result"].items()))
+                     + "".join(f"; {n}: {t}" for n, t in result.no_result.items()))
         return
-    held = part.body.get("held_out_coverage95", {}).get(part.best)
-    options.show(f"* {part.best}: chosen by training files held out in turn "
-                 f"({factor * part.found.scores[part.best].rms:.{digits}f} {unit}); "
-                 f"95 % of a row of a new file within ± {factor * part.found.half_width[part.best]:.{digits}f} {unit}"
+    unit, factor, digits = UNITS[part.kind]
+    held = result.held_out_coverage95.get(result.best) if isinstance(result, FlightResult) else None
+    options.show(f"* {result.best}: chosen by training files held out in turn "
+                 f"({factor * result.held_out_rms[result.best]:.{digits}f} {unit}); "
+                 f"95 % of a row of a new file within ± {factor * result.chosen.interval_half_width:.{digits}f} {unit}"
                  + ("." if held is None else f" (holds {100 * held:.0f} % of training rows held out in turn)."))
     for given, names in _given(part).items():
         options.show(f"  given {given}: {names}")
-    found = part.found.parameters()[part.best]
+    parameters = result.parameters[result.best]
     files, why = len(part.found.train), part.found.why
     kind = "training flights in sessions" if part.found.flown else "stand series"
     drawn = f" (95 % interval of {files} {kind} drawn" + (f"; {why})" if why else ")")
-    options.show("  its parameters" + (drawn if any(body["ci95"] for body in found.values())
+    options.show("  its parameters" + (drawn if any(found.ci95 for found in parameters.values())
                                        else f", without interval: {why or 'refits to drawn files fail'}"))
-    for name, body in found.items():
-        interval = body["ci95"]
-        options.show(f"  {name} = {body['value']:.5g} {body['unit']}"
-                     + (f"  ({interval[0]:.4g} .. {interval[1]:.4g})" if interval else ""))
-    pairs = part.body["against_firmware"]
-    if pairs:
-        won = sum(p["beaten"] for p in pairs)
-        scaled = [p["scaled_beaten"] for p in pairs if p["scaled_beaten"] is not None]
-        options.show(f"Smaller error than the closer of the firmware's two curves on {won} of {len(pairs)} held-out "
-                     f"files, than the closer of these scaled as it is on {sum(scaled)} of {len(scaled)}.")
-        for p in pairs if part.kind == "stand" else ():
-            how = part.body.get("held_out", {}).get(p["file"])
-            to = ", ".join(how["fitted_to"]) if how and how["fitted_to"] else "its own other PWM bands"
-            if how and how["same_propeller"] and len(how["fitted_to"]) == 1:
-                to += ", the only other one of its propeller"
-            basis = "" if how is None else f" ({how['best']} fitted to {to}" + (
-                "" if how["same_propeller"] is not False else ": none of its own propeller") + ")"
-            options.show(f"  {one_line(p['file'])}: {factor * p['rms']:.{digits}f} against "
-                         f"{factor * p['firmware']:.{digits}f} {unit}{one_line(basis)}")
-            own = (how or {}).get("own_bands")
-            if own and how["fitted_to"] and own["rms_N"] and own["firmware_N"]:
-                options.show(f"    from its own other PWM bands: {factor * own['rms_N']:.{digits}f} against "
-                             f"{factor * own['firmware_N']:.{digits}f} {unit} ({own['best']})")
+    for name, found in parameters.items():
+        options.show(f"  {name} = {found.value:.5g} {found.unit}"
+                     + (f"  ({found.ci95[0]:.4g} .. {found.ci95[1]:.4g})" if found.ci95 else ""))
+
+
+def _show_firmware(options: Options, result: StandResult | FlightResult) -> None:
+    """The chosen map beside the firmware's on held-out files; of every stand series what it was predicted from."""
+    from identification.thrust.thrust_result import StandResult
+
+    pairs = result.against_firmware
+    if not pairs or result.best is None:
+        return
+    scaled = [p.scaled_beaten for p in pairs if p.scaled_beaten is not None]
+    options.show(f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} of "
+                 f"{len(pairs)} held-out files, than the closer of these scaled as it is on {sum(scaled)} of "
+                 f"{len(scaled)}.")
+    if not isinstance(result, StandResult):
+        return
+    unit, factor, digits = UNITS["stand"]
+    for p in pairs:
+        how = (result.held_out or {}).get(p.file)
+        to = ", ".join(how.fitted_to) if how and how.fitted_to else "its own other PWM bands"
+        if how and how.same_propeller and len(how.fitted_to) == 1:
+            to += ", the only other one of its propeller"
+        basis = "" if how is None else f" ({how.best} fitted to {to}" + (
+            "" if how.same_propeller is not False else ": none of its own propeller") + ")"
+        options.show(f"  {one_line(p.file)}: {factor * p.rms:.{digits}f} against "
+                     f"{factor * p.firmware:.{digits}f} {unit}{one_line(basis)}")
+        own = how.own_bands if how and how.fitted_to else None
+        if own and own.rms_N and own.firmware_N:
+            options.show(f"    from its own other PWM bands: {factor * own.rms_N:.{digits}f} against "
+                         f"{factor * own.firmware_N:.{digits}f} {unit} ({own.best})")

@@ -8,7 +8,7 @@ from made_logs import INERTIA, K_F, K_M, MASS, ROW_S, SLOPE, flight, fly
 from scipy.integrate import solve_ivp
 
 from identification.motors import lag
-from identification.motors.motor_result import body
+from identification.motors.motor_result import motor_result
 from identification.motors.motor_study import hover, simulator
 from identification.motors.rotor_rows import read_log
 from nanobench_tools.physics import Vehicle
@@ -32,22 +32,23 @@ def test_a_simpler_lag_is_worse_on_flights_held_out(study):
 
 
 def test_moments(study):
-    found = body(study)["moments"]
-    assert found["inertia_kg_m2"]["x"] == pytest.approx(INERTIA[0], rel=0.03)
-    assert found["inertia_kg_m2"]["y"] == pytest.approx(INERTIA[1], rel=0.03)
-    assert found["k_m_per_inertia_z"]["median"] == pytest.approx(K_M / INERTIA[2], rel=0.05)
-    assert abs(found["reaction_per_inertia_z"]["median"]) < 2e-4  # the made rotors have no inertia
-    assert found["explained"]["x"]["median"] > 0.9
-    assert found["gyro_behind_speed_s"]["x"]["median"] == pytest.approx(-2 * ROW_S, abs=0.001)
+    found = motor_result(study).moments
+    assert found.inertia_kg_m2["x"] == pytest.approx(INERTIA[0], rel=0.03)
+    assert found.inertia_kg_m2["y"] == pytest.approx(INERTIA[1], rel=0.03)
+    assert found.k_m_per_inertia_z.median == pytest.approx(K_M / INERTIA[2], rel=0.05)
+    assert abs(found.reaction_per_inertia_z.median) < 2e-4  # the made rotors have no inertia
+    assert found.explained["x"].median > 0.9
+    assert found.gyro_behind_speed_s["x"].median == pytest.approx(-2 * ROW_S, abs=0.001)
 
 
 def test_fast_pwm_predicts_rotation_better_than_the_radio(study):
-    rows = {row["input"]: row["metrics"]["roll_pitch_rate_mae_rad_s"] for row in body(study)["rows"]}
+    rows = {row.input: row.metrics["roll_pitch_rate_mae_rad_s"] for row in motor_result(study).rows}
     assert rows["logged"]["10"] < 0.5 * rows["radio"]["10"] < 0.5 * rows["still"]["10"]
-    gain = next(g for g in body(study)["gains"] if g["input"] == "logged" and g["h"] == 10
-                and g["metric"] == "roll_pitch_rate_mae_rad_s")
-    assert gain["less_percent"] == pytest.approx(100 * (1 - rows["logged"]["10"] / rows["radio"]["10"]))
-    assert gain["ci95"][0] <= gain["less_percent"] <= gain["ci95"][1]
+    gain = next(g for g in motor_result(study).gains if g.input == "logged" and g.h == 10
+                and g.metric == "roll_pitch_rate_mae_rad_s")
+    assert gain.less_percent == pytest.approx(100 * (1 - rows["logged"]["10"] / rows["radio"]["10"]))
+    assert gain.ci95[0] <= gain.less_percent <= gain.ci95[1]
+    assert len(repr(motor_result(study))) < 400
 
 
 def test_the_simulator_is_that_vehicle(study):

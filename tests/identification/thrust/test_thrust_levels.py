@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification.thrust.balanced import balance
+from identification.thrust.error_rows import FileError
 from identification.thrust.error_tables import basis_words, pair_with_firmware
 from identification.thrust.firmware import PLUS
 from identification.thrust.flight_fit import FlightModel, fit_flights, models
@@ -104,16 +105,16 @@ def test_rows_say_what_they_were_given_and_first_seconds_help():
     found = study_of("switched_motor", flights[:6])
     rows = {r.name: r.row(0) for r in level_rows(found, "switched_motor", flights[6:], "test")}
     after, learnt, bound = rows.values()
-    assert learnt["rms_m_s2"] < 0.5 * after["rms_m_s2"]
-    assert bound["rms_m_s2"] < 0.06
-    assert after["n"] == learnt["n"] < bound["n"]
-    assert "accelerometer" in learnt["given"]
-    assert "no prediction" in bound["given"]
-    assert len({after["given"], learnt["given"], bound["given"]}) == 3
-    assert after["given"] == "inputs and battery now"
+    assert learnt.rms_m_s2 < 0.5 * after.rms_m_s2
+    assert bound.rms_m_s2 < 0.06
+    assert after.n == learnt.n < bound.n
+    assert "accelerometer" in learnt.given
+    assert "no prediction" in bound.given
+    assert len({after.given, learnt.given, bound.given}) == 3
+    assert after.given == "inputs and battery now"
     alone = weight_row(flights[6:], "test").row(0)
-    assert alone["rms_m_s2"] == pytest.approx(rms(np.concatenate([f.force - GRAVITY_M_S2 for f in flights[6:]])))
-    assert (alone["given"], alone["coverage95"]) == ("nothing", None)
+    assert alone.rms_m_s2 == pytest.approx(rms(np.concatenate([f.force - GRAVITY_M_S2 for f in flights[6:]])))
+    assert (alone.given, alone.coverage95) == ("nothing", None)
 
 
 def test_first_seconds_are_trusted_as_far_as_they_tell():
@@ -180,19 +181,19 @@ def test_the_firmwares_cubic_gets_the_scale_of_a_flight_as_other_maps_do():
 
 def test_against_the_firmware_as_published_and_scaled_alike():
     """Hand-worked: file a is won against both, file b against the published curves alone."""
-    def entry(file: str, model: str, rms_m_s2: float) -> dict:
-        return {"file": file, "model": model, "split": "test", "rms_m_s2": rms_m_s2}
+    def entry(file: str, model: str, rms_m_s2: float) -> FileError:
+        return FileError(file, model, "test", None, rms_m_s2, 0.0, 100)
 
     entries = [entry(f, m, v) for f, best, scaled in (("a", 0.1, 0.2), ("b", 0.3, 0.2))
                for m, v in (("switched_motor_balanced", best), ("firmware_2_1_plus", 0.6), ("firmware_legacy", 1.3),
                             ("scaled_2_1_plus", 0.05), ("scaled_2_1_plus_balanced", scaled),
                             ("scaled_legacy_balanced", 0.9))]
-    found = {p["file"]: p for p in pair_with_firmware(entries, "switched_motor_balanced")}
-    assert [(p["firmware"], p["firmware_scaled"], p["beaten"], p["scaled_beaten"]) for p in found.values()] == [
+    found = {p.file: p for p in pair_with_firmware(entries, "switched_motor_balanced")}
+    assert [(p.firmware, p.firmware_scaled, p.beaten, p.scaled_beaten) for p in found.values()] == [
         (0.6, 0.2, True, True), (0.6, 0.2, True, False)]
-    plain = pair_with_firmware([{**e, "model": e["model"].replace("switched_motor_balanced", "dc_motor")}
+    plain = pair_with_firmware([replace(e, model=e.model.replace("switched_motor_balanced", "dc_motor"))
                                 for e in entries], "dc_motor")
-    assert [p["firmware_scaled"] for p in plain] == [0.05, 0.05]
+    assert [p.firmware_scaled for p in plain] == [0.05, 0.05]
 
 
 def test_rows_say_how_many_series_of_their_propeller_trained():

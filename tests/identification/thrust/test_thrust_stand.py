@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_stands import dc_law, drive, made, text
 
+from identification.fitted_values import Estimate
 from identification.thrust import ThrustModel
 from identification.thrust.choose import choose
 from identification.thrust.maps import MAPS
@@ -27,16 +28,15 @@ def test_intervals_hold_the_truth():
     files = [made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(8)]
     found = study(files, 0.04, draws=100)
     inside = [lo <= TRUTH[n] <= hi for n, (lo, hi) in
-              ((n, b["ci95"]) for n, b in found.parameters()["dc_motor"].items())]
+              ((n, b.ci95) for n, b in found.parameters()["dc_motor"].items())]
     assert sum(inside) >= 2
 
 
 def test_two_files_give_no_interval():
     """Drawn from two, a parameter's interval would end at the values of the files alone."""
     found = study([made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(2)], 0.04, draws=100)
-    assert {body["ci95"] for body in found.parameters()["dc_motor"].values()} == {None}
-    assert {body["ci_why"] for body in found.parameters()["dc_motor"].values()} == {
-        "two files, drawn in three ways only"}
+    assert {(body.ci95, body.ci_why) for body in found.parameters()["dc_motor"].values()} == {
+        (None, "two files, drawn in three ways only")}
 
 
 @pytest.mark.parametrize("law", [dc_law, lambda u, v: 0.012 * (u * v) ** 2, lambda u, v: 0.03 * u**1.6 * v**1.1,
@@ -97,7 +97,7 @@ def test_model_from_a_file(tmp_path):
     assert np.all(high > model.predict(np.array([0.5, 0.9]), 3.7))
     assert model.score([path]) > 0.999
     assert model.best_ in model.summary()
-    assert set(model.parameters_[next(iter(model.parameters_))]) >= {"value", "ci95", "unit"}
+    assert all(isinstance(found, Estimate) for found in model.parameters_.values())
     with pytest.raises(UsageError, match="ratio"):
         model.predict(40000, 3.7)
 

@@ -1,0 +1,39 @@
+"""A fitted parameter, and a recording that no fit could use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from nanobench_tools.result import OPTIONAL, Result
+
+
+@dataclass(frozen=True, repr=False)
+class Value(Result):
+    """A parameter without an interval."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, repr=False)
+class Estimate(Result):
+    """A parameter; ci95: 95 % interval; ci_why: why it is missing or not to be trusted."""
+
+    value: float
+    ci95: tuple[float, float] | None
+    unit: str
+    ci_why: str = field(default="", metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, repr=False)
+class LeftOut(Result):
+    """A recording, and why it takes no part."""
+
+    flight: str
+    reason: str
+
+    @classmethod
+    def of(cls, reasons: Mapping[str, str]) -> tuple[LeftOut, ...]:
+        """From reasons by name of the recording."""
+        return tuple(cls(name, reason) for name, reason in reasons.items())

@@ -1,0 +1,124 @@
+"""What the tables and pictures of a thrust result hold: errors of maps on files, and the chosen map drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nanobench_tools.result import OPTIONAL, Result, named
+
+
+@dataclass(frozen=True, repr=False)
+class ErrorRow(Result):
+    """One model on the files of one split. ci95 of the RMS by drawing sessions and files, None where ``ci_why`` says
+    why; bias, coverage95 (share of rows inside the 95 % interval), files_covered90 (share of files with nine tenths of
+    their rows inside); given: what predictions are made from; clock, clock_evidence: of flights."""
+
+    model: str
+    split: str
+    kind: str
+    rms_N: float | None
+    rms_m_s2: float | None
+    n: int
+    files: int
+    ci95: tuple[float, float] | None
+    sessions: int | None
+    design_effect: Mapping[str, float | None]
+    ci_why: str = field(metadata=OPTIONAL)
+    bias: float
+    coverage95: float | None
+    status: str
+    uses: str
+    given: str
+    files_covered90: float | None
+    clock: str = field(default="", metadata=OPTIONAL)
+    clock_evidence: Sequence[str] | None = field(default=None, metadata=OPTIONAL)
+
+    @property
+    def rms(self) -> float:
+        """N per motor of stand series, m/s^2 of flights."""
+        return _rms(self)
+
+
+@dataclass(frozen=True, repr=False)
+class FileError(Result):
+    """One model on one file."""
+
+    file: str
+    model: str
+    split: str
+    rms_N: float | None = field(metadata=OPTIONAL)
+    rms_m_s2: float | None = field(metadata=OPTIONAL)
+    bias: float
+    n: int
+
+    @property
+    def rms(self) -> float:
+        """N per motor of stand series, m/s^2 of flights."""
+        return _rms(self)
+
+
+@dataclass(frozen=True, repr=False)
+class OwnBands(Result):
+    """A series of whose propeller there is no other, each of its PWM bands predicted from the rest of it: the map
+    chosen, its RMS, and that of the firmware's closer curve."""
+
+    best: str | None
+    rms_N: float | None
+    firmware_N: float | None
+
+
+@dataclass(frozen=True, repr=False)
+class ChosenWithout(Result):
+    """What was fitted without a series: the map chosen, to which series, whether these have its propeller (None: cannot
+    be told)."""
+
+    best: str | None
+    fitted_to: tuple[str, ...]
+    same_propeller: bool | None
+    own_bands: OwnBands | None
+
+
+@dataclass(frozen=True, repr=False)
+class Points(Result):
+    """Rows (m,) of a file for pictures: PWM ratio (mean of the motors), voltage, what was measured and what the fit
+    says, in N per motor of a stand series, m/s^2 of a flight."""
+
+    file: str
+    split: str
+    pwm: np.ndarray
+    voltage_V: np.ndarray = field(metadata=named("voltage"))
+    measured: np.ndarray
+    predicted: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class InverseTable(Result):
+    """PWM ratios (voltages, thrusts) of a fitted map, nan where the motor cannot; limit_N: thrust at full PWM."""
+
+    voltage_V: tuple[float, ...]
+    thrust_N: tuple[float, ...]
+    limit_N: np.ndarray
+    pwm: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class AgainstFirmware(Result):
+    """RMS on one test file, N per motor or m/s^2, of the chosen map, of the better of the firmware's two cubics as
+    published, and of the better one given the same as the chosen map (a scale from the training files; the weight the
+    flight carried where that map has it); None without such a row."""
+
+    file: str
+    rms: float
+    firmware: float
+    beaten: bool
+    firmware_scaled: float | None
+    scaled_beaten: bool | None
+
+
+def _rms(row: ErrorRow | FileError) -> float:
+    found = row.rms_N if row.rms_m_s2 is None else row.rms_m_s2
+    assert found is not None  # a row is of stand series or of flights
+    return found

@@ -1,0 +1,106 @@
+"""thrust.html: the maps of ``nanobench thrust`` on one page that asks the network for nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from identification.fitted_values import Estimate
+from nanobench_tools.protocols.sessions import interval_note
+from nanobench_tools.report.environment import environment
+from nanobench_tools.report.quantities import DASH
+from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
+from nanobench_tools.result import to_json
+from nanobench_tools.version import __version__
+
+from .error_rows import ErrorRow, InverseTable
+from .thrust_result import FlightResult, Series, StandResult, ThrustResult
+
+SECTIONS = {"stand": "Thrust stand", "flight": "Flights"}
+UNITS = {"stand": (1e3, "mN per motor", 2), "flight": (1.0, "m/s²", 4)}
+
+
+def thrust_page(found: ThrustResult, synthetic: bool) -> str:
+    """The page as text. ``synthetic``: every caption says so."""
+    parts = [part(kind, mine, [r for r in found.rows if r.kind == kind])
+             for kind, mine in (("stand", found.stand), ("flight", found.flight)) if mine is not None]
+    return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
+        label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=plotly_source(),
+        css=_template("report.css"), scripts=[_template("draw.js"), _template("thrust.js")],
+        left_out=found.left_out, failed=[], data=safe_json({p["kind"]: p["pictures"] for p in parts}))
+
+
+def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) -> dict[str, Any]:
+    """What the page says and draws of one kind."""
+    factor, unit, digits = UNITS[kind]
+    before = getattr(mine, "as_recorded", None)
+    rows = sorted([*(before.rows if before else ()), *rows], key=lambda r: r.split != "test")  # held out first
+    chosen = mine.chosen
+    return {"kind": kind, "title": SECTIONS[kind], "best": mine.best, "split": mine.split, "unit": unit,
+            "words": words(kind, mine, rows), "rows": [_row(r, factor, digits, mine.best) for r in rows],
+            "parameters": [_parameter(name, value) for name, value in mine.parameters.get(mine.best or "", {}).items()],
+            "series": [_series(s) for s in getattr(mine, "series", ())],
+            "inverse": None if chosen is None else _inverse(chosen.inverse),
+            "toml": "" if chosen is None else chosen.toml, "firmware": "" if chosen is None else chosen.firmware,
+            "firmware_note": "" if chosen is None else chosen.firmware_note,
+            "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "pictures": to_json({
+                "unit": unit, "factor": factor, "curves": chosen.curves if chosen else (),
+                "points": chosen.points if chosen else (),
+                "half_width": chosen.interval_half_width if chosen else None, "pairs": mine.against_firmware})}
+
+
+def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) -> list[str]:
+    """The finding in a few sentences."""
+    factor, unit, digits = UNITS[kind]
+    best, chosen = mine.best, mine.chosen
+    if best is None or chosen is None:
+        return ["No map is a result: " + "; ".join(f"{n}: {why}" for n, why in mine.no_result.items()) + "."]
+    named = {(r.model, r.split): r for r in rows if r.clock == getattr(mine, "clock", "")}
+    split = "test" if (best, "test") in named else "train"
+    text = [f"Chosen: {best}, by training files that were held out in turn "
+            f"({factor * mine.held_out_rms[best]:.{digits}f} {unit})."]
+    compared = [f"{name.replace('_', ' ')} {factor * named[name, split].rms:.{digits}f}"
+                for name in (best, "thrust_voltage", "thrust_pwm", "firmware_2_1_plus", "scaled_2_1_plus",
+                             "scaled_2_1_plus_balanced", "firmware_legacy")
+                if (name, split) in named]
+    text.append(f"RMS on {'held-out' if split == 'test' else 'training'} files, {unit}: " + ", ".join(compared) + ".")
+    if (best, split) in named and (covered := named[best, split].coverage95) is not None:
+        text.append(f"The 95 % prediction interval (± {factor * chosen.interval_half_width:.{digits}f} {unit}) holds "
+                    f"{100 * covered:.0f} % of these rows.")
+    if pairs := mine.against_firmware:
+        text.append(f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} "
+                    f"of {len(pairs)} held-out files, than the closer of these scaled as it is on "
+                    f"{sum(p.scaled_beaten or False for p in pairs)}.")
+    note = interval_note(to_json([row for row in rows if row.split == split]))
+    return [*text, note] if note else text
+
+
+def _row(row: ErrorRow, factor: float, digits: int, best: str | None) -> dict[str, Any]:
+    interval = "" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95)
+    return {"model": row.model, "best": row.model == best, "split": row.split, "clock": row.clock,
+            "rms": f"{factor * row.rms:.{digits}f}", "interval": interval, "n": row.n,
+            "files": row.files, "bias": f"{factor * row.bias:+.{digits}f}",
+            "coverage": DASH if row.coverage95 is None else f"{100 * row.coverage95:.0f}",
+            "status": row.status, "uses": row.uses}
+
+
+def _parameter(name: str, found: Estimate) -> dict[str, str]:
+    interval = f"{found.ci95[0]:.4g} .. {found.ci95[1]:.4g}" if found.ci95 else DASH
+    return {"name": name, "value": f"{found.value:.5g}", "unit": found.unit, "interval": interval}
+
+
+def _series(entry: Series) -> dict[str, str]:
+    constants, resistance = entry.constants, entry.battery_resistance
+    return {"file": entry.file, "rows": str(entry.rows), "still": str(entry.still),
+            "zero": DASH if math.isnan(entry.zero_N) else f"{1e3 * entry.zero_N:.2f}",
+            **{name: f"{constants[name].value:.3e}" if name in constants else DASH for name in ("k_f", "K_e")},
+            "R": DASH if resistance is None or resistance.ci95 is None else
+            f"{resistance.value:.3f} ({resistance.ci95[0]:.3f} .. {resistance.ci95[1]:.3f})"}
+
+
+def _inverse(table: InverseTable) -> dict[str, Any]:
+    return {"thrusts": [f"{1e3 * t:.0f}" for t in table.thrust_N],
+            "rows": [{"voltage": f"{v:.2f}", "limit": f"{1e3 * limit:.0f}",
+                      "pwm": [DASH if math.isnan(u) else f"{u:.3f}" for u in pwm]}
+                     for v, limit, pwm in zip(table.voltage_V, table.limit_N, table.pwm, strict=True)]}
