@@ -86,20 +86,18 @@ class Audit:
             "span": [self.span.start_s, self.span.end_s],
             "airborne": [[s.start_s, s.end_s] for s in self.airborne],
             "clean": [[s.start_s, s.end_s] for s in self.clean],
-            "faults": [
-                {
-                    "kind": f.kind,
-                    "stream": f.stream,
-                    "columns": list(f.columns),
-                    "start_s": f.start_s,
-                    "end_s": f.end_s,
-                    "size": _number(f.size),
-                    "unit": f.unit,
-                    "evidence": f.evidence,
-                    "minimum_detectable": _number(f.minimum_detectable),
-                }
-                for f in self.faults
-            ],
+            "faults": [{
+                           "kind": f.kind,
+                           "stream": f.stream,
+                           "columns": list(f.columns),
+                           "start_s": f.start_s,
+                           "end_s": f.end_s,
+                           "size": _number(f.size),
+                           "unit": f.unit,
+                           "evidence": f.evidence,
+                           "minimum_detectable": _number(f.minimum_detectable),
+                       }
+                       for f in self.faults],
             "clock": {name: reading.to_json() for name, reading in self.clock.items()},
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
         }

@@ -39,10 +39,8 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         and gravity.axis != 2
         and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
     ):
-        found.append(
-            ("imu", (ACC[gravity.axis], "acc_z"),
-             f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)")
-        )
+        found.append(("imu", (ACC[gravity.axis], "acc_z"),
+                      f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)"))
     return found
 
 

@@ -23,10 +23,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for stream, t in context.once(tables):
         for i in np.flatnonzero(np.diff(t) < 0.0):
             back = float(t[i] - t[i + 1])
-            faults.append(
-                Fault(KIND, stream, ("t",), float(t[i + 1]), float(t[i]), back, "s",
-                      f"row {i + 2} is stamped {back:.4f} s before row {i + 1}", 0.0)
-            )
+            faults.append(Fault(KIND, stream, ("t",), float(t[i + 1]), float(t[i]), back, "s",
+                                f"row {i + 2} is stamped {back:.4f} s before row {i + 1}", 0.0))
     return faults
 
 

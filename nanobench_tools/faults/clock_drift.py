@@ -20,12 +20,10 @@ KIND = "clock_drift"
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
-    return [
-        over_stream(KIND, flight, name, None, clock.slope, "s/s", clock.drift_evidence,
-                    clock.detectable_drift_s / clock.span_s)
-        for name, clock in context.once(moving_clocks).items()
-        if clock.drifts
-    ]
+    return [over_stream(KIND, flight, name, None, clock.slope, "s/s", clock.drift_evidence,
+                        clock.detectable_drift_s / clock.span_s)
+            for name, clock in context.once(moving_clocks).items()
+            if clock.drifts]
 
 
 def _left_s(fault: Fault) -> float:

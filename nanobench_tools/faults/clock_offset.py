@@ -42,10 +42,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             f"stamps of {name} are {1e3 * abs(reading.offset_s):.1f} ms {late} (95 % interval {1e3 * low:.1f} to "
             f"{1e3 * high:.1f} ms); {reading.reason}"
         )
-        faults.append(
-            over_stream(KIND, flight, name, None, reading.offset_s, "s", evidence,
-                        SMALLEST_S + HALVES * half + (OWN_LAG_S[1] if own else 0.0))
-        )
+        faults.append(over_stream(KIND, flight, name, None, reading.offset_s, "s", evidence,
+                                  SMALLEST_S + HALVES * half + (OWN_LAG_S[1] if own else 0.0)))
     return faults
 
 

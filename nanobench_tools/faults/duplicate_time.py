@@ -22,10 +22,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for stream, t in context.once(tables):
         for a, b in runs(np.concatenate(([False], np.diff(t) == 0.0))):
             start, end = float(t[a - 1]), float(t[min(b, len(t) - 1)])
-            faults.append(
-                Fault(KIND, stream, ("t",), start, max(end, start), float(b - a), "rows",
-                      f"{b - a + 1} rows have the stamp {start:.4f} s", 1.0)
-            )
+            faults.append(Fault(KIND, stream, ("t",), start, max(end, start), float(b - a), "rows",
+                                f"{b - a + 1} rows have the stamp {start:.4f} s", 1.0))
     return faults
 
 

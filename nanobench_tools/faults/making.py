@@ -30,7 +30,5 @@ def findings(flight: Flight, kind: str) -> list[Fault]:
     stamps = [s.time_s[np.isfinite(s.time_s)] for s in flight.streams.values()]
     low = min((float(t.min()) for t in stamps if len(t)), default=-math.inf)
     high = max((float(t.max()) for t in stamps if len(t)), default=math.inf)
-    return [
-        replace(fault, start_s=min(max(fault.start_s, low), high), end_s=max(min(fault.end_s, high), low))
-        for fault in found
-    ]
+    return [replace(fault, start_s=min(max(fault.start_s, low), high), end_s=max(min(fault.end_s, high), low))
+            for fault in found]

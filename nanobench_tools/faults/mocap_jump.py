@@ -69,12 +69,10 @@ def displaced_stretches(context: Context) -> list[Displaced]:
         off = np.linalg.norm(at[:, None] - at[None, :], axis=2)
         same &= off < min(2.0 * max(jump.limit for jump in kind), 0.5 * min(jump.size for jump in kind))
     kept = same[int(np.argmax(same @ np.maximum(ends - starts, 0.0)))]
-    return [
-        Displaced(float(start if before is None else before.start_s), float(end if after is None else after.end_s),
-                  before, after)
-        for rest, start, end, before, after in zip(kept, starts, ends, [None, *jumps], [*jumps, None], strict=True)
-        if not rest
-    ]
+    return [Displaced(float(start if before is None else before.start_s), float(end if after is None else after.end_s),
+                      before, after)
+            for rest, start, end, before, after in zip(kept, starts, ends, [None, *jumps], [*jumps, None], strict=True)
+            if not rest]
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -40,10 +40,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         for a, b in runs(flags):
             start, stop = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
             if stop - start >= shortest + 0.5 * step and b - a > 1 and start < end:
-                faults.append(
-                    Fault(KIND, "mocap", columns, start, stop, stop - start, "s",
-                          f"{b - a} poses {what} from {start:.2f} to {stop:.2f} s", shortest)
-                )
+                faults.append(Fault(KIND, "mocap", columns, start, stop, stop - start, "s",
+                                    f"{b - a} poses {what} from {start:.2f} to {stop:.2f} s", shortest))
     return faults
 
 

@@ -30,10 +30,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     ran = motor is not None and bool(np.any(np.nan_to_num(motor.values) > 0.0))
     motors = "" if motor is None else "; motors ran" if ran else "; motors never ran"
     span = context.once(whole_span)
-    return [
-        Fault(KIND, "", (), span.start_s, span.end_s, top, "m",
-              f"never more than {100 * top:.1f} cm above the ground{motors}", HEIGHT_M)
-    ]
+    return [Fault(KIND, "", (), span.start_s, span.end_s, top, "m",
+                  f"never more than {100 * top:.1f} cm above the ground{motors}", HEIGHT_M)]
 
 
 FAULT = FaultKind(KIND, find, __doc__, group="flight", whole=True,

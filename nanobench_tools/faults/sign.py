@@ -28,19 +28,15 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
     found = []
     gravity = context.once(gravity_axis)
     if gravity is not None and gravity.sign < 0:
-        found.append(
-            ("imu", ACC[gravity.axis],
-             f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
-             f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}")
-        )
+        found.append(("imu", ACC[gravity.axis],
+                      f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
+                      f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}"))
     for verdict in context.once(wrong_matches):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
-                found.append(
-                    (verdict.stream, quantity,
-                     f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
-                     f"{against(verdict)} predicts")
-                )
+                found.append((verdict.stream, quantity,
+                              f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
+                              f"{against(verdict)} predicts"))
     return found
 
 

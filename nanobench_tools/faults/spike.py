@@ -34,12 +34,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         t = stream.time_s
         start, end = float(t[max(first - 1, 0)]), float(t[min(last + 1, len(t) - 1)])
         names = tuple(stream.columns[c] for c in columns)
-        faults.append(
-            Fault(KIND, name, names, start, end, float(distance[strongest]), stream.unit[k],
-                  f"{stream.columns[k]} is {distance[strongest]:.3g} {stream.unit[k]} off its neighbours in "
-                  f"{last - first + 1} row(s) at {t[first]:.3f} s",
-                  float(least[strongest]))
-        )
+        faults.append(Fault(KIND, name, names, start, end, float(distance[strongest]), stream.unit[k],
+                            f"{stream.columns[k]} is {distance[strongest]:.3g} {stream.unit[k]} off its neighbours in "
+                            f"{last - first + 1} row(s) at {t[first]:.3f} s",
+                            float(least[strongest])))
     return faults
 
 

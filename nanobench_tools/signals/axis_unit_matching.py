@@ -172,13 +172,11 @@ def wrong_matches(context: Context) -> list[AxisUnitMatch]:
                 and make not in (mocap_velocity_pair, acceleration_pair, force_pair)
             }
             wrong[position_pair] = _inverse(verdict, "mocap", ("px", "py", "pz"))
-    turned = [
-        make
-        for make in PAIRS
-        if make in wrong
-        and found[make].stream in ("imu", "attitude", "attitude_qw")
-        and "acc_x" not in found[make].quantities
-    ]
+    turned = [make
+              for make in PAIRS
+              if make in wrong
+              and found[make].stream in ("imu", "attitude", "attitude_qw")
+              and "acc_x" not in found[make].quantities]
     if gyro_pair in turned and len(turned) > 1 and wrong[turned[0]].wrong == wrong[turned[1]].wrong:
         verdict = wrong[gyro_pair]
         wrong = {make: v for make, v in wrong.items() if make not in turned and make is not mocap_rate_pair}

@@ -39,11 +39,9 @@ def crash_of(context: Context) -> Crash | None:
         return None
     time_s, quaternion = oriented
     tilt = np.arccos(np.clip(1.0 - 2.0 * (quaternion[:, 0] ** 2 + quaternion[:, 1] ** 2), -1.0, 1.0))
-    began = [
-        (float(time_s[a]), f"tilted by up to {np.degrees(tilt[a:b].max()):.0f} deg from {time_s[a]:.2f} s on")
-        for a, b in runs(tilt > TILT_RAD)
-        if time_s[b - 1] - time_s[a] >= LASTS_S and time_s[a] >= air[0].start_s
-    ]
+    began = [(float(time_s[a]), f"tilted by up to {np.degrees(tilt[a:b].max()):.0f} deg from {time_s[a]:.2f} s on")
+             for a, b in runs(tilt > TILT_RAD)
+             if time_s[b - 1] - time_s[a] >= LASTS_S and time_s[a] >= air[0].start_s]
     began += [fall for fall in [_fall(context)] if fall]
     if not began:
         return None

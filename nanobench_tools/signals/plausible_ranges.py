@@ -82,10 +82,8 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             known = min((GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
                         key=lambda f: abs(np.log(ratio / f)))
             factor = known if abs(np.log(ratio / known)) < np.log(NEAR_KNOWN) else ratio
-            found.append(
-                WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), factor,
-                          f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81")
-            )
+            found.append(WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), factor,
+                                   f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81"))
     volts = _alive(context, "battery", ("vbat",))
     if volts is not None:
         median = float(np.median(volts))
@@ -106,10 +104,8 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
                 WrongUnit(name, quantities, factor, f"{', '.join(quantities)} reach {top:.4g} where 1 is full")
             )
         elif 0.0 < top < 1e-3:
-            found.append(
-                WrongUnit(name, quantities, 1.0 / PWM_FULL_SCALE,
-                          f"{', '.join(quantities)} never exceed {top:.2g} of full")
-            )
+            found.append(WrongUnit(name, quantities, 1.0 / PWM_FULL_SCALE,
+                                   f"{', '.join(quantities)} never exceed {top:.2g} of full"))
     for name, angles in (("attitude", ("roll", "pitch", "yaw")), ("setpoint", ("yaw",)),
                          ("pid", ("roll", "pitch", "yaw"))):
         angle = _alive(context, name, angles)

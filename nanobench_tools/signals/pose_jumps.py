@@ -66,11 +66,9 @@ def mocap_jumps(context: Context) -> list[PoseJump]:
         rate = angle / np.diff(t)
         jump = angle[i] - 0.5 * (rate[i - 1] + rate[i + 1]) * dt
         turn = so3.log(so3.multiply(so3.conjugate(q[i]), q[i + 1]))
-    jumps = [
-        PoseJump(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False,
-                 tuple(map(float, offset[k])))
-        for k in _peaks(moved, step)
-    ]
+    jumps = [PoseJump(float(t[i[k]]), float(t[i[k] + 1]), float(step[k]), float(limit[k]), False,
+                      tuple(map(float, offset[k])))
+             for k in _peaks(moved, step)]
     limit = LIMIT_RAD + BEND_RAD_S2 * dt**2
     jumps += [
         PoseJump(float(t[i[k]]), float(t[i[k] + 1]), float(jump[k]), float(limit[k]), True, tuple(map(float, turn[k])))

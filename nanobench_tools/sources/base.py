@@ -110,10 +110,8 @@ def _lost_faults(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> list[Fault
         start = float(time_s[max(after, 0)]) if n else 0.0
         end = float(time_s[min(after + 1, n - 1)]) if n else 0.0
         more = f" (and {len(reasons) - 1} more rows)" if len(reasons) > 1 else ""
-        faults.append(
-            Fault("bad_cell", "", (), min(start, end), max(start, end), float(len(reasons)), "rows",
-                  f"row left out, {reasons[0]}{more}")
-        )
+        faults.append(Fault("bad_cell", "", (), min(start, end), max(start, end), float(len(reasons)), "rows",
+                            f"row left out, {reasons[0]}{more}"))
     if len(faults) > MAX_FINDINGS:
         rest = faults[MAX_FINDINGS - 1 :]
         faults[MAX_FINDINGS - 1 :] = [

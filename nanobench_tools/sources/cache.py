@@ -59,19 +59,17 @@ def store(entry: Path, flight: Flight) -> None:
         }
         arrays += list(stream.values.T)
     try:
-        header = json.dumps(
-            {
-                "name": flight.name,
-                "streams": streams,
-                "metadata": dict(flight.metadata),
-                "epoch_s": flight.epoch_s,
-                "source": flight.provenance.source,
-                "synthetic": flight.provenance.synthetic,
-                "notes": flight.provenance.notes,
-                "findings": [list(vars(f).values()) for f in flight.provenance.findings],
-                "clocks": [len(t) for t in times],
-            }
-        )
+        header = json.dumps({
+                                "name": flight.name,
+                                "streams": streams,
+                                "metadata": dict(flight.metadata),
+                                "epoch_s": flight.epoch_s,
+                                "source": flight.provenance.source,
+                                "synthetic": flight.provenance.synthetic,
+                                "notes": flight.provenance.notes,
+                                "findings": [list(vars(f).values()) for f in flight.provenance.findings],
+                                "clocks": [len(t) for t in times],
+                            })
     except TypeError:  # a plug-in put something into the metadata that is not JSON: not kept
         return
     rows = max((len(a) for a in (*times, *arrays)), default=0)

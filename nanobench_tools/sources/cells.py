@@ -204,13 +204,11 @@ def _split_rows(body: bytes, columns: list[str], dialect: Dialect, place: str) -
         lines.append(number)
     if not rows:
         common = max(widths, key=widths.__getitem__, default=0)
-        raise InputError(
-            place,
-            f"no row fits the header: {common} cells in a row, {len(columns)} names in the header"
-            if widths
-            else truncated or "there is a header but no row",
-            "a decimal comma needs another delimiter" if common > len(columns) else "check the delimiter",
-        )
+        raise InputError(place,
+                         f"no row fits the header: {common} cells in a row, {len(columns)} names in the header"
+                         if widths
+                         else truncated or "there is a header but no row",
+                         "a decimal comma needs another delimiter" if common > len(columns) else "check the delimiter")
     return TextRows(rows, np.array(lines), len(rows) + len(lost) + bool(truncated), lost, truncated)
 
 

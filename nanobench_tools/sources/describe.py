@@ -176,10 +176,8 @@ def _closed_curve(time_s: np.ndarray, position: np.ndarray) -> str | None:
         if curve.z and fits.amplitudes(2, curve.z, at).min() < 0.5 * SMALLEST_AMPLITUDE * amplitudes.max():
             continue
         share = float(np.sqrt(max(total[at], 0.0) / len(time_s))) / spread
-        best.append(
-            (share, curve.residual,
-             _ellipse(time_s, centred, amplitudes) if curve.family == "ellipse" else curve.family)
-        )
+        best.append((share, curve.residual,
+                     _ellipse(time_s, centred, amplitudes) if curve.family == "ellipse" else curve.family))
     best.sort()
     if not best or best[0][0] > best[0][1] or (len(best) > 1 and best[1][0] < CLEARLY * best[0][0]):
         return None

@@ -79,12 +79,10 @@ def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Pa
     seen: set[str] = set()
 
     def refuse(error: OSError) -> None:
-        failed.append(
-            {
-                "path": str(error.filename),
-                "error": f"{error.filename}: cannot be listed ({error.strerror}); check its permissions",
-            }
-        )
+        failed.append({
+                          "path": str(error.filename),
+                          "error": f"{error.filename}: cannot be listed ({error.strerror}); check its permissions",
+                      })
 
     for place in paths:
         if not place.exists():
@@ -140,10 +138,8 @@ def find_recordings(paths: Sequence[Path | str],
         raise InputError(", ".join(map(str, places)) or "no path", "no recording in it",
                          "give a folder with recordings")
     names = _labels([path for path, _, _ in found])
-    return [
-        Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
-        for (path, source, start), label in zip(found, names, strict=True)
-    ], failed
+    return [Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
+            for (path, source, start), label in zip(found, names, strict=True)], failed
 
 
 def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -> None:

@@ -95,18 +95,16 @@ class RosBag:
         faults = [*faults, *_lost(bag, end), *not_numbers(streams)]
         used = {plan.topic for plan in plans if plan.stream in streams}
         notes = [f"topic {t} ({k}) is not read" for t, k in bag.types.items() if t not in used]
-        return Flight(
-            path.name,
-            streams,
-            {
-                "family": None,
-                "speed": None,
-                "reference_speed_m_s": None,
-                "vehicle": {} if self.map is None else dict(self.map.vehicle),
-            },
-            Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)),
-            epoch_s=start * 1e-9,
-        )
+        return Flight(path.name,
+                      streams,
+                      {
+                          "family": None,
+                          "speed": None,
+                          "reference_speed_m_s": None,
+                          "vehicle": {} if self.map is None else dict(self.map.vehicle),
+                      },
+                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)),
+                      epoch_s=start * 1e-9)
 
 
 def _meant(bag: Bag) -> list[_Plan]:

@@ -105,11 +105,9 @@ class ThrustStand:
         grid = read_grid(data, str(path), numeric={h.column for h in known})
         n = len(grid.lines)
         row = np.arange(n, dtype=float)
-        silent = [
-            h.column
-            for h in known
-            if h.base not in ("pwm", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()
-        ]
+        silent = [h.column
+                  for h in known
+                  if h.base not in ("pwm", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()]
         for column in silent:  # zero from the first row to the last: the sensor was not connected
             del grid.columns[column]
         streams, taken = _streams(grid, known, row, str(path))
@@ -128,10 +126,8 @@ class ThrustStand:
                        "columns")
             for c in silent
         ]
-        faults += [
-            text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")
-            for c in grid.empty
-        ]
+        faults += [text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")
+                   for c in grid.empty]
         faults += [
             text_fault("extra_column", "", (c,), f"column {c} stands there more than once; the first was read", span,
                        1.0, "columns")

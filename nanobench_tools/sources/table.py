@@ -64,10 +64,8 @@ class TableSource:
         if not len(kept):
             raise InputError(f"{place}: column {self.map.time.column}", "holds no time", "rows cannot be placed")
         cells.bad.pop(_key(self.map.time), None)
-        cells.lost += [
-            LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
-            for r in np.flatnonzero(~readable)
-        ]
+        cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
+                       for r in np.flatnonzero(~readable)]
         epoch = float(absolute[kept[0]])
         time_s = absolute[kept] - epoch
         streams, faults = _streams(self.map, cells, time_s, kept)

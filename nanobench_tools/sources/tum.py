@@ -47,10 +47,8 @@ class TumTrajectory:
         grid, stamps, left = _grid(data, layout)
         absolute, time_s = _seconds(stamps, layout.time_unit, str(path))
         kept = np.flatnonzero(np.isfinite(absolute))
-        grid.lost += [
-            LostRow(int(grid.lines[r]), int(r) - 1, "no number in column timestamp")
-            for r in np.flatnonzero(~np.isfinite(absolute))
-        ]
+        grid.lost += [LostRow(int(grid.lines[r]), int(r) - 1, "no number in column timestamp")
+                      for r in np.flatnonzero(~np.isfinite(absolute))]
         absolute, time_s = absolute[kept], time_s[kept]
         values = np.stack([grid.columns[c][kept] for c in COLUMNS[1:]], axis=1)
         values[:, :3] *= layout.length

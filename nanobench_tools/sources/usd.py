@@ -79,21 +79,19 @@ class UsdLog:
             raise InputError(str(path), "a uSD log without any variable", "its configuration named none")
         end = max(s.span.end_s for s in streams.values())
         notes = [f"extra: {c} kept as found" for n, s in streams.items() if n.startswith("extra") for c in s.columns]
-        return Flight(
-            path.name,
-            streams,
-            {
-                "family": None,
-                "speed": None,
-                "reference_speed_m_s": None,
-                "clock": "seconds since boot",
-                "usd_version": log.version,
-                "records": {log.types[i].name: len(r) for i, r in log.records.items()},
-            },
-            Provenance(str(path), "", self.name, findings=(*_faults(log.fault, end), *not_numbers(streams)),
-                       notes=tuple(notes)),
-            epoch_s=start * unit,
-        )
+        return Flight(path.name,
+                      streams,
+                      {
+                          "family": None,
+                          "speed": None,
+                          "reference_speed_m_s": None,
+                          "clock": "seconds since boot",
+                          "usd_version": log.version,
+                          "records": {log.types[i].name: len(r) for i, r in log.records.items()},
+                      },
+                      Provenance(str(path), "", self.name, findings=(*_faults(log.fault, end), *not_numbers(streams)),
+                                 notes=tuple(notes)),
+                      epoch_s=start * unit)
 
 
 def parse_log(data: bytes, place: str) -> Log:

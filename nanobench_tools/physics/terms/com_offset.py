@@ -19,15 +19,13 @@ def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
     return subtract(torque, cross(p.r_m, at.force_b))
 
 
-TERM = Term(
-    name="com_offset",
-    sentence="The centre of mass lies r away from the centre of the motors, so every body force has a moment.",
-    equation="tau <- tau - r x F_b, F_b with thrust",
-    parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3, systematic=Systematic(SYSTEMATIC_M),
-                          differs=DIFFERS_M, grows="l", only_with={2: "drag_torque"},
-                          source="Crazyflie with deck and markers: a few millimetres"),),
-    acts={Stage.TORQUE: moment},
-    confused_with={"motor_imbalance": "yaw: unequal gains upset it, an offset does not; r_z shows in drag only",
-                   "drag_torque": "hover: a moment from the air vanishes there"},
-    changes=True, scatters=("r_m[0]", "r_m[1]"),
-)
+TERM = Term(name="com_offset",
+            sentence="The centre of mass lies r away from the centre of the motors, so every body force has a moment.",
+            equation="tau <- tau - r x F_b, F_b with thrust",
+            parameters=(Parameter("r_m", "m", -0.05, 0.05, 0.0, length=3, systematic=Systematic(SYSTEMATIC_M),
+                                  differs=DIFFERS_M, grows="l", only_with={2: "drag_torque"},
+                                  source="Crazyflie with deck and markers: a few millimetres"),),
+            acts={Stage.TORQUE: moment},
+            confused_with={"motor_imbalance": "yaw: unequal gains upset it, an offset does not; r_z shows in drag only",
+                           "drag_torque": "hover: a moment from the air vanishes there"},
+            changes=True, scatters=("r_m[0]", "r_m[1]"))

@@ -25,16 +25,14 @@ def delayed(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> 
     return [new + share * (old - new) for new, old in zip(inputs, at.before, strict=True)]
 
 
-TERM = Term(
-    name="command_delay",
-    sentence="Every motor command acts a constant time after the stamp it is logged with.",
-    equation="u_i <- u_i(t - d)",
-    parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
-                          systematic=Systematic(SYSTEMATIC_S), search_start=SEARCH_START_S, fitted=FITTED,
-                          source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
-                                 "beside a first-order lag"),),
-    acts={Stage.INPUT_DELAY: delayed},
-    confused_with={"motor_lag": "steps of the command logged faster than 100 Hz: a delay does nothing at first",
-                   "clock_offset": "the audit's clock of the motor stream against the others"},
-    far=True,
-)
+TERM = Term(name="command_delay",
+            sentence="Every motor command acts a constant time after the stamp it is logged with.",
+            equation="u_i <- u_i(t - d)",
+            parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
+                                  systematic=Systematic(SYSTEMATIC_S), search_start=SEARCH_START_S, fitted=FITTED,
+                                  source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
+                                         "beside a first-order lag"),),
+            acts={Stage.INPUT_DELAY: delayed},
+            confused_with={"motor_lag": "steps of the command logged faster than 100 Hz: a delay does nothing at first",
+                           "clock_offset": "the audit's clock of the motor stream against the others"},
+            far=True)

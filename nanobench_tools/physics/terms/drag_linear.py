@@ -17,14 +17,12 @@ def force(body_force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -
     return [f - d * v for f, d, v in zip(body_force, p.d, at.air_b, strict=True)]
 
 
-TERM = Term(
-    name="drag_linear",
-    sentence="A force against the air velocity along each body axis, in proportion to it.",
-    equation="F_b <- F_b - diag(d) (v - wind)_b",
-    parameters=(Parameter("d", "N s/m", 0.0, 20.0, TYPICAL_N_S_M, length=3, systematic=AIR, grows="m",
-                          source="79 NanoBench flights, test flights among them: k/m 0.391 (x), 0.404 "
-                                 "(y), 0.14 (z) 1/s"),),
-    acts={Stage.BODY_FORCE: force},
-    confused_with={"drag_rotor": "the same speed with little and with much thrust (dives and climbs)",
-                   "drag_quadratic": "a wide range of speeds", "wind": "the same path flown in two headings"},
-)
+TERM = Term(name="drag_linear",
+            sentence="A force against the air velocity along each body axis, in proportion to it.",
+            equation="F_b <- F_b - diag(d) (v - wind)_b",
+            parameters=(Parameter("d", "N s/m", 0.0, 20.0, TYPICAL_N_S_M, length=3, systematic=AIR, grows="m",
+                                  source="79 NanoBench flights, test flights among them: k/m 0.391 (x), 0.404 "
+                                         "(y), 0.14 (z) 1/s"),),
+            acts={Stage.BODY_FORCE: force},
+            confused_with={"drag_rotor": "the same speed with little and with much thrust (dives and climbs)",
+                           "drag_quadratic": "a wide range of speeds", "wind": "the same path flown in two headings"})

@@ -12,14 +12,12 @@ def thrust(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> C
     return [polynomial(p.c, u) for u in inputs]
 
 
-TERM = Term(
-    name="thrust_pwm",
-    sentence="Each motor's thrust is a polynomial of its PWM ratio, whatever the battery gives.",
-    equation="T_i = sum_k c_k u_i^k",
-    parameters=(Parameter("c", "N", -500.0, 500.0, (0.0, 0.02, 0.14), neutral=None, length=None,
-                          systematic=NOTHING, grows="m",
-                          source="order of the firmware's 0.12 N at full command (platform_defaults_cf2.h)"),),
-    acts={Stage.THRUST_MAP: thrust},
-    confused_with={"thrust_voltage": "the same hover at a full and at an empty battery"},
-    answered=True,
-)
+TERM = Term(name="thrust_pwm",
+            sentence="Each motor's thrust is a polynomial of its PWM ratio, whatever the battery gives.",
+            equation="T_i = sum_k c_k u_i^k",
+            parameters=(Parameter("c", "N", -500.0, 500.0, (0.0, 0.02, 0.14), neutral=None, length=None,
+                                  systematic=NOTHING, grows="m",
+                                  source="order of the firmware's 0.12 N at full command (platform_defaults_cf2.h)"),),
+            acts={Stage.THRUST_MAP: thrust},
+            confused_with={"thrust_voltage": "the same hover at a full and at an empty battery"},
+            answered=True)

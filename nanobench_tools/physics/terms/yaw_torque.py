@@ -22,13 +22,11 @@ def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
     return [torque[0], torque[1], torque[2] + p.k_m * spin]
 
 
-TERM = Term(
-    name="yaw_torque",
-    sentence="Each rotor's drag turns the vehicle about body z in proportion to its thrust.",
-    equation="tau_z <- tau_z + sum_i spin_i k_m T_i",
-    parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993, systematic=Systematic(SYSTEMATIC, "gain"),
-                          implausible=IMPLAUSIBLE, grows="l", fitted=FITTED,
-                          source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST2TORQUE"),),
-    acts={Stage.TORQUE: moment},
-    confused_with={"inertia": "only k_m / J_z is seen: a pendulum measurement"},
-)
+TERM = Term(name="yaw_torque",
+            sentence="Each rotor's drag turns the vehicle about body z in proportion to its thrust.",
+            equation="tau_z <- tau_z + sum_i spin_i k_m T_i",
+            parameters=(Parameter("k_m", "m", 0.0, 0.1, 0.006993, systematic=Systematic(SYSTEMATIC, "gain"),
+                                  implausible=IMPLAUSIBLE, grows="l", fitted=FITTED,
+                                  source="crazyflie-firmware 2025.12.1, platform_defaults_cf2.h, THRUST2TORQUE"),),
+            acts={Stage.TORQUE: moment},
+            confused_with={"inertia": "only k_m / J_z is seen: a pendulum measurement"})

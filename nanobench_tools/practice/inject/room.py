@@ -85,16 +85,12 @@ def quaternion_order(flight: Flight, rng: np.random.Generator, size: float | Non
                   float("nan"), "", "scalar first"))
 
 
-MOCAP_OCCLUSION = Injection(
-    mocap_occlusion,
-    (0.1, 0.5, 2.0),
-    "s",
-    ({"how": "repeat"}, {"how": "interpolate"}, {"how": "nan"}),
-    blind=(Blind(2.0, {"how": "interpolate"}, False, place=17),),
-)
+MOCAP_OCCLUSION = Injection(mocap_occlusion,
+                            (0.1, 0.5, 2.0),
+                            "s",
+                            ({"how": "repeat"}, {"how": "interpolate"}, {"how": "nan"}),
+                            blind=(Blind(2.0, {"how": "interpolate"}, False, place=17),))
 MOCAP_JUMP = Injection(mocap_jump, (0.02, 0.1, 0.5), "m", blind=(Blind(0.1, {}, False, place=11),))
-QUATERNION_ORDER = Injection(
-    quaternion_order,
-    cases=({"stream": "mocap"}, {"stream": "attitude_qw"}),
-    blind=(Blind(None, {"stream": "mocap"}, True, place=10),),
-)
+QUATERNION_ORDER = Injection(quaternion_order,
+                             cases=({"stream": "mocap"}, {"stream": "attitude_qw"}),
+                             blind=(Blind(None, {"stream": "mocap"}, True, place=10),))

@@ -189,41 +189,31 @@ def missing_column(flight: Flight, rng: np.random.Generator, size: float | None 
                   "left out"))
 
 
-DEAD_STREAM = Injection(
-    dead_stream,
-    (1.0, 5.0, 15.0, 25.0),
-    "s",
-    ({}, {"how": "hold"}, {"stream": "imu"}, {"stream": "estimator", "how": "hold"}),
-    blind=(Blind(6.0, {}, False, place=7),),
-)
+DEAD_STREAM = Injection(dead_stream,
+                        (1.0, 5.0, 15.0, 25.0),
+                        "s",
+                        ({}, {"how": "hold"}, {"stream": "imu"}, {"stream": "estimator", "how": "hold"}),
+                        blind=(Blind(6.0, {}, False, place=7),))
 FROZEN_STREAM = Injection(frozen_stream, (0.2, 0.5, 2.0), "s", blind=(Blind(2.0, {}, False, place=14),))
 GAP = Injection(
     gap, (0.15, 0.5, 2.0), "s", ({}, {"stream": "mocap"}, {"stream": "imu"}), blind=(Blind(2.0, {}, False, place=12),)
 )
-UNIT = Injection(
-    unit,
-    cases=tuple({"case": i} for i in range(len(WRONG_UNITS))),
-    blind=(Blind(None, {"case": 0}, True, place=0), Blind(None, {"case": 3}, True, place=1),
-           Blind(None, {"case": 5}, True, place=2), Blind(None, {"case": 10}, True, place=15)),
-)
-SIGN = Injection(
-    sign,
-    cases=tuple({"stream": s, "column": c} for s, cs in SIGNED.items() for c in cs),
-    blind=(Blind(None, {"stream": "imu", "column": "gyro_x"}, True, place=3),
-           Blind(None, {"stream": "imu", "column": "acc_y"}, True, place=4)),
-)
-AXIS_SWAP = Injection(
-    axis_swap,
-    cases=tuple({"stream": s, "pair": p} for s, ps in SWAPPED.items() for p in ps),
-    blind=(Blind(None, {"stream": "imu", "pair": ("gyro_x", "gyro_y")}, True, place=9),),
-)
-SPIKE = Injection(
-    spike,
-    (0.05, 0.2, 1.0),
-    "1 m, 1 rad, 40 m/s^2, 20 rad/s, 1 V",
-    tuple({"stream": s} for s in SPIKED),
-    blind=(Blind(1.0, {}, False, place=8),),
-)
+UNIT = Injection(unit,
+                 cases=tuple({"case": i} for i in range(len(WRONG_UNITS))),
+                 blind=(Blind(None, {"case": 0}, True, place=0), Blind(None, {"case": 3}, True, place=1),
+                        Blind(None, {"case": 5}, True, place=2), Blind(None, {"case": 10}, True, place=15)))
+SIGN = Injection(sign,
+                 cases=tuple({"stream": s, "column": c} for s, cs in SIGNED.items() for c in cs),
+                 blind=(Blind(None, {"stream": "imu", "column": "gyro_x"}, True, place=3),
+                        Blind(None, {"stream": "imu", "column": "acc_y"}, True, place=4)))
+AXIS_SWAP = Injection(axis_swap,
+                      cases=tuple({"stream": s, "pair": p} for s, ps in SWAPPED.items() for p in ps),
+                      blind=(Blind(None, {"stream": "imu", "pair": ("gyro_x", "gyro_y")}, True, place=9),))
+SPIKE = Injection(spike,
+                  (0.05, 0.2, 1.0),
+                  "1 m, 1 rad, 40 m/s^2, 20 rad/s, 1 V",
+                  tuple({"stream": s} for s in SPIKED),
+                  blind=(Blind(1.0, {}, False, place=8),))
 SATURATED_SENSOR = Injection(
     saturated_sensor, (0.2, 0.4, 0.6), "share of the peak", blind=(Blind(0.4, {}, False, place=16),)
 )
