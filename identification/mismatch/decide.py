@@ -93,7 +93,7 @@ class Decision:
     scores: dict[str, float] = field(default_factory=dict)
 
 
-def decide(recordings: Recordings, moments: Moments, space: Space, named: Named, simulator: Model) -> Decision:
+def decide(recordings: Recordings, moments: Moments, space: Space, named: Named) -> Decision:
     """Names stand that explain nearly all there is where they act; the rest is unknown."""
     known = Slopes(moments)
     nothing = fit(known, space.model, [])

@@ -76,7 +76,7 @@ def judge(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int = 
     say("residual along the measured states")
     moments, named = _named(wrench, space, simulator, say)
     say("what is left")
-    decision = decide(recordings, moments, space, named, simulator)
+    decision = decide(recordings, moments, space, named)
     if len({t.flight for t in recordings.tracks}) == 1:  # nothing can be held out
         decision = replace(decision, findings=tuple(replace(f, confidence=min(f.confidence, UNSURE))
                                                     for f in decision.findings))

@@ -121,7 +121,7 @@ def equivalent(recordings: Recordings, simulator: Simulator, place: str, vehicle
     answers = [run(simulator, along(t), place) for t in tracks]
     wrench = Wrench(tracks)
     given = _compared(wrench, answers)
-    _look_over(wrench, given, answers, place)
+    _look_over(wrench, given, place)
     battery = needs_battery(simulator, tracks[0], place)
     own = getattr(simulator, "vehicle", None)
     if own is not None and not isinstance(own, Vehicle):
@@ -149,8 +149,7 @@ def _compared(wrench: Wrench, answers: Sequence[tuple[np.ndarray, ...]]) -> tupl
     return wrench._in_body(wrench._smooth(acceleration, 0)), mean
 
 
-def _look_over(wrench: Wrench, given: tuple[np.ndarray, np.ndarray], answers: Sequence[tuple[np.ndarray, ...]],
-               place: str) -> None:
+def _look_over(wrench: Wrench, given: tuple[np.ndarray, np.ndarray], place: str) -> None:
     """Units and axes. Raises InputError."""
     up = so3.rotate_inverse(wrench.quaternion[wrench.force_at], UP)[:, 2]
     flown, lifts = float(np.mean(wrench.measured[0][:, 2] + up)), float(np.mean(given[0][:, 2] + up))

@@ -9,8 +9,8 @@ import numpy as np
 
 from nanobench_tools.settings import number
 
-from .causes import CAUSES, Body
-from .weigh import NONE, Normal, Weighed
+from .causes import CAUSES
+from .weigh import NONE, Weighed
 
 BALANCES = (("lift", (1, 1, 1, 1)), ("the balance left to right", (-1, -1, 1, 1)),
             ("the balance front to back", (-1, 1, 1, -1)), ("the yaw balance", (-1, 1, -1, 1)))
@@ -21,7 +21,7 @@ UNLIKELY = number("mismatch.ruled_out.unlikely")
 """Odds below which the chance is said."""
 
 
-def against(found: Weighed, best: str, named: Collection[str], normal: Normal, body: Body) -> list[dict[str, Any]]:
+def against(found: Weighed, best: str, named: Collection[str]) -> list[dict[str, Any]]:
     """Per other cause: {cause, odds, why}; odds of it against the one that was named."""
     reasons = []
     for cause in (*CAUSES, NONE):

@@ -183,7 +183,7 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
              "parameters": {name: {"value": v[0], "ci95": [v[1], v[2]], "unit": v[3], "believed": 0.0}
                             for name, v in sizes.items()},
              "residual_share": _share(found, h, weights), "sentence": sentence,
-             "ruled_out": against(found, best, causes, normal, body),
+             "ruled_out": against(found, best, causes),
              "settle_with": _settle(causes)}]
 
 

@@ -80,12 +80,12 @@ def score(found: Study, name: str, files: Sequence[File], split: str) -> Scored:
     candidate, fit = found.candidates[name], found.fits[name]
     result = Scored(name, split, uses(candidate), fit.trouble or "ok", getattr(candidate, "given", ""))
     for file in files:
-        if fit.values and can_predict(candidate, fit, file):
+        if fit.values and can_predict(candidate, file):
             result.add(file, errors(fit, file), found.width_at(name, file))
     return result
 
 
-def can_predict(candidate: Any, fit: AnyFit, file: File) -> bool:
+def can_predict(candidate: Any, file: File) -> bool:
     """Whether ``file`` has the voltage and the velocity a model needs."""
     if isinstance(file, Stand):
         return file.battery_V is not None or not candidate.uses_voltage
@@ -116,7 +116,7 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
         for name, candidate in found.candidates.items():
             fit = found.fits[name]
             result = results.setdefault(name, Scored(name, "test", uses(candidate), "ok"))
-            if not fit.values or not can_predict(candidate, fit, out):
+            if not fit.values or not can_predict(candidate, out):
                 continue
             if fit.trouble:
                 result.status = f"without {out.name}: {fit.trouble}"

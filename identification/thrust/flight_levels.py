@@ -33,7 +33,7 @@ GIVEN_TRUE = "the mean error of the flight itself: a bound, no prediction"
 def level_rows(found: Study, name: str, files: Sequence[Flown], split: str) -> list[Scored]:
     """[later rows with nothing learnt, later rows with the level of the first seconds, all rows with the true level]
     of the model ``name``."""
-    files = [f for f in files if can_predict(found.candidates[name], found.fits[name], f)]
+    files = [f for f in files if can_predict(found.candidates[name], f)]
     plain = score(found, name, files, split)
     held = [(e, t) for e, t in zip(found.scores[name].errors, _times(found), strict=False) if len(e) == len(t)]
     share = trust(held)

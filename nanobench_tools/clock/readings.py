@@ -73,7 +73,7 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
         return (
             ClockReading.unknown(why_not)
             if why_not
-            else _of(own, own.lag.offset_s, own.lag.half_width_s, (0.0, 0.0), f"{own.by} against the motion capture")
+            else _of(own.lag.offset_s, own.lag.half_width_s, (0.0, 0.0), f"{own.by} against the motion capture")
         )
     if gyro is None or _why_not(context, gyro, is_gyro=True):
         text = why_not or (
@@ -85,8 +85,8 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
     doubt = np.hypot(own.lag.half_width_s, gyro.lag.half_width_s)
     if why_not or OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt:
         explanation = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
-        return _of(own, gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {explanation}")
-    return _of(own, own.lag.offset_s, own.lag.half_width_s, OWN_LAG_S,
+        return _of(gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {explanation}")
+    return _of(own.lag.offset_s, own.lag.half_width_s, OWN_LAG_S,
                f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay")
 
 
@@ -99,7 +99,7 @@ def _with_wander(context: Context, name: str, reading: ClockReading) -> ClockRea
     return reading if known is None else replace(reading, wander_sd_s=known.wander_sd_s)
 
 
-def _of(own: Measured, offset_s: float, half_s: float, own_lag_s: tuple[float, float], reason: str) -> ClockReading:
+def _of(offset_s: float, half_s: float, own_lag_s: tuple[float, float], reason: str) -> ClockReading:
     """The interval runs down by the longest and up by the shortest own delay."""
     return ClockReading(offset_s, (offset_s - half_s - own_lag_s[1], offset_s + half_s - own_lag_s[0]), True, reason)
 

@@ -14,14 +14,12 @@ from scipy.stats import chi2
 @dataclass(frozen=True)
 class Consistency:
     """Mean normalised squared error, expected to be ``dimension``; band = where it lies with ``probability`` if the
-    filter is consistent and the n errors are independent; share_inside = single values in their own band (should
-    be ``probability``)."""
+    filter is consistent and the n errors are independent."""
 
     mean: float
     dimension: int
     n: int
     band: tuple[float, float]
-    share_inside: float
     probability: float
 
     @property
@@ -61,9 +59,7 @@ def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 
         raise ValueError("no errors given")
     tails = np.array([0.5 * (1.0 - probability), 0.5 * (1.0 + probability)])
     low, high = chi2.ppf(tails, n * k) / n
-    one_low, one_high = chi2.ppf(tails, k)
-    inside = float(np.mean((values >= one_low) & (values <= one_high)))
-    return Consistency(float(values.mean()), k, n, (float(low), float(high)), inside, probability)
+    return Consistency(float(values.mean()), k, n, (float(low), float(high)), probability)
 
 
 def independent_samples(white: np.ndarray) -> float:

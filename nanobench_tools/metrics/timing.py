@@ -50,10 +50,9 @@ def along_across(estimate_m: np.ndarray, truth_m: np.ndarray, velocity_m_s: np.n
 @dataclass(frozen=True)
 class Delay:
     """The one constant delay that fits best: delay_s [s], positive when the estimate is late, the RMS position error
-    [m] without and with it removed, and the rows (indices) both were computed on."""
+    [m] with it removed, and the rows (indices) it was computed on."""
 
     delay_s: float
-    rmse_before_m: float
     rmse_after_m: float
     rows: np.ndarray
     truth_m: np.ndarray
@@ -82,4 +81,4 @@ def constant_delay(time_s: np.ndarray, estimate_m: np.ndarray, truth_time_s: np.
     step = grid[1] - grid[0]
     bounds = (max(best - step, -limit_s), min(best + step, limit_s))
     found = float(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-5}).x)
-    return Delay(found, cost(0.0), cost(found), rows, spline(t - found), spline(t - found, 1))
+    return Delay(found, cost(found), rows, spline(t - found), spline(t - found, 1))

@@ -33,13 +33,11 @@ UNIT_WITHIN = number("audit.quaternions.unit_within")
 
 @dataclass(frozen=True)
 class Order:
-    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order;
-    other_rad: median angle to the other attitude with that order, nan without."""
+    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order."""
 
     name: str
     upright: float
     fitting: float
-    other_rad: float
 
 
 def quaternion_orders(context: Context) -> dict[str, Order]:
@@ -66,7 +64,7 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
             as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
         )
         label = "w, x, y, z" if clear else "x, y, z, w"
-        found[name] = Order(label, as_read, tilts[label], angles[label])
+        found[name] = Order(label, as_read, tilts[label])
     return found
 
 

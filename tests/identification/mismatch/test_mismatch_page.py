@@ -59,7 +59,7 @@ def verdict_of(recordings, terms):
     named = Named(accepted, tuple(("drag_rotor",) for _ in terms), space, found if terms else nothing, nothing.loss,
                   {"drag_linear": nothing.loss - found.loss, "wind": 70.0, "mass": 3.0},
                   {"wind": "wind changes less than the logging can feign"})
-    decision = decide(recordings, moments, space, named, SIMULATOR)
+    decision = decide(recordings, moments, space, named)
     return Verdict.of(recordings, SIMULATOR, moments, decision, prove(moments, decision, SIMULATOR), 1.0)
 
 

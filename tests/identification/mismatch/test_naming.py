@@ -29,7 +29,7 @@ def decided(wrench: Wrench, simulator: Model):
     space = space_around(simulator)
     moments, named = _named(wrench, space, simulator, lambda text: None)
     recordings = Recordings((), {}, tuple(wrench.tracks), (), {})
-    return moments, decide(recordings, moments, space, named, simulator)
+    return moments, decide(recordings, moments, space, named)
 
 
 def names_of(decision) -> list[str]:
