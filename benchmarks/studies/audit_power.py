@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import argparse
 import collections
-import json
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from nanobench_tools.faults.saturated_sensor import FEWEST_ROWS
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
+from nanobench_tools.result_files import write_json
 from nanobench_tools.signals.axis_unit_matching import CLEAR, axis_unit_matches
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.packet_rows import packets_of
@@ -218,7 +219,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, default in (("clean", 200), ("each", 8), ("offsets", 200), ("seed", 1)):
         parser.add_argument(f"--{name}", type=int, default=default)
-    parser.add_argument("--json")
+    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     flights = practice_flights(options.clean, options.seed)
     result: dict[str, Any] = {"clean": run_clean(flights)[1]}
@@ -236,8 +237,7 @@ def main() -> None:
             interval(sum(r["found_of_these"] for r in result["power"]), total),
         )
     if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump(result, file, indent=1)
+        write_json(options.json, result)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ clocks were set on the NanoBench dataset (``nanobench settings retiming``), so t
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -37,6 +36,7 @@ from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import Sessions
+from nanobench_tools.result_files import write_json
 from nanobench_tools.retiming.apply import find_time_offset
 from nanobench_tools.retiming.confirm import gain_on
 from nanobench_tools.retiming.infer import infer
@@ -235,7 +235,7 @@ def main() -> None:
     found = {"schema": "clock_proof", "synthetic": not places, "recovered": recovered,
              "nulls": null_table(console, tested, word), "bracket": bracket_table(console, flights, seen, word)}
     if options.json:
-        options.json.write_text(json.dumps(found, indent=1) + "\n")
+        write_json(options.json, found)
 
 
 if __name__ == "__main__":

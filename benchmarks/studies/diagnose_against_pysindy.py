@@ -20,7 +20,6 @@ verdict for both; ours includes predictions of flights left out.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import sys
@@ -45,7 +44,7 @@ from nanobench_tools.audit import audit
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
-from nanobench_tools.result import to_json
+from nanobench_tools.result_files import write_json
 
 KINDS = ("null", "single", "twin", "pair", "foreign")
 THRESHOLDS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2)
@@ -180,7 +179,7 @@ def main(argv: list[str] | None = None) -> int:
               f"{said(row['named_where_nothing_is'])}, {row['names_per_case']:.1f} names a case, "
               f"{row['median_s']:.1f} s a case (median)")
     if options.json:
-        options.json.write_text(json.dumps(to_json({"synthetic": True, "rows": rows, "cases": scored}), indent=1))
+        write_json(options.json, {"synthetic": True, "rows": rows, "cases": scored})
     return 0
 
 

@@ -1,6 +1,6 @@
 """How far RotorPy, with exported parameters, flies from the model itself on logged commands; and what that comes from.
 
-    python benchmarks/studies/export_agreement.py [SIMULATOR.toml] [--data PATH ...] [--windows N]
+    python benchmarks/studies/export_agreement.py [SIMULATOR.toml] [--data PATH ...] [--windows N] [--json FILE]
 
 Both start in the same state and get the same PWM and battery voltage for 50 rows of 10 ms. First row: what both can
 express, where only the integrators differ; then each effect that RotorPy approximates or lacks, added alone, and the
@@ -25,6 +25,7 @@ from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.protocols.task1 import training_cases
 from nanobench_tools.protocols.windows import RATE_HZ, cut_windows
+from nanobench_tools.result_files import write_json
 
 TYPICAL = {
     "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "thrust_rpm": {"k_f": 2.3e-8},
@@ -52,6 +53,7 @@ def main() -> None:
     parser.add_argument("simulator", nargs="?", type=Path)
     parser.add_argument("--data", action="append", type=Path)
     parser.add_argument("--windows", type=int, default=20)
+    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     model = read_simulator(given.simulator) if given.simulator else Model(Vehicle(), TYPICAL)
     options = Options(data=tuple(given.data or ()), quiet=True)
@@ -66,18 +68,24 @@ def main() -> None:
         account = export_model(model, "rotorpy", folder).account
     bent = {**dict.fromkeys(account.approximated, "approximated"), **dict.fromkeys(account.left_out, "left out")}
     base = model.without(*bent)
-    rows = {"what both express": base}
+    rows, only = {"what both express": base}, {"what both express": "nothing"}
     for term, fate in bent.items():
         try:
             rows[f"+ {term} ({fate})"] = model.without(*(other for other in bent if other != term))
         except ValueError:  # an effect that does nothing alone
             continue
+        only[f"+ {term} ({fate})"] = term
     rows["the whole model"] = model
     kind = "SYNTHETIC" if all(f.provenance.synthetic for f in flights) else "REAL"
     print(f"{len(chosen)} windows of {len(cases)} {kind} flights; after 0.1 s | 0.5 s: m, m/s, rad, rad/s")
+    gaps = []
     for name, candidate in rows.items():
         found = difference(candidate, starts[chosen], motor[chosen], battery[chosen])
         print(f"{name:36s} " + "  |  ".join(" ".join(f"{value:8.1e}" for value in row) for row in found))
+        gaps.append({"term": only.get(name, "all"), "position_m": dict(zip((10, 50), found[:, 0], strict=True))})
+    if given.json:
+        write_json(given.json, {"synthetic": kind == "SYNTHETIC", "windows": len(chosen), "flights": len(cases),
+                                "rows": gaps})
 
 
 if __name__ == "__main__":

@@ -138,7 +138,7 @@ def fly_virtual(name: str, folder: Path, seed: int, seconds: float, model=None) 
         print(f"{name}, seed {seed}: {stop}")
 
 
-def circle(seeds: int, seconds: float) -> None:
+def circle(seeds: int, seconds: float, written: str | None) -> None:
     """SYNTHETIC: tracking error, clock and faults of every controller, from the recordings alone."""
     from nanobench_tools.audit import audit
     from nanobench_tools.cli.main import main
@@ -156,7 +156,8 @@ def circle(seeds: int, seconds: float) -> None:
                 faults = sorted({f.kind for f in found.faults if kinds()[f.kind].in_overview})
                 print(f"seed {seed} {flight.metadata['controller']}: gyro {1e3 * clock.offset_s:+.1f} ms late, of "
                       f"which its filter is 3.8; faults {', '.join(faults) or 'none'}", flush=True)
-        main(["control", "--data", place, "--plant", "real", "--protocol", "clean", "--jobs", "1"])
+        main(["control", "--data", place, "--plant", "real", "--protocol", "clean", "--jobs", "1",
+              *(["--json", written] if written else [])])
 
 
 def hidden(effects: list[str], flights: int, seconds: float) -> None:
@@ -190,10 +191,11 @@ if __name__ == "__main__":
     asked.add_argument("--effect", choices=list(HIDDEN), action="append", help="of --hidden; default: all")
     asked.add_argument("--seeds", type=int, default=3)
     asked.add_argument("--seconds", type=float, default=12.0, help="of path, on the simulation's own clock")
+    asked.add_argument("--json", help="of --circle: the result of `nanobench control`")
     given = asked.parse_args()
     started = time.time()
     if given.circle:
-        circle(given.seeds, given.seconds)
+        circle(given.seeds, given.seconds, given.json)
     if given.hidden:
         hidden(given.effect or list(HIDDEN), given.seeds, given.seconds)
     if not (given.circle or given.hidden):

@@ -17,7 +17,6 @@ Errors of position after 50 steps on the test flights.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +41,7 @@ from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.phases import MOTOR_ON
 from nanobench_tools.protocols.task2 import PUBLISHED
 from nanobench_tools.protocols.windows import cut_windows
+from nanobench_tools.result_files import write_json
 
 
 @dataclass(frozen=True)
@@ -137,8 +137,10 @@ def show(pilot: str, name: str, trained_on: int, released: Sequence[Released],
     print(f"{pilot:<8} {name:<15} {trained_on} flights train: RMSE {ours.mean():.3f} m over {len(ours)} flights, "
           f"published {theirs.mean():.3f}, ratio {ours.mean() / theirs.mean():.2f} ({low:.2f} .. {high:.2f}), flown "
           f"{np.mean([s['valid_percent'] for s in scores]):.0f} %{cell}", flush=True)
-    return {"rmse_m": ours.tolist(), "published_m": theirs.tolist(), "flights": [r.name for r in released],
-            "ci95": [float(low), float(high)], "trained_on": trained_on}
+    return {"rmse_m": ours, "published_m": theirs, "flights": [r.name for r in released], "mean_m": ours.mean(),
+            "published_mean_m": theirs.mean(), "ratio": ours.mean() / theirs.mean(), "ci95": [low, high],
+            "cell_m": None if one is None else ours[one], "cell_published_m": None if one is None else theirs[one],
+            "trained_on": trained_on}
 
 
 def blind(network: Any) -> Any:
@@ -222,7 +224,7 @@ def main() -> None:
             else inputs_part(options, args.epochs))
     print("SYNTHETIC flights" if options.synthetic else "real flights")
     if args.json:
-        args.json.write_text(json.dumps(rows))
+        write_json(args.json, rows)
 
 
 if __name__ == "__main__":

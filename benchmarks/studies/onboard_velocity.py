@@ -1,6 +1,6 @@
 """Why the vehicle's own velocity is wrong by a share that differs between flights: its filter, run again.
 
-    python benchmarks/studies/onboard_velocity.py [--data DIR] [--limit N]
+    python benchmarks/studies/onboard_velocity.py [--data DIR] [--limit N] [--json FILE]
 
 Real recordings, re-timed. Of every flight with a streamed path: slope of the estimated on the true horizontal velocity
 and correlation of what is left along the track, of the logged estimate and of the firmware's filter fed with the
@@ -28,6 +28,7 @@ from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.gate import select
 from nanobench_tools.protocols.phases import streamed_phase
 from nanobench_tools.protocols.sessions import labels_of
+from nanobench_tools.result_files import write_json
 from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.sources.discover import default_data, load_recordings
 
@@ -64,6 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder of recordings; default: where nanobench looks")
     parser.add_argument("--limit", type=int, help="only so many flights")
+    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     places = [given.data] if given.data else default_data()
     if not places:
@@ -107,15 +109,23 @@ def main() -> None:
           f"{logged.min():.3f} to {logged.max():.3f}; correlation with the radio's silence over flights "
           f"{np.corrcoef(share, logged)[0, 1]:+.2f}")
     good = np.array(share) < 1.0
+    rows: list[dict[str, object]] = []
     for name in FILTERS:
         off = np.array(slopes[name]) - logged
         low, high = bootstrap_interval(np.abs(off), sessions=labels_of(flown)) or (np.nan, np.nan)
         left = np.array(correlations[name])
-        parts = [f"{np.median(left[rows]):+.2f} in {rows.sum()} flights {word}" for rows, word in
-                 ((good, "with less than 1 % silence"), (~good, "with more")) if rows.any()]
+        parts = [f"{np.median(left[some]):+.2f} in {some.sum()} flights {word}" for some, word in
+                 ((good, "with less than 1 % silence"), (~good, "with more")) if some.any()]
+        over_flights = np.corrcoef(slopes[name], logged)[0, 1]
+        rows.append({"filter": name, "off": np.abs(off).mean(), "off_ci95": [low, high], "correlation": over_flights,
+                     "along_quiet": np.median(left[good]), "along_gaps": np.median(left[~good])})
         print(f"{name:22} off by {np.abs(off).mean():.3f} ({low:.3f} .. {high:.3f}, 95 %), correlation of slopes over "
-              f"flights {np.corrcoef(slopes[name], logged)[0, 1]:+.2f}; of what is left along the track, median: "
+              f"flights {over_flights:+.2f}; of what is left along the track, median: "
               + ", ".join(parts))
+    if given.json:
+        write_json(given.json, {"synthetic": False, "rows": rows, "logged": {
+            "n": n, "quiet": good.sum(), "gaps": (~good).sum(), "least_off": logged.min() - 1.0,
+            "most_off": logged.max() - 1.0, "with_silence": np.corrcoef(share, logged)[0, 1]}})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """How near any controller could stay to a path with corners, beside what one does: the battery decides, not the gains.
 
     python benchmarks/studies/tracking_bounds.py [--plants 4] [--seconds 8] [--speed 1.0] [--controller mpc_daqp]
+                                                [--json FILE]
 
 Each plant of the ensemble (SYNTHETIC) is asked for all its motors give; that is its lift L. No vehicle accelerates
 upward by more than L - g, downward by more than g, or sideways by more than sqrt(L^2 - g^2). A point that obeys these,
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -22,6 +24,7 @@ from controllers.ensemble import Ensemble, draw, shipped_simulator
 from controllers.simulated_flights import flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import TICK_S, Paths, score, specs_of
+from nanobench_tools.result_files import write_json
 
 EVERY = 2
 """Ticks a step of the program."""
@@ -68,6 +71,7 @@ def main() -> None:
     parser.add_argument("--radio-delay-s", type=float, default=0.0)
     parser.add_argument("--controller", default="mpc_daqp")
     parser.add_argument("--trajectory", action="append", help="default: star and staircase_climb")
+    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     specs = specs_of(given.trajectory or ["star", "staircase_climb"], [given.speed], given.seconds)
     paths, crowd = Paths(tuple(specs)), draw(shipped_simulator(), given.plants, given.seed, None, given.radio_delay_s)
@@ -76,19 +80,26 @@ def main() -> None:
     found = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
     print(f"SYNTHETIC, n = {len(crowd)} plants, seed {given.seed}: lift over weight and RMSE [cm], least possible / "
           f"{given.controller}")
+    rows = []
     for k, spec in enumerate(specs):
-        rows = paths.scored(k)
-        begin = rows.start - round(BEFORE_S / TICK_S)
-        goal, speed = (paths.all[i][begin:rows.stop:EVERY, k] for i in (0, 1))
-        parts = []
+        counted = paths.scored(k)
+        begin = counted.start - round(BEFORE_S / TICK_S)
+        goal, speed = (paths.all[i][begin:counted.stop:EVERY, k] for i in (0, 1))
+        plants = []
         for i, most in enumerate(lift):
             level = float(np.sqrt(max(most**2 - GRAVITY_M_S2**2, 0.0)))
             ends = ((-level, level), (-level, level), (-GRAVITY_M_S2, max(float(most) - GRAVITY_M_S2, 0.0)))
             first = round(BEFORE_S / TICK_S) // EVERY
             gaps = [least(goal[:, axis], speed[:, axis], first, *ends[axis]) for axis in range(3)]
             best = float(np.sqrt(np.mean(np.sum(np.square(gaps), axis=0))))
-            parts.append(f"{most / GRAVITY_M_S2:.3f}: {100 * best:.1f} / {100 * found[k][i]['rmse_m']:.1f}")
-        print(f"{spec.family} {given.speed} m/s   " + "   ".join(parts), flush=True)
+            plants.append({"lift_over_weight": most / GRAVITY_M_S2, "least_m": best, "flown_m": found[k][i]["rmse_m"]})
+        rows.append({"path": spec.family, "plants": plants})
+        print(f"{spec.family} {given.speed} m/s   " + "   ".join(
+            f"{p['lift_over_weight']:.3f}: {100 * p['least_m']:.1f} / {100 * p['flown_m']:.1f}" for p in plants),
+            flush=True)
+    if given.json:
+        write_json(given.json, {"synthetic": True, "n": len(crowd), "seconds": given.seconds, "speed_m_s": given.speed,
+                                "rows": rows})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What a comparison of trims names, invents and covers, on trims that are drawn (SYNTHETIC).
 
-    python benchmarks/studies/trim_power.py [--each 200] [--normal 5] [--seed 1]
+    python benchmarks/studies/trim_power.py [--each 200] [--normal 5] [--seed 1] [--json FILE]
 
 A vehicle differs from day to day by the spread that ``benchmarks/studies/trim_spread.py`` measures; a folder is three
 flights of one day. The sizes of what was done are drawn; what was done is physics written again here, not the causes'
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 from scipy.stats import binomtest
@@ -18,6 +19,7 @@ from scipy.stats import binomtest
 from identification.mismatch.causes import Body
 from identification.mismatch.steady import compare, normal_flights
 from identification.mismatch.trim import Trim
+from nanobench_tools.result_files import write_json
 
 MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325
 BODY = Body(MOTORS, 0.034)
@@ -73,12 +75,14 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=200)
     parser.add_argument("--normal", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    rows = []
     for kind in ("nothing", "one propeller 3-8 %", "one propeller 8-15 %", "one propeller 15-30 %", "two propellers",
                  "a weight of 3 to 6 g"):
         rng = np.random.default_rng([options.seed, len(kind)])
         said: Counter[str] = Counter()
-        false, covered = 0, []
+        right, false, covered = 0, 0, []
         for _ in range(options.each):
             change, cause, sizes = draw(rng, kind)
             usual = normal_flights(trims(rng, options.normal, np.zeros(4), False), BODY)
@@ -89,13 +93,19 @@ def main() -> None:
             wrong = finding is not None and (cause not in finding["causes"] or
                                              (motors and not set(finding["motors"]) <= motors))
             false += bool(wrong)
+            right += finding is not None and not wrong
             if finding and cause in finding["causes"]:
                 covered += [p["ci95"][0] <= sizes[n] <= p["ci95"][1] for n, p in finding["parameters"].items()
                             if n in sizes]
+        rows.append({"kind": kind, "n": options.each, "named_right": right, "false_names": false,
+                     "outcomes": dict(said), "sizes": len(covered), "sizes_covered": sum(covered)})
         ends = binomtest(false, options.each).proportion_ci(0.95, method="exact")
         print(f"SYNTHETIC {kind}, n = {options.each}: " + ", ".join(f"{k} {v}" for k, v in said.most_common()) +
               f"; false names {false} (95 %: {100 * ends.low:.1f} to {100 * ends.high:.1f} %)" +
               (f"; intervals that hold the size {np.mean(covered):.0%} of {len(covered)}" if covered else ""))
+    if options.json:
+        everything = {key: sum(row[key] for row in rows) for key in ("n", "false_names", "sizes", "sizes_covered")}
+        write_json(options.json, {"synthetic": True, "rows": rows, "all": {**everything, "normal": options.normal}})
 
 
 if __name__ == "__main__":

@@ -149,6 +149,12 @@ def test_a_table_taken_over_says_so() -> None:
     assert "SYNTHETIC; `slow command`, version 0.1.0, taken over from its pages" in page
 
 
+def test_a_table_taken_over_stands_until_its_command_is_run() -> None:
+    layout = {"tables": {"t": {"header": ["a", "b"], "cells": ["{n}"], "rows": [["x", "no.such"]]}}}
+    page = text.render("<!-- table: old/t -->\n<!-- /table -->", Store(STORE.sources, {"old": layout}))
+    assert "| x | 1 |" in page
+
+
 def test_marks_in_code_are_code() -> None:
     page = "```\n<!-- fig: no/such -->1<!-- /fig -->\n```\n"
     assert text.render(page, STORE) == page
@@ -169,6 +175,7 @@ def test_what_is_not_stored_may_be_left_out() -> None:
     said = text.fill("n = {n}[? of {sessions} days][?: {ate mm.1}]", STORE, "estimate/clean.retimed")
     assert said == "n = 1,067: 12.5"
     assert text.fill("all[?, {none .1}]", STORE, "old") == "all"
+    assert text.fill("[none? lost][none! {share .1}] [share? {share .2}][share! none]", STORE, "old") == "0.5 0.50"
 
 
 @pytest.mark.parametrize("claim", ["old/share < 0.6", "old/share > 0.4", "old/share = 0.5", "old/word = unknown"])
@@ -262,6 +269,13 @@ def test_a_missing_pick_is_refused_unless_optional() -> None:
     needed = {**SPEC, "picks": [{**SPEC["picks"][0], "optional": False}]}
     with pytest.raises(FigureError, match="0 items"):
         collect.collect("x", needed, {"rows": [ROW]})
+
+
+def test_the_worst_of_several_items() -> None:
+    rows = [{**ROW, "metrics": {"ate": {"mean": value}}, "v 0.5": value} for value in (0.1, 0.3, 0.2)]
+    pick = {**SPEC["picks"][0], "worst": "metrics.ate.mean", "take": {"ate": "metrics.ate.mean", "v": "v 0.5"}}
+    found = collect.collect("x", {**SPEC, "picks": [pick]}, {"rows": rows})["figures"]
+    assert found["clean"]["as-recorded"] == {"ate": 0.3, "v": 0.3}
 
 
 def test_a_condition_may_hold_for_items_that_do_not_say() -> None:

@@ -14,6 +14,7 @@
     where = {protocol = "clean", clock = "{clock}", group = "all"}     # "start?": items without `start` are meant, too
     take = {ate = "metrics.ate_rmse_m"}      # name -> path in the item: "." the item itself, "a|b" b where there is no
                                              # a, "a?" null where there is none, "a#" how many entries a has
+    worst = "metrics.rmse_m"                 # of several items, the one where this is largest
     optional = true                          # may be missing
 
 Several sources may read the result of one command. A pick finds exactly one item, or says what it found.
@@ -30,6 +31,8 @@ from typing import Any
 
 from tools.figures.store import FOLDER, FigureError
 
+POINT = re.compile(r"(?<!\d)\.|\.(?!\d)")
+"""Between the parts of a path; in a number it is none."""
 DIGITS = 6  # significant ones that are kept, so that files change only where figures do
 
 
@@ -47,7 +50,8 @@ def collect(name: str, spec: dict[str, Any], result: dict[str, Any]) -> dict[str
         for values in itertools.product(*each.values()):
             chosen = dict(zip(each, values, strict=True))
             key = _put_in(pick["key"], {n: re.sub(r"[. ]", "_", v) for n, v in chosen.items()})  # dots and spaces part
-            item = _find(f"{name}/{key}", result, pick, _put_in(pick.get("where", {}), chosen))
+            from_, where = _put_in(pick["from"], chosen), _put_in(pick.get("where", {}), chosen)
+            item = _find(f"{name}/{key}", result, from_, pick, where)
             if item is not None:
                 taken = {n: _walk(item, _put_in(p, chosen), f"{name}/{key}") for n, p in pick["take"].items()}
                 _store(figures, key, taken)
@@ -73,9 +77,9 @@ def save(name: str, stored: dict[str, Any], folder: Path = FOLDER) -> bool:
     return True
 
 
-def _find(key: str, result: dict[str, Any], pick: dict[str, Any], where: dict[str, Any]) -> Any:
+def _find(key: str, result: dict[str, Any], from_: str, pick: dict[str, Any], where: dict[str, Any]) -> Any:
     try:
-        place = _walk(result, pick["from"], key)
+        place = _walk(result, from_, key)
     except FigureError:
         if pick.get("optional"):
             return None
@@ -83,11 +87,13 @@ def _find(key: str, result: dict[str, Any], pick: dict[str, Any], where: dict[st
     if isinstance(place, dict):
         return place
     found = [i for i in place if all(_same(i, k, v) for k, v in where.items())]
+    if len(found) > 1 and "worst" in pick:
+        found = [max(found, key=lambda item: float(_walk(item, pick["worst"], key)))]
     if len(found) == 1:
         return found[0]
     if not found and pick.get("optional"):
         return None
-    raise FigureError(f"{key}: {len(found)} items of {pick['from']!r} have {where}; one is wanted")
+    raise FigureError(f"{key}: {len(found)} items of {from_!r} have {where}; one is wanted")
 
 
 def _same(item: Any, path: str, wanted: Any) -> bool:
@@ -108,7 +114,7 @@ def _walk(item: Any, path: str, key: str) -> Any:
     may_miss = path.endswith("?")
     for choice in path.rstrip("?").split("|"):
         here = item
-        for part in [] if choice == "." else choice.split("."):
+        for part in [] if choice == "." else POINT.split(choice):
             if isinstance(here, list) and part.isdigit() and int(part) < len(here):
                 here = here[int(part)]
             elif isinstance(here, dict) and part in here:

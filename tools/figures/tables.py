@@ -9,8 +9,8 @@ docs/figures/SOURCE.toml lays a table out:
     note = "{clean.retimed.n} flights"                         # printed below; optional
 
 A row whose key ends in `?` is left out while nothing is stored for it. A table without `cells` has its cells in `rows`.
-Tables that were taken over by hand stand as text in docs/figures/SOURCE.json. Where the numbers come from is said below
-every table.
+Tables that were taken over by hand stand as text in docs/figures/SOURCE.json until their command is run. Where the
+numbers come from is said below every table.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def table(key: str, store: Store, fill: Fill) -> str:
     """The table `SOURCE/NAME` as Markdown with a line that says where its numbers come from."""
     source, _, name = key.partition("/")
     layout = store.layouts.get(source, {}).get("tables", {}).get(name)
-    if layout is None:
-        stored = store.source(source).get("tables", {}).get(name)
-        if stored is None:
-            raise FigureError(f"{key}: neither in docs/figures/{source}.toml nor in docs/figures/{source}.json")
+    stored = store.sources.get(source, {}).get("tables", {}).get(name)
+    if layout is None and stored is None:
+        raise FigureError(f"{key}: neither in docs/figures/{source}.toml nor in docs/figures/{source}.json")
+    if stored is not None:
         return markdown(stored["header"], stored["rows"]) + f"\n\n{origin([source], store, stored.get('note', ''))}"
     rows, sources = [], []
     for entry in layout["rows"]:

@@ -73,7 +73,8 @@ def constant(name: str) -> Any:
 def fill(template: str, store: Store, base: str = "") -> str:
     """Text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces; keys without a source begin at `base`.
 
-    [?text with {KEY}] is left out where nothing is stored for a key in it.
+    [?text with {KEY}] is left out where nothing is stored for a key in it; [KEY? text] is left out where KEY is nothing
+    or 0, [KEY! text] where it is more.
     """
 
     def whole(key: str) -> str:
@@ -89,7 +90,12 @@ def fill(template: str, store: Store, base: str = "") -> str:
             return show(constant(key[5:]), form or None, key)
         return show(store.value(whole(key)), form or None, key)
 
+    def asked(match: re.Match[str]) -> str:
+        key = whole(match[1])
+        return match[3] if bool(store.has(key) and store.node(key)) == (match[2] == "?") else ""
+
     template = re.sub(r"\[\?(.*?)\]", stored, template)
+    template = re.sub(r"\[([^][{}?! ]+)([?!]) ?(.*?)\]", asked, template)
     return re.sub(r"\{([^{}]+)\}", one, template).replace("– %", "–").replace(": –", "").replace(" (–)", "")
 
 
