@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from nanobench_tools.firmware.kept import kept
 from nanobench_tools.firmware.stabilizer import FULL, stabilizer_step
-from nanobench_tools.physics.lanes import LANES
+from nanobench_tools.physics.batched import LANES
 from nanobench_tools.practice.rigid_bodies import (
     CONTACT_DAMPING,
     CONTACT_RAD_S,
@@ -51,7 +51,7 @@ polynomial, would be negative: a motor gives nothing there."""
 
 @intrinsic
 def _model_step(typingctx, address, state, row, parameters):
-    """Calls a kernel of ``physics.lanes`` for one block of lanes: the state (17, LANES) becomes the next one."""
+    """Calls ``Compiled.machine_code`` for one block of lanes: the state (17, LANES) becomes the next one."""
     signature = types.void(*[types.int64] * 4)
 
     def codegen(context, builder, signature, arguments):

@@ -13,7 +13,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.pid import low_pass
 from nanobench_tools.firmware.stabilizer import ACC_HZ, GYRO_HZ, Stabilizer
 from nanobench_tools.physics import Model
-from nanobench_tools.physics.lanes import LANES
+from nanobench_tools.physics.batched import LANES
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, STATE, VELOCITY
 from nanobench_tools.physics.rollout import compiled_step
 from nanobench_tools.physics.simulator import loads, read_simulator

@@ -1,6 +1,7 @@
 """Any CasADi SX function, compiled to run over thousands of windows at once, alone or row after row.
 
-Lanes (windows) come last in every array: (components, n). Matrices are (rows, columns, n).
+Lanes (windows) come last in every array: (components, n). Matrices are (rows, columns, n). This file is all that the
+rest sees of the back end (``lanes`` writes LLVM code, ``machine`` compiles and keeps it).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import copy
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +51,7 @@ class Compiled:
     (one for all), ``row`` (own value for every window and row) and, first only, ``state``.
     """
 
-    def __init__(self, function, roles: Sequence[str], threads: int = 1) -> None:
+    def __init__(self, function: Any, roles: Sequence[str], threads: int = 1) -> None:
         self.kernel: Kernel = kernel(function, roles)
         self.names = tuple(function.name_in(i) for i in range(function.n_in()))
         self.threads = threads
@@ -88,7 +90,7 @@ class Compiled:
         return tuple(self._shaped(i, output, n, by_row, keep) for i, output in enumerate(outputs))
 
     @property
-    def machine_code(self):
+    def machine_code(self) -> Any:
         """The kernel as a ctypes function, for compiled code that calls it by its address; see ``lanes``."""
         return self._call
 
@@ -118,7 +120,7 @@ class Compiled:
         return output if (keep == "all" if is_state else by_row) else output[-1]
 
 
-def batched(function, uniform: Sequence[str] = (), threads: int = 1) -> Compiled:
+def batched(function: Any, uniform: Sequence[str] = (), threads: int = 1) -> Compiled:
     """Compile a casadi.Function for many windows; inputs named in ``uniform`` have one value for all of them.
 
     >>> import casadi as ca
@@ -132,7 +134,7 @@ def batched(function, uniform: Sequence[str] = (), threads: int = 1) -> Compiled
     return Compiled(function, ["uniform" if name in uniform else "lane" for name in names], threads)
 
 
-def scan(function, rows: Sequence[str], uniform: Sequence[str] = (), threads: int = 1) -> Compiled:
+def scan(function: Any, rows: Sequence[str], uniform: Sequence[str] = (), threads: int = 1) -> Compiled:
     """Compile f(state, ...) -> (next state, ...) to run row after row; inputs named in ``rows`` change every row."""
     names = [function.name_in(i) for i in range(function.n_in())]
     _known(names, [*rows, *uniform])

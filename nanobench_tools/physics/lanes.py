@@ -13,6 +13,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from .ops import import_casadi
 
@@ -31,8 +32,7 @@ _LIBRARY = {"OP_TAN": "tan", "OP_ASIN": "asin", "OP_ACOS": "acos", "OP_ATAN": "a
 _COMPARE = {"OP_LT": "olt", "OP_LE": "ole", "OP_EQ": "oeq", "OP_NE": "une"}
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """A number in the code: its name, whether it is one scalar for all lanes, whether it is a truth (i1)."""
 
     name: str
@@ -108,7 +108,7 @@ def constant(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
-def kernel(function, roles: Sequence[str]) -> Kernel:
+def kernel(function: Any, roles: Sequence[str]) -> Kernel:
     """Code of a casadi.Function; ``roles`` of its inputs, the first may be ``state`` (then output 0 is the next one).
 
     Raises ValueError for roles that do not fit and for operations without a translation.
@@ -133,7 +133,7 @@ def kernel(function, roles: Sequence[str]) -> Kernel:
     return Kernel(_assemble(writer, roles, shapes_in, shapes_out), tuple(roles), shapes_in, shapes_out)
 
 
-def _dense_rows(sparsity) -> list[int]:
+def _dense_rows(sparsity: Any) -> list[int]:
     """Place of every structural element in the dense array, columns one after another."""
     rows, starts, height = sparsity.row(), sparsity.colind(), sparsity.size1()
     return [r + c * height for c in range(sparsity.size2()) for r in rows[starts[c]:starts[c + 1]]]
@@ -157,7 +157,7 @@ def _load(writer: _Writer, role: str, which: int, element: int) -> Value:
     return Value(writer.emit(False, f"load {_VECTOR}, ptr {_element(writer, base, element)}, align 8"), False)
 
 
-def _translate(function, roles: Sequence[str], writer: _Writer) -> dict[tuple[int, int], Value]:
+def _translate(function: Any, roles: Sequence[str], writer: _Writer) -> dict[tuple[int, int], Value]:
     """Instruction by instruction; work registers are renamed, so that every value is written once."""
     ca = import_casadi()
     names = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
@@ -182,8 +182,11 @@ def _translate(function, roles: Sequence[str], writer: _Writer) -> dict[tuple[in
 
 
 def _operation(writer: _Writer, operation: str, given: list[Value]) -> Value:
-    uniform = all(value.uniform for value in given)
+    uniform = given[0].uniform and given[-1].uniform
     kind = _SCALAR if uniform else _VECTOR
+    if operation in _ARITHMETIC:  # most of what there is
+        a, b = (writer.named(writer.number(value), uniform) for value in given)
+        return Value(writer.emit(uniform, f"{_ARITHMETIC[operation]} contract {kind} {a}, {b}"), uniform)
 
     def emit(code: str) -> Value:
         return Value(writer.emit(uniform, code), uniform)
@@ -204,8 +207,6 @@ def _operation(writer: _Writer, operation: str, given: list[Value]) -> Value:
         return emit(f"select {one} {condition}, {kind} {value}, {kind} {zero}")
     a, *rest = (writer.named(writer.number(v), uniform) for v in given)
     b = rest[0] if rest else ""
-    if operation in _ARITHMETIC:
-        return emit(f"{_ARITHMETIC[operation]} contract {kind} {a}, {b}")
     if operation in _COMPARE:
         return Value(writer.emit(uniform, f"fcmp {_COMPARE[operation]} {kind} {a}, {b}"), uniform, True)
     if operation == "OP_NEG":

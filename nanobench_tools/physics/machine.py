@@ -12,12 +12,14 @@ import hashlib
 import os
 import stat
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ..cache_folder import cache_folder
 
 _LOCK = threading.Lock()
-_ENGINES: list = []
+_ENGINES: list[Any] = []
 """Own the machine code, which has to outlive every kernel that was handed out."""
 _LIBRARY_FUNCTIONS = ("exp", "log", "sin", "cos", "tan", "pow", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
                       "erf", "fmod", "hypot", "expm1", "log1p", "floor", "ceil")
@@ -28,7 +30,7 @@ _LONG = 40000
 
 
 @functools.cache
-def _target():
+def _target() -> tuple[Any, Any, str, str]:
     """LLVM's binding and the description of this processor."""
     from llvmlite import binding as llvm
 
@@ -90,7 +92,7 @@ def object_code(text: str) -> bytes:
 
 
 @functools.cache
-def load(text: str, pointers: int):
+def load(text: str, pointers: int) -> Callable[..., None]:
     """Callable kernel of a module: ``pointers`` array addresses, then five integers (see ``lanes.Kernel``)."""
     llvm, target, cpu, features = _target()
     with _LOCK:

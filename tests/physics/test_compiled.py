@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
 from physics_cases import draw, models, windows
 
 from nanobench_tools.errors import InputError
+from nanobench_tools.physics import batched as batched_module
 from nanobench_tools.physics import machine, numeric, symbolic
 from nanobench_tools.physics.batched import batched, scan
 from nanobench_tools.physics.rollout import rollout
@@ -184,3 +188,12 @@ def test_inputs_may_be_transposed_whatever_the_number_of_windows(n):
     states, values = rng.normal(size=(2, n)), rng.normal(size=(n, 3))
     wanted = np.array([values[:, 0] * states[0], values[:, 2] - states[1]])
     np.testing.assert_allclose(f(states, values.T)[0], wanted, rtol=1e-14)
+
+
+def test_one_file_knows_the_back_end():
+    root = Path(batched_module.__file__).parents[2]
+    users = [path.relative_to(root).as_posix()
+             for top in ("nanobench_tools", "controllers", "identification", "estimators")
+             for path in (root / top).rglob("*.py")
+             if re.search(r"from \S*\.?(lanes|machine) import|import .*\b(lanes|machine)\b", path.read_text())]
+    assert users == ["nanobench_tools/physics/batched.py"]

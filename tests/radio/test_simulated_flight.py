@@ -16,7 +16,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware import kalman
 from nanobench_tools.firmware.stabilizer import Stabilizer, believe, sense
-from nanobench_tools.physics.lanes import LANES
+from nanobench_tools.physics.batched import LANES
 from nanobench_tools.physics.model import ROTOR
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.rigid_bodies import legs
