@@ -22,6 +22,7 @@ SPEED = Path(__file__).parent
 NO_SCRIPTS = ("bench", "kept")
 
 SMALL = {
+    "compiled_rollout": ("--repeats", "1"),
     "diagnose_speed": ("--flights", "5", "10", "--seconds", "20"),
     "filters_speed": ("--seconds", "20"),
     "mpc_speed": ("--steps", "600"),

@@ -32,6 +32,7 @@ import casadi as ca
 import numba as nb
 import numpy as np
 from fit_speed import FLIGHTS, problem_of
+from kept import show
 from plant_speed import chain
 
 from identification.greybox import sensitivity
@@ -309,6 +310,8 @@ def main() -> None:
     print(f"{said}; medians of {options.repeats} [s], and times over {OURS}'s")
     for name, times in medians.items():
         print(f"  {name:26}" + "  ".join(f"{way} {s:7.3f} ({s / times[OURS]:5.2f})" for way, s in times.items()))
+        for way in names[1:]:
+            show(f"{way} / ours, {name}", times[way] / times[OURS], options.repeats)
     worth = {name: min(s for way, s in times.items() if way != OURS) / times[OURS] for name, times in medians.items()}
     print(f"twice as fast as the better peer: {', '.join(n for n, r in worth.items() if r >= REQUIRED_RATIO) or 'no'}")
     if options.json:

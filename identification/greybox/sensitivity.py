@@ -56,7 +56,8 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
                   past: tuple[np.ndarray, np.ndarray] | None, directions: np.ndarray, *, keep: np.ndarray,
                   row_hz: float = 100.0, parameters: np.ndarray | None = None,
                   threads: int = 1, starts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """States (K, 13, n) after the rows ``keep`` (K,) and their derivatives (K, F, 13, n) along ``directions`` (P, F).
+    """States (K, 13, n) after the rows ``keep`` (K,), which rise, and their derivatives (K, F, 13, n) along
+    ``directions`` (P, F).
 
     start (n, 13), motor (n, H, 4), battery_V (n, H), past (motor, battery) before the start, as for ``rollout``;
     parameters (P,) or (n, P) in place of the model's; starts (7, F): what the directions do to the start, in the order
@@ -85,8 +86,10 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
         state[:, RIGID:] = rotor.reshape(1 + BLOCK, ROTORS, n)
         if starts is not None:
             state[1:1 + part.shape[1]] += tangents(starts[:, low:low + BLOCK])[:, :, None]
-        flown = fly(state.reshape(-1, n), window, values.T, block)[0]
-        flown = flown.reshape(-1, 1 + BLOCK, len(STATE), n)[keep]
-        states = flown[:, 0, :RIGID]
-        found[:, low:low + part.shape[1]] = flown[:, 1:1 + part.shape[1], :RIGID]
+        flat, row = state.reshape(-1, n), 0
+        for k, at in enumerate(keep):  # no row between is held: that memory costs as much as the equations
+            flat, row = fly(flat, window[row:at], values.T, block, keep="last")[0], at
+            flown = flat.reshape(1 + BLOCK, len(STATE), n)
+            states[k] = flown[0, :RIGID]
+            found[k, low:low + part.shape[1]] = flown[1:1 + part.shape[1], :RIGID]
     return states, found
