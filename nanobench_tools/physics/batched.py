@@ -18,6 +18,8 @@ from ..errors import InputError
 from . import machine
 from .lanes import LANES, Kernel, kernel
 
+__all__ = ["LANES", "Compiled", "batched", "scan"]
+
 
 def _padded(n: int) -> int:
     return -(-n // LANES) * LANES
