@@ -1,7 +1,7 @@
 """The vehicle as predictive controllers see it: thrusts asked of the motors in, the terms of a model inside.
 
 State x (17): position m, velocity m/s (world), quaternion x, y, z, w, body rate rad/s, thrust of each rotor N.
-Input u (4): thrust asked of each motor N, after the thrust map. Disturbance d (6): acceleration m/s^2 (world) and
+Input u (4): thrust commanded of each motor N, after the thrust map. Disturbance d (6): acceleration m/s^2 (world) and
 angular acceleration rad/s^2 (body) that the terms do not explain. Errors of a state (16): differences, but 2 vec(q0^-1
 q) for the attitude, which is the rotation vector to third order; the first 12 are the rigid body's.
 """

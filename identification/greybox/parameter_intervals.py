@@ -107,12 +107,14 @@ def not_identified(solution: Solution, ci95: dict[str, tuple[float, float]] | No
             other = known.names[j]
             if abs(known.correlation[i, j]) > WEAK and _term(name) != _term(other):
                 sign = "difference" if known.correlation[i, j] > 0 else "sum"
-                found.append(f"{other} and {name} are only told together (correlation {known.correlation[i, j]:+.3f}: "
+                found.append(f"{other} and {name} are identifiable only together (correlation "
+                             f"{known.correlation[i, j]:+.3f}: "
                              f"a {sign} of the two is free); {_settles(other, name)}")
         at = problem.model.index(name)
         low, high = (ci95 or {}).get(name, (0.0, 0.0))
         if high - low > SHARE_OF_RANGE * (problem.upper[at] - problem.lower[at]):
-            found.append(f"{name} is not told by these flights: its interval spans half of the physical range; "
+            found.append(f"{name} is not identifiable from these flights: its interval spans half of the physical "
+                         f"range; "
                          f"{_settles(name, '')}")
     return found
 
@@ -124,7 +126,7 @@ def _term(name: str) -> str:
 def _settles(a: str, b: str) -> str:
     first, second = find_term(_term(a)).confused_with, find_term(_term(b)).confused_with if b else {}
     flight = first.get(_term(b)) or second.get(_term(a)) or next(iter(first.values()), "")
-    return f"what would tell: {flight}" if flight else "no flight of this vehicle alone tells them"
+    return f"what would tell: {flight}" if flight else "no flight of this vehicle alone identifies them"
 
 
 def profile(solution: Solution, name: str, values: Sequence[float]) -> list[dict[str, float]]:

@@ -30,7 +30,7 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @shared_options()
 @click.option("--plant", "plants", multiple=True, metavar="NAME",
               help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
-                   "simulated: an ensemble of plants; mismatch: plants unlike what controllers are told. May repeat. "
+                   "simulated: an ensemble of plants; mismatch: plants unlike what controllers assume. May repeat. "
                    "Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
               help="Of real flights: as-published or clean; may repeat. Default: both.")
@@ -52,7 +52,7 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
               help="Simulated: how many plants; the first is the median one.")
 @click.option("--radio-delay-s", type=FiniteRange(min=0.0, max=0.1), default=0.0, show_default=True, metavar="S",
               help="Simulated: delay of the radio. Commands of controllers that are not on board reach the motors so "
-                   "late, and these are told; references reach those on board so late.")
+                   "late, and these know it; references reach those on board so late.")
 @click.option("--radio-silent", "silent_percent", type=FiniteRange(min=0.0, max=50.0), default=0.0,
               show_default=True, metavar="PERCENT",
               help="Simulated: the radio takes nothing for so much of the time, in gaps of 50 ms on average "
@@ -161,7 +161,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     def select(protocol: str) -> list[task2.Case]:
         found = task2.select(flights, audits, protocol)
         cases = [case for case in found if not controllers or case.controller in controllers]
-        reasons.update({case.flight.name: f"flown by {case.controller}, not asked for" for case in found
+        reasons.update({case.flight.name: f"flown by {case.controller}, not requested" for case in found
                         if controllers and case.controller not in controllers})
         if not cases:
             raise InputError(found[0].flight.provenance.path, f"protocol {protocol!r} has no flight of "

@@ -32,7 +32,7 @@ def show_simulated(options: Options, rows: Sequence[Mapping[str, Any]], bar: Map
              + f", wind {wind_m_s:g} m/s" * (wind_m_s > 0.0))
     table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{with_})",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("reference", "m/s", "controller", "told", "n"):
+    for head in ("reference", "m/s", "controller", "information", "n"):
         table.add_column(head, no_wrap=True)
     for head in ("RMSE m", "worst decile m", "lag removed m", "contour m", "> 0.5 m %", "at cap %", "lost %",
                  "p99 ms"):
@@ -97,7 +97,7 @@ def _show_together(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     table = Table(title="All references together; the last columns: references with at least 30 % less RMSE, and the "
                   "least gain",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("controller", "told"):
+    for head in ("controller", "information"):
         table.add_column(head, no_wrap=True)
     for head in ("references", "median RMSE m", "contour m", "largest worst decile m", "lost %",
                  *(f"30 % below {name}" for name in TO_BEAT)):
@@ -118,7 +118,7 @@ def show_mismatch(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
 
     names = list(dict.fromkeys(row["controller"] for row in rows))
     what = ", ".join(dict.fromkeys(f"{row['reference']} {speed_text(row)}".removesuffix(" -") for row in rows))
-    table = Table(title=f"Plants unlike what controllers are told, SIMULATED: largest RMSE m over {what}; lost: "
+    table = Table(title=f"Plants unlike what controllers assume, SIMULATED: largest RMSE m over {what}; lost: "
                   "further than 2 m away", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("case", no_wrap=True)
     for name in names:

@@ -119,7 +119,7 @@ def _show(options: Options, verdict: Mapping[str, Any]) -> None:
         return
     word = data_word(options)
     usual = f"{len(trim['normal'])} normal flights" if trim["normal"] else "the simulator"
-    table = Table(title=f"Thrust asked of each motor against {usual}, %, {word}",
+    table = Table(title=f"Thrust commanded of each motor against {usual}, %, {word}",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("flight", "motor 1", "motor 2", "motor 3", "motor 4", "battery V"):
         table.add_column(head)

@@ -12,7 +12,7 @@ from .named_methods import load_methods
 if TYPE_CHECKING:
     from ..radio.fly_pilot import Pilot
 
-CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are told where to be; mpc_osqp, mpc_daqp, nmpc, "
+CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are sent set-points; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
 NOW: dict[str, Any] = setting("flying.fly_controllers.now")
 """Of the observer: what it is told is of now (``radio.fly_state``), and its rates come from poses, noisier than a
@@ -39,7 +39,8 @@ def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
         if isinstance(method, kinds):
             setpoint_kind = kind or ("full-state" if method.information == "preview" else "position")
             if setpoint_kind == "thrust-rates":
-                raise UsageError(f"--setpoints: {name} flies on board; it is told position, velocity or full-state")
+                raise UsageError(f"--setpoints: {name} flies on board; its set-points are position, velocity or "
+                                 "full-state")
             return OnboardPilot(method.name, value, setpoint_kind, float(getattr(method, "lead_s", 0.0)))
     if kind not in (None, "thrust-rates"):
         raise UsageError(f"--setpoints: {name} commands motors; it is sent as thrust-rates")

@@ -340,7 +340,7 @@ def clock_line(clock: str, time_offsets: Sequence[TimeOffset | None], evidence: 
     constant = sum(time_offset is not None and not time_offset.moving for time_offset in time_offsets)
     label = f"clock {clock}" + (f", for judging logged {' and '.join(judged)}" if judged else "")
     if not moving + constant:
-        return f"{label}: nothing tells the time error of any recording ({len(time_offsets)} as recorded)"
+        return f"{label}: no stream identifies the time error of any recording ({len(time_offsets)} as recorded)"
     parts = [f"{n} {what}" for n, what in ((moving, "with a moving error"), (constant, "with a constant error"),
                                            (len(time_offsets) - moving - constant, "as recorded, no clock found")) if n]
     return f"{label}, set by {', '.join(evidence)}: {' and '.join(parts)} (of {len(time_offsets)})"

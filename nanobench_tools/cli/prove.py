@@ -230,7 +230,7 @@ def _power_table(power: Mapping[str, TermPower], word: str) -> Table:
 
 
 def _show_confusion(options: Options, confusion: Mapping[str, Mapping[str, int]], word: str) -> None:
-    table = _table(f"What was said of what ({word})", ("there", "said"))
+    table = _table(f"Concealed and named ({word})", ("truth", "verdict"))
     for there, said in confusion.items():
         table.add_row(there, ", ".join(f"{one_line(name)} {count}" for name, count in said.items()))
     options.show(table)

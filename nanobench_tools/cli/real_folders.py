@@ -75,7 +75,7 @@ def show_folders(options: Options, found: FolderProof) -> None:
         options.show(line)
 
 
-HEADS = ("folder", "there", "said", "motors", "right", "thrust asked of motors 1..4, %", "sd %", "found at it")
+HEADS = ("folder", "truth", "verdict", "motors", "right", "thrust commanded of motors 1..4, %", "sd %", "found at it")
 
 
 def rows(found: FolderProof) -> list[tuple[str, ...]]:

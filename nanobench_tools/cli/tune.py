@@ -43,7 +43,7 @@ SEED_APART = 1000
 @click.option("--plants", type=click.IntRange(min=2), default=8, show_default=True, metavar="N",
               help="Plants to search on; as many others choose among the best, and twice as many others judge.")
 @click.option("--radio-delay-s", type=FiniteRange(min=0.0, max=0.1), default=0.03, show_default=True, metavar="S",
-              help="Delay of the radio; every second plant's is 20 ms longer than controllers are told.")
+              help="Delay of the radio; every second plant's is 20 ms longer than controllers assume.")
 @click.option("--budget", type=click.IntRange(min=2), default=120, show_default=True, metavar="N",
               help="Trials, each of all paths on all plants.")
 def tune(options: Options, controller: str, plant: str, simulator: Path | None, train: tuple[Path, ...],

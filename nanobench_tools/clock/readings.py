@@ -30,8 +30,8 @@ flight."""
 WIDEST_S = number("audit.readings.widest_s")
 """An offset that is not known better than this is not identifiable."""
 UNSEEN = {
-    "motor": "cameras do not see what the motors are told",
-    "motor_request": "cameras do not see what the motors are told",
+    "motor": "cameras do not see motor commands",
+    "motor_request": "cameras do not see motor commands",
     "setpoint": "the vehicle follows its setpoint by an unknown delay",
     "rpm": "cameras do not see the rotors",
     "pid": "the vehicle follows its requests by an unknown delay",

@@ -47,7 +47,7 @@ class Equations:
         return value
 
     def command(self, inputs: Components) -> list[Any]:
-        """A row of inputs (see ``Model.inputs``) -> thrust asked of each motor [N], constant over the row."""
+        """A row of inputs (see ``Model.inputs``) -> thrust commanded of each motor [N], constant over the row."""
         n = self.model.rotors
         motor, earlier = list(inputs[:n]), inputs[n + 1:]
         at = replace(self._still, battery_V=inputs[n], before=earlier[:n], whole_rows=earlier[n] if earlier else 0.0)

@@ -37,7 +37,7 @@ class Aiding:
         lost = f", {100.0 * self.loss:g} % lost" if self.loss else ""
         return (f"motion capture poses at {self.rate_hz:g} Hz all along{lost}, position with noise of "
                 f"{1e3 * self.noise_m:g} mm, stamped at arrival {1e3 * self.delay_s:g} ms after measurement (the delay "
-                "is told), all other streams")
+                "is given), all other streams")
 
     def to_json(self) -> dict[str, float]:
         return {f"pose_{name}": value for name, value in asdict(self).items()}

@@ -81,7 +81,7 @@ def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str
         reason = ("the audit failed" if flight.name not in known else reasons.get(flight.name)
                   or missing(flight, needed) or missing(tidy(flight, needed), needed) or repeats.get(flight.name)
                   or (cut_by(verdict, needed) if verdict is not None else None)
-                  or "no rows to score: never in the air, too short, or not asked for")
+                  or "no rows to score: never in the air, too short, or not requested")
         found.append({"flight": flight.name, "reason": reason})
     return found
 

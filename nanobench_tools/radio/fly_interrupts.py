@@ -55,7 +55,7 @@ class Interrupts:
             if self._flying is not None:
                 raise Hung
             return
-        self.requested = "Ctrl-C" if which == signal.SIGINT else "the program was told to end"
+        self.requested = "Ctrl-C" if which == signal.SIGINT else "the program was terminated"
         self._count += 1
         if self._count >= AT_ONCE and self._flying is not None:
             raise KeyboardInterrupt

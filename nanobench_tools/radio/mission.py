@@ -200,12 +200,12 @@ class Flight:
         if self._setpoint is None:
             return
         if self._guardian is not None:
-            self._guardian.begin("who is told of set-points")
+            self._guardian.begin("the listener to set-points")
         try:
             self._setpoint(self.clock.now(), packet)
         except Exception as raised:
             self._setpoint = None
-            self._note(f"who is told of set-points raised {type(raised).__name__}: {raised}; it is not asked again")
+            self._note(f"the listener to set-points raised {type(raised).__name__}: {raised}; it is not called again")
         if self._guardian is not None:
             self._guardian.end()
 

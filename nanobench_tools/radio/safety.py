@@ -189,7 +189,8 @@ class Sinks:
         self._below_s = self._below_s + step if now.below_m > self.MOST_M else 0.0
         if self._below_s < self.FOR_S:
             return ""
-        return f"{now.below_m:.2f} m below what is asked for {self._below_s:.1f} s; battery {now.battery_V:.2f} V"
+        return (f"{now.below_m:.2f} m below the commanded height for {self._below_s:.1f} s; "
+                f"battery {now.battery_V:.2f} V")
 
 
 class ControllerFailed:

@@ -92,10 +92,10 @@ def _not_landing(first: Believed | None, now: Believed | None, since_s: float, g
     if first is None or now is None or now.position_m[2] < ground_m + 2.0 * LANDED_M:
         return ""
     if now.velocity_m_s[2] < -FALLS_M_S:
-        return f"told to land it fell with {-now.velocity_m_s[2]:.1f} m/s"
+        return f"commanded to land it fell with {-now.velocity_m_s[2]:.1f} m/s"
     sinks = now.position_m[2] < first.position_m[2] - SUNK_M or now.velocity_m_s[2] < -SINKS_M_S
     if UNHEARD_S < since_s < UNHEARD_S + 2.0 * EVERY_S and not sinks:
-        return f"told to land it did not sink for {UNHEARD_S:.1f} s"
+        return f"commanded to land it did not sink for {UNHEARD_S:.1f} s"
     return ""
 
 

@@ -83,14 +83,14 @@ def task1(results: Results) -> Words:
 
 
 def _near(rows: Sequence[Mapping[str, Any]], last: str | None) -> list[str]:
-    """Which models cannot be told from the one that the rows are compared with; nothing without comparisons."""
+    """Which models cannot be distinguished from the one that the rows are compared with; [] without comparisons."""
     to = next((r["ratio_to"] for r in rows if r.get("ratio_to")), None)
     ends = {str(r.get("model")): _at(r.get("ratio_ci95"), last) for r in rows if r.get("ratio_to") == to}
     if to is None or not any(ends.values()):
         return []
     near = [name for name, one in ends.items() if not excludes_one(one)]
     smaller = [name for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
-    same = f"{', '.join(near)} cannot be told from {to}" if near else f"every other model differs from {to}"
+    same = f"{', '.join(near)} cannot be distinguished from {to}" if near else f"every other model differs from {to}"
     less = f"; only {', '.join(smaller)} {'have' if len(smaller) > 1 else 'has'} less error" if smaller else ""
     return [f"By the interval of the ratio over the same windows, position error at h = {last}: {same}{less}."]
 

@@ -57,7 +57,7 @@ def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
     if clock == AS_RECORDED:
         return ""
     if not heard:
-        return "; stamps as recorded, as no stream told their time error"
+        return "; stamps as recorded, as no stream identified their time error"
     names = ", ".join(heard)
     if clock == "offset" or not moving:
         return f"; stamps less the flight's constant offset, found off-line from {names}"

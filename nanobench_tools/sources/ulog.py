@@ -137,6 +137,6 @@ def _damage(whole: Whole, log: Any, topics: dict[str, list[Topic]], end: float) 
         if whole.strange is not None:
             where = f"byte {whole.strange} begins no ULog message, {whole.left_out} bytes left out"
         more = f"; {lost} messages with impossible times left out" if lost else ""
-        evidence = f"{where}; read what could still be told apart{more}"
+        evidence = f"{where}; read what could still be parsed{more}"
         faults.append(text_fault("checksum", "", (), evidence, (0.0, end)))
     return faults

@@ -57,7 +57,7 @@ def motors(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float
                     name,
                     stream.columns,
                     f"{count} rotors in {topic.name}, a {name} stream holds {SUPPORTED}: all are kept as extra_{name}, "
-                    "and what needs motor commands is not asked",
+                    "and what needs motor commands is not judged",
                     (float(stream.time_s[0]), float(stream.time_s[-1])),
                     float(count),
                     "columns",

@@ -111,4 +111,4 @@ def test_the_line_of_a_clock_counts_every_recording_once():
         "clock retimed, for judging logged position and velocity, set by gyro: 1 with a moving error and "
         "1 with a constant error and 1 as recorded, no clock found (of 3)")
     assert clock_line("joint", [None, None], [], ()) == (
-        "clock joint: nothing tells the time error of any recording (2 as recorded)")
+        "clock joint: no stream identifies the time error of any recording (2 as recorded)")

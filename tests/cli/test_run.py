@@ -109,6 +109,7 @@ def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(whole_job):
         assert whole[name] == json.loads((place / f"{name}.json").read_text())
 
 
+@pytest.mark.slow
 def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, recordings, tmp_path):
     """As when it is not killed, in one process and not in several."""
     def command(out):
@@ -166,6 +167,7 @@ def test_a_task_without_enough_recordings_is_listed_and_the_others_go_on(nanoben
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_real_recordings_are_never_called_synthetic(nanobench, one_fit, real_data, tmp_path):
     datasets = real_data / "nanobench" / "datasets"
     places = sorted(datasets.rglob("*trefoil_slow_rep1[._]*")) + sorted(datasets.rglob("*circle_medium_rep*"))

@@ -129,8 +129,8 @@ def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder,
     assert {row["method"] for row in body["rows"]} == {"still", "constant_velocity"}
 
 
-@pytest.mark.parametrize("module", [True, False])
-@pytest.mark.parametrize("on_path", [True, False])
+@pytest.mark.parametrize(("module", "on_path"), [(True, True), (False, False), *(
+    pytest.param(*given, marks=pytest.mark.slow) for given in ((True, False), (False, True)))])
 def test_ours_fly_from_a_folder_with_controllers_of_its_own(folder, module, on_path):
     path = (folder, ROOT) if on_path else (ROOT,)
     done = nanobench("simulate", "--controller", "geometric", "--flights", 1, "--family", "circle", "--speed", "slow",

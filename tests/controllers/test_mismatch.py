@@ -1,4 +1,4 @@
-"""Plants unlike what controllers are told, radio and wind: what is changed, and that prediction bears it."""
+"""Plants unlike what controllers assume, radio and wind: what is changed, and that prediction bears it."""
 
 import numpy as np
 import pytest

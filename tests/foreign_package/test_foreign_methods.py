@@ -118,6 +118,7 @@ def test_prove_scores_what_was_concealed(installed, case, diagnosed):
     assert [entry["covered"] for entry in scored["intervals"]] == [True]
 
 
+@pytest.mark.slow
 def test_the_term_is_fitted_beside_others(installed, case):
     found = float(python(case, installed, "-c", about(FITTED), case).split()[-1])
     assert found == pytest.approx(value_in(case), rel=0.2)

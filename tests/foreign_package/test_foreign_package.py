@@ -109,6 +109,7 @@ def test_its_rows_are_left_out_of_a_diagnosis(installed, spoilt):
     python(spoilt, installed, "-c", about(LEFT_OUT), spoilt)
 
 
+@pytest.mark.slow
 def test_it_is_dealt_to_blind_cases(installed, tmp_path):
     python(tmp_path, installed, "-c", about(DEALT))
 

@@ -55,6 +55,7 @@ def job(places):
     return code, said[0].getvalue(), said[1].getvalue(), json.loads((out / "all.json").read_text())
 
 
+@pytest.mark.slow
 def test_rows_of_both_plants_with_published_numbers_and_the_error_bar(job):
     code, out, err, body = job
     assert code == 1, err  # bc_lstm is torn
@@ -71,6 +72,7 @@ def test_rows_of_both_plants_with_published_numbers_and_the_error_bar(job):
     assert "these were not shown to be better than controllers.learned.pilots:MppiFar's own" in err
 
 
+@pytest.mark.slow
 def test_a_checkpoint_that_is_torn_fails_alone_in_one_line(job, places):
     _, _, err, body = job
     assert [f["item"] for f in body["failed"]] == ["train bc_lstm"]
@@ -80,6 +82,7 @@ def test_a_checkpoint_that_is_torn_fails_alone_in_one_line(job, places):
     assert (places[2] / "learned" / "bc_lstm.safetensors").read_bytes() == b"torn"  # it is left for the user to remove
 
 
+@pytest.mark.slow
 def test_the_teacher_corrects_on_paths_that_do_not_judge(job, places):
     body = job[3]
     taught = body["learned"]["bc_mlp_dagger"]

@@ -137,6 +137,7 @@ def test_rotation_vectors_do_not_jump():
     assert so3.geodesic_angle(so3.exp(smooth), so3.exp(vector)).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_killed_training_goes_on_as_if_it_had_not_been(rows, tmp_path, monkeypatch):
     task, _ = task_of("residual_mlp", False, rows, 0)
     whole = train(task, QUICK)
@@ -236,6 +237,7 @@ def still(rung, sets):
     return [Still() for _ in sets]
 
 
+@pytest.mark.slow
 def test_rows_trained_side_by_side_are_those_trained_in_turn_and_go_on_when_killed(cases, tmp_path, monkeypatch):
     monkeypatch.setattr(learned_study, "SETTINGS", Settings(epochs=2, batch=64, share=0.5))
     monkeypatch.setattr(learned_study, "KINDS", ("lstm",))

@@ -123,12 +123,12 @@ def test_control_says_why_a_recording_is_left_out(call, crowd, folder, tmp_path,
     places = ("--data", folder, "--data", tmp_path / "mellinger")
     _, result, _, _ = call("control", *places, "--controller", "mellinger", "--plant", "real")
     assert {row["controller"] for row in result["rows"]} == {"mellinger"}
-    assert [x["reason"] for x in result["left_out"]] == ["flown by pid, not asked for"] * 3
+    assert [x["reason"] for x in result["left_out"]] == ["flown by pid, not requested"] * 3
     monkeypatch.setattr(task2, "score", fails)
     code, result, _, err = call("control", *places, "--controller", "mellinger", "--plant", "real")
     assert (code, result["rows"]) == (1, [])
     assert sorted(x["reason"] for x in result["left_out"]) == [
-        "every method failed on it", *["flown by pid, not asked for"] * 3]
+        "every method failed on it", *["flown by pid, not requested"] * 3]
     assert "this one fails" in err
 
 
@@ -213,6 +213,7 @@ def test_an_own_estimator_beside_the_logged_one(call, folder, tmp_path, monkeypa
     assert 0.2 < ratio < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_verbs_give_the_published_tables(call, real, real_data):
     flights, audits = real

@@ -369,6 +369,7 @@ def test_the_corrected_table(real):
     assert_corrected(table(*real, "as-published-corrected"))
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_both_tables_from_the_slices_alone_under_other_names_without_sheets(real_data, audits_of, tmp_path):
     files = sorted((real_data / "nanobench" / "benchmarks" / "task3_stateEst").rglob("*.csv.xz"))

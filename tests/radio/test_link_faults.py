@@ -112,8 +112,8 @@ def test_a_vehicle_that_nothing_reaches_is_left_to_its_watchdog_and_the_reason_i
 
 
 @pytest.mark.parametrize(("fault", "words", "most_m_s"), [
-    ({"up": HIGH_LEVEL}, "told to land it fell with", 3.2),
-    ({"up": END_OF_SETPOINTS}, "told to land it did not sink for 1.5 s", GENTLY_M_S)],
+    ({"up": HIGH_LEVEL}, "commanded to land it fell with", 3.2),
+    ({"up": END_OF_SETPOINTS}, "commanded to land it did not sink for 1.5 s", GENTLY_M_S)],
     ids=["commands to land", "end of set-points"])
 def test_a_vehicle_that_does_not_hear_that_it_shall_land_is_taken_down_by_set_points(fault, words, most_m_s,
                                                                                       monkeypatch):

@@ -114,7 +114,7 @@ def test_a_vehicle_that_cannot_hold_its_height_lands_before_it_lies_on_the_groun
     toy = Toy()
     outcome, _ = flown(failing(toy, lambda: toy.drift_m_s.__setitem__(2, -1.8)))  # it climbs with 1.5 m/s at most
     assert outcome.stop.rule == "sinks"
-    assert "m below what is asked for 1.5 s; battery 3.90 V" in outcome.stop.reason
+    assert "m below the commanded height for 1.5 s; battery 3.90 V" in outcome.stop.reason
     assert landed(toy)
 
 

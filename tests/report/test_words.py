@@ -110,7 +110,7 @@ def test_task1_says_which_models_cannot_be_told_apart(results):
              "ratio": {"position_mae_m": {"50": 1.0}}, "ratio_ci95": {"position_mae_m": {"50": ends}}}
             for name, ends in (("near", [0.9, 1.1]), ("less", [0.7, 0.8]), ("more", [1.1, 1.3]))]
     other["sysid"]["rows"] = [*rows, *more]
-    assert "position error at h = 50: near cannot be told from physics; only less has less error." in flat(
+    assert "position error at h = 50: near cannot be distinguished from physics; only less has less error." in flat(
         words.task1(other))
     other["sysid"]["rows"] = [*rows, more[2]]
     assert "at h = 50: every other model differs from physics." in flat(words.task1(other))

@@ -40,7 +40,7 @@ def test_judged_has_to_be_said():
 
 def test_what_a_row_was_given_names_only_who_was_heard():
     """A joint clock without gyro takes nothing out, and one that does not move heard no position."""
-    assert votes("joint", ()) == "; stamps as recorded, as no stream told their time error"
+    assert votes("joint", ()) == "; stamps as recorded, as no stream identified their time error"
     assert "position" not in votes("joint", ("gyro",), moving=False)
     assert "constant offset, found off-line from gyro" in votes("retimed", ("gyro",), moving=False)
 
@@ -114,6 +114,7 @@ def test_shares_of_hand_worked_errors():
     assert (nulls.kept([half]), nulls.removed([half])) == (pytest.approx(0.25), pytest.approx(0.75))
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_real_flights_keep_errors_of_the_estimate_and_lose_those_of_the_stamps(real_data):
     """Every twentieth flight; benchmarks/studies/clock_proof.py has them all."""

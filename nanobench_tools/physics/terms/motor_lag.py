@@ -40,7 +40,7 @@ def _lag(name: str, typical_s: float, believed: tuple[float, float]) -> Paramete
 
 TERM = Term(
     name="motor_lag",
-    sentence="Each thrust approaches what is asked for exponentially, with one time constant up and another down.",
+    sentence="Each thrust approaches what is commanded exponentially, with one time constant up and another down.",
     equation="tau dT_i/dt = T_cmd_i - T_i, tau = tau_up where T_cmd_i > T_i, else tau_down; 0 means at once",
     parameters=(_lag("tau_up_s", TYPICAL_UP_S, BELIEVED_UP_S), _lag("tau_down_s", TYPICAL_DOWN_S, BELIEVED_DOWN_S)),
     acts={Stage.LAG: time_constants},
