@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
@@ -12,8 +12,10 @@ from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, score
+from nanobench_tools.result import OPTIONAL, Result
 
 from .fit import GreyBox, nuisances_of
+from .fit_result import FitResult
 from .fit_windows import MOST_WINDOWS, cut
 from .fitted_predictor import GreyBoxPredictor
 from .ladder import LADDER, Rung
@@ -23,7 +25,8 @@ SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
 HELD_OUT_WINDOWS = 600
 """A fit that only ranks models takes about so many windows: half of what a fit takes that is shown."""
 
-
+Terms = Mapping[str, Mapping[str, Any]]
+"""{term: {parameter: number, or list of numbers}}"""
 NOTES = {"none": "",
          "inputs": "It holds the mean thrust and trim of the training flights; the row it is made from sets both, the "
                    "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
@@ -36,29 +39,59 @@ def rungs(names: Sequence[str] | None = None) -> list[Rung]:
     return [rung for rung in LADDER if names is None or rung.name in names]
 
 
-def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> dict[str, Any]:
-    """{predictor, result} of one rung fitted to ``cases``, as plain JSON values."""
+@dataclass(frozen=True, repr=False)
+class Gains(Result):
+    """What is learnt for starts of one kind: as of ``GreyBoxPredictor``."""
+
+    gains: np.ndarray | None
+
+
+@dataclass(frozen=True, repr=False)
+class Made(Result):
+    """What a ``GreyBoxPredictor`` is made from."""
+
+    terms: Terms
+    gains: np.ndarray | None
+    scale: np.ndarray | None
+    adapt: str
+    mass_kg: float
+
+
+@dataclass(frozen=True, repr=False)
+class FittedRung(Result):
+    """One rung fitted. simulator: terms of the vehicle that is the same in every window; uses: its sentence; backward:
+    what is set per window, learnt for starts that look back only, if asked for (None where nothing is set)."""
+
+    predictor: Made
+    simulator: Terms
+    simulator_note: str
+    result: FitResult
+    summary: str
+    uses: str
+    backward: Gains | None = field(default=None, metadata=OPTIONAL)
+
+
+def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> FittedRung:
+    """One rung fitted to ``cases``."""
     return fit_together(cases, [rung], seed, mass_kg)[rung.name]
 
 
 def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
                  windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True,
-                 sessions: Mapping[str, int] | None = None) -> dict[str, dict[str, Any]]:
+                 sessions: Mapping[str, int] | None = None) -> dict[str, FittedRung]:
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window: their parameters
     are searched once. ``windows``: about how many are fitted to. judged, sessions: as of ``GreyBox``. backward: what is
-    set per window is also learnt for starts that look back only, as ``backward`` (gains and their ridge; None where
-    nothing is set)."""
+    set per window is also learnt for starts that look back only."""
     vehicle = Vehicle(mass_kg=mass_kg)
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, FittedRung] = {}
     first: GreyBox | None = None
     for rung in rungs:
         model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold,
                         judged=judged, sessions=sessions or sessions_of([case.flight for case in cases]))
         model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
         first = first or model
-        found[rung.name] = _found(rung, model, mass_kg)
-        if backward:
-            found[rung.name]["backward"] = None if rung.adapt == "none" else _backward(cases, rung, model)
+        gains = _backward(cases, rung, model) if backward and rung.adapt != "none" else None
+        found[rung.name] = _found(rung, model, mass_kg, gains)
     return found
 
 
@@ -84,39 +117,25 @@ def alike(rungs: Sequence[Rung]) -> list[list[Rung]]:
     return lots
 
 
-def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> dict[str, Any]:
+def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> Gains:
     """Gains learnt from starts that look back only, at the parameters of ``model``. With training flights held out in
     turn that lowers the criterion of ``choice`` by 1 to 3 %; searching the parameters again lowers it no further."""
     again = replace(model, judged=False)
     again.fit_cuts(cut(cases, past=rung.adapt == "past", start="past"), model)
-    return {"gains": _plain(again.predictor_.gains)}
+    return Gains(again.predictor_.gains)
 
 
-def _found(rung: Rung, model: GreyBox, mass_kg: float) -> dict[str, Any]:
+def _found(rung: Rung, model: GreyBox, mass_kg: float, backward: Gains | None) -> FittedRung:
     made = model.predictor_
-    return {"predictor": {"terms": {term: {k: _plain(v) for k, v in values.items()}
-                                    for term, values in made.terms.items()},
-                          "gains": _plain(made.gains), "scale": _plain(made.scale), "adapt": made.adapt,
-                          "mass_kg": mass_kg},
-            "simulator": {term: {k: _plain(v) for k, v in values.items()}
-                          for term, values in model.model_.as_dict().items()},
-            "simulator_note": NOTES[rung.adapt], "result": model.result_.to_json(),
-            "summary": model.result_.summary(), "uses": rung.sentence}
+    return FittedRung(Made(made.terms, made.gains, made.scale, made.adapt, mass_kg), model.model_.as_dict(),
+                      NOTES[rung.adapt], model.result_, model.result_.summary(), rung.sentence, backward)
 
 
-def predictor_of(value: Mapping[str, Any], start: str = "centred") -> GreyBoxPredictor:
-    """The predictor of a ``fit_item``; for starts of class ``past`` with what was learnt from such, if anything was."""
-    made, result = value["predictor"], value["result"]
-    if start == "past" and value.get("backward"):
-        made = {**made, **value["backward"]}
-    gains, scale = (None if made[key] is None else np.array(made[key]) for key in ("gains", "scale"))
+def predictor_of(fitted: FittedRung, start: str = "centred") -> GreyBoxPredictor:
+    """The predictor of a rung; for starts of class ``past`` with what was learnt from such, if anything was."""
+    made, result = fitted.predictor, fitted.result
+    gains = fitted.backward.gains if start == "past" and fitted.backward is not None else made.gains
     terms = {term: {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-             for term, values in made["terms"].items()}
-    return GreyBoxPredictor(result["name"], terms, Vehicle(mass_kg=made["mass_kg"]), made["adapt"], gains, scale,
-                            result["parameters"], () if gains is None else nuisances_of(made["adapt"]))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return list(value) if isinstance(value, tuple) else value
+             for term, values in made.terms.items()}
+    return GreyBoxPredictor(result.name, terms, Vehicle(mass_kg=made.mass_kg), made.adapt, gains, made.scale,
+                            result.parameters, () if gains is None else nuisances_of(made.adapt))

@@ -3,13 +3,13 @@ with an underscore."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
 
+from identification.fitted_values import Estimate
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
@@ -89,7 +89,6 @@ class GreyBox:
     def fit_cuts(self, cuts: Sequence[Cut], like: GreyBox | None = None) -> GreyBox:
         """The same from windows that were cut already. ``like``: a model with the same terms that was fitted to the
         same windows; its parameters are taken, and only what is set per window is learnt anew."""
-        before = time.perf_counter()
         data = gather(cuts)
         nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
         model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **cast("Terms", self.terms)})
@@ -128,8 +127,7 @@ class GreyBox:
                                   *(not_identified(solution, ci95) if self.judged else ()), *self._not_learnt()),
                                  tuple(f"{' + '.join(p.names)} = {p.mean:.3g} +- {p.sd:.2g} ({p.source})"
                                        for p in problem.priors),
-                                 tuple(f"{n.name}: {n.sentence}" for n in nuisances),
-                                 time.perf_counter() - before)
+                                 tuple(f"{n.name}: {n.sentence}" for n in nuisances))
         return self
 
     def _predictor(self, solution: Solution, cuts: Sequence[Cut]) -> GreyBoxPredictor:
@@ -232,9 +230,7 @@ def _cases(flights: Sequence[Flight | Case]) -> list[Case]:
 __all__ = ["FitWindows", "GreyBox", "nuisances_of", "tidy"]
 
 
-def _parameter(value: float, unit: str, ci95: tuple[float, float] | None, why: str) -> dict[str, Any]:
-    """{value, ci95, unit} and ``ci_why`` where the interval is missing or not to be trusted."""
+def _parameter(value: float, unit: str, ci95: tuple[float, float] | None, why: str) -> Estimate:
     if ci95 is None and not why:
         why = f"fewer than {FEWEST_FLIGHTS} flights"
-    return {"value": value, "ci95": None if ci95 is None else list(ci95), "unit": unit,
-            **({"ci_why": why} if why else {})}
+    return Estimate(value, ci95, unit, why)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+
+from identification.fitted_values import Estimate
+from nanobench_tools.result import Result
 
 from .flyability import Flight
 
 
-@dataclass(frozen=True)
-class FitResult:
-    """parameters {name: {value, ci95, unit}}; trouble: why this fit is no result (empty: it is one); flown: whether the
-    model flies (None where its rate is held); not_identified, priors, nuisances: sentences."""
+@dataclass(frozen=True, repr=False)
+class FitResult(Result):
+    """trouble: why this fit is no result (empty: it is one); flown: whether the model flies (None where its rate is
+    held); not_identified, priors, nuisances: sentences."""
 
     name: str
     adapt: str
-    parameters: Mapping[str, Mapping[str, Any]]
+    parameters: Mapping[str, Estimate]
     n_windows: int
     n_flights: int
     steps: int
@@ -26,24 +28,19 @@ class FitResult:
     not_identified: tuple[str, ...]
     priors: tuple[str, ...]
     nuisances: tuple[str, ...]
-    elapsed_s: float
 
     @property
     def is_result(self) -> bool:
         return not self.trouble
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything but the running time, which would make equal fits differ."""
-        return {key: value for key, value in asdict(self).items() if key != "elapsed_s"}
 
     def summary(self) -> str:
         """Parameters with units and intervals, and all that has to be said beside them."""
         wide = max(map(len, self.parameters), default=0)
         lines = [f"{self.name}: {self.n_windows} windows of {self.n_flights} flights, {self.steps} steps"]
         for name, entry in self.parameters.items():
-            ends = entry["ci95"]
+            ends = entry.ci95
             between = "" if ends is None else f"  [{ends[0]:.4g}, {ends[1]:.4g}]"
-            lines.append(f"  {name:<{wide}}  {entry['value']:>11.5g}{between}  {entry['unit']}")
+            lines.append(f"  {name:<{wide}}  {entry.value:>11.5g}{between}  {entry.unit}")
         if self.n_flights < 3:
             lines.append(f"  no intervals: {self.n_flights} flight(s) tell nothing about how flights differ")
         lines += [f"  prior: {text}" for text in self.priors]
@@ -59,11 +56,12 @@ class FitResult:
         """A plotly figure: every parameter in units of the half-width of its interval around its value."""
         import plotly.graph_objects as go
 
-        rows = [(name, entry) for name, entry in self.parameters.items() if entry["ci95"]]
         figure = go.Figure()
-        for name, entry in rows:
-            size = abs(entry["value"]) or 1.0
-            low, high = ((end - entry["value"]) / size for end in entry["ci95"])
+        for name, entry in self.parameters.items():
+            if entry.ci95 is None:
+                continue
+            size = abs(entry.value) or 1.0
+            low, high = ((end - entry.value) / size for end in entry.ci95)
             figure.add_trace(go.Scatter(x=[100 * low, 0.0, 100 * high], y=[name] * 3, mode="lines+markers",
                                         showlegend=False, name=name))
         figure.update_layout(title=f"{self.name}: 95 % intervals over {self.n_flights} flights",

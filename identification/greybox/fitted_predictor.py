@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
 
+from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Model, Vehicle
@@ -30,12 +32,12 @@ class GreyBoxPredictor:
     flights."""
 
     name: str
-    terms: dict[str, dict[str, Any]]
+    terms: Mapping[str, Mapping[str, Any]]
     vehicle: Vehicle
     adapt: str = "none"
     gains: np.ndarray | None = None
     scale: np.ndarray | None = None
-    parameters: dict[str, dict] = field(default_factory=dict)
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
     nuisances_: tuple[Nuisance, ...] = ()
 
     @property

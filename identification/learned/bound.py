@@ -15,7 +15,7 @@ import numpy as np
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.methods import Prediction, Predictor, Windows
-from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES
+from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.settings import count
 
 from .own import GROUPS, SETTINGS, Flown, train_own
@@ -58,8 +58,7 @@ def flexible_bound(simulator: Predictor, flights: Sequence[tuple[str, Windows, P
     count = min(GROUPS, len(names))
     flown = [Flown(name, windows, came, simulator.predict(windows)) for name, windows, came in flights]
     groups = [[f for f in flown if names.index(f.name) % count == k] for k in range(count)]
-    table = train_own("flexible bound", simulator, groups, False, settings, quiet).trained["held_out"]
-    keys = (*map(str, HORIZONS), "sum")
-    before, after = ({q: {k: table[q][which][k] for k in keys} for q in QUANTITIES}
-                     for which in ("physics", "corrected"))
+    taught = train_own("flexible bound", simulator, groups, False, settings, quiet).trained
+    assert taught is not None
+    before, after = ({q: getattr(taught.held_out[q], which) for q in QUANTITIES} for which in ("physics", "corrected"))
     return Bound(before, after, len(names), int(np.sum([len(f.windows) for f in flown])))

@@ -89,7 +89,7 @@ def trained_rows(cases: Sequence[Case], wanted: Wanted, folder: Path, physics: M
         except NanobenchError as error:
             failures[name] = str(error)
             continue
-        say(f"{name}: {found[-1].trained['epochs']} epochs, {sum(one.seconds for one in mine):.0f} s of training in "
+        say(f"{name}: {found[-1].trained.epochs} epochs, {sum(one.seconds for one in mine):.0f} s of training in "
             f"this run, {sum(one.processor_s for one in mine):.0f} s of processor time")
     place = cases[0].flight.provenance.path
     return found, [{"item": f"train {name}", "file": place, "error": error} for name, error in failures.items()]

@@ -58,12 +58,13 @@ def horizon_figure(rows: Sequence[Mapping[str, Any]]) -> Any:
     return _laid_out(figure, "Mean error against the horizon,<br>held-out flights<br>(fits solid, others dotted)", 1500)
 
 
-def learning_figure(learned: Mapping[str, Mapping[str, Any]]) -> Any:
-    """Loss (solid) and validation loss (dotted) of every training by epoch; ``history`` as the JSON holds it."""
+def learning_figure(learned: Mapping[str, Sequence[Any]]) -> Any:
+    """Loss (solid) and validation loss (dotted) of every training by epoch; histories (epochs, 2), or several, by
+    name."""
     go, _ = plotly()
     figure = go.Figure()
-    for i, (name, about) in enumerate(learned.items()):
-        history = np.array(about["history"], float)
+    for i, (name, losses) in enumerate(learned.items()):
+        history = np.array(losses, float)
         for number, one in enumerate(history if history.ndim == 3 else history[None]):
             for column, dash in ((0, "solid"), (1, "dot")):
                 figure.add_trace(go.Scatter(x=np.arange(1, len(one) + 1), y=one[:, column], name=name, legendgroup=name,

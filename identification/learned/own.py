@@ -10,19 +10,21 @@ steps or summed, is above the physics'.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Span
 from nanobench_tools.methods import Prediction, Predictor, Windows
 from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_errors
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import EVERY, RATE_HZ, cut_windows
+from nanobench_tools.result import Result
 from nanobench_tools.settings import count, setting
 
 from .bar import Step
@@ -39,9 +41,8 @@ PHASES = count("learned.own.phases")
 SHARES = np.linspace(0.0, 1.0, 11)
 ONSETS = setting("learned.own.onsets")
 """Steps over which a share is reached: share (1 - exp(-(h - 1) / onset)), nothing after the first step."""
-TRAINING: dict[str, Any] = setting("learned.own.training")
+SETTINGS = Settings(**setting("learned.own.training"))
 """Epochs, windows of a step, learning rate, share of the windows of an epoch, decay of weights."""
-SETTINGS = Settings(**TRAINING)
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,28 @@ class Flown:
     windows: Windows
     came: Prediction
     predicted: Prediction
+
+
+@dataclass(frozen=True, repr=False)
+class HeldOutErrors(Result):
+    """Errors of one quantity after 1, 10, 50 steps and summed, by the names of these, on the flights that each network
+    did not learn from."""
+
+    physics: Mapping[str, float]
+    corrected: Mapping[str, float]
+
+
+@dataclass(frozen=True, repr=False)
+class Teaching(Result):
+    """What the networks of a row learnt from and how far: loss and validation loss (epochs, 2) of each; held_out by
+    quantity."""
+
+    epochs: int
+    best_epochs: tuple[int, ...]
+    held_out: Mapping[str, HeldOutErrors]
+    history: Sequence[Sequence[Sequence[float]]]
+    flights: int
+    windows: int
 
 
 @dataclass(frozen=True)
@@ -66,12 +89,12 @@ class Corrected:
     shares: np.ndarray
     onsets: np.ndarray
     information: str = "state"
-    trained: dict[str, Any] = field(default_factory=dict)
+    trained: Teaching | None = None
 
     @property
-    def parameters(self) -> dict[str, dict]:
+    def parameters(self) -> dict[str, Estimate]:
         """Those of the physics, and the shares."""
-        own = {f"share_{name.rpartition('_mae')[0]}": {"value": float(share), "ci95": None, "unit": "1"}
+        own = {f"share_{name.rpartition('_mae')[0]}": Estimate(float(share), None, "1")
                for name, share in zip(QUANTITIES, self.shares, strict=True)}
         return {**getattr(self.base, "parameters", {}), **own}
 
@@ -188,9 +211,9 @@ class Lesson:
         shares, onsets, table = guard(self.groups, found, self.spread, self.past)
         return Corrected(self.name, base, tuple(tuple(f.leaves) for f in found), self.spread, shares, onsets,
                          "past" if self.past else "state",
-                         {"epochs": len(found[0].history), "best_epochs": [f.best for f in found], "held_out": table,
-                          "history": [f.history.tolist() for f in found], "flights": len({f.name for f in self.flown}),
-                          "windows": len(self.target)})
+                         Teaching(len(found[0].history), tuple(f.best for f in found), table,
+                                  [f.history.tolist() for f in found], len({f.name for f in self.flown}),
+                                  len(self.target)))
 
 
 def lesson(name: str, groups: Sequence[Sequence[Flown]], past: bool = False) -> Lesson:
@@ -271,9 +294,9 @@ def _task(label: str, arrays: Sequence[np.ndarray], target: np.ndarray, number: 
 
 
 def guard(groups: Sequence[Sequence[Flown]], found: Sequence[Trained], spread: Sequence[np.ndarray],
-          past: bool) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
-    """(shares (4,), onsets (4,), {quantity: {physics, corrected: {"1", "10", "50", "sum"}}}) on the flights that each
-    network did not learn from. A share of 0 is the physics itself."""
+          past: bool) -> tuple[np.ndarray, np.ndarray, dict[str, HeldOutErrors]]:
+    """(shares (4,), onsets (4,), errors by quantity) on the flights that each network did not learn from. A share of 0
+    is the physics itself."""
     ways = [(0.0, 0.0), *((share, onset) for onset in ONSETS for share in SHARES[1:])]
     horizon = groups[0][0].windows.horizon
     weights = [share * rising(onset, horizon)[:, None] for share, onset in ways]
@@ -294,6 +317,5 @@ def guard(groups: Sequence[Sequence[Flown]], found: Sequence[Trained], spread: S
         allowed = np.all(kept[:, :, q] <= kept[0, :, q], axis=1)
         best = int(np.argmin(np.where(allowed, kept[:, -1, q], np.inf)))
         chosen.append(ways[best])
-        table[name] = {"physics": dict(zip(keys, kept[0, :, q].tolist(), strict=True)),
-                       "corrected": dict(zip(keys, kept[best, :, q].tolist(), strict=True))}
+        table[name] = HeldOutErrors(*(dict(zip(keys, kept[way, :, q].tolist(), strict=True)) for way in (0, best)))
     return *np.array(chosen).T, table

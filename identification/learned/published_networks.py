@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import HORIZON
+from nanobench_tools.result import Result
 
 from .bar import Step
 from .libraries import libraries
@@ -27,6 +28,19 @@ CHUNK = 512
 """Windows that are predicted at once: one compiled shape for any number of windows."""
 
 
+@dataclass(frozen=True, repr=False)
+class Lessons(Result):
+    """What a network learnt from and how far: loss and validation loss (epochs, 2)."""
+
+    epochs: int
+    best_epoch: int
+    validation_loss: float
+    data_sha256: str
+    flights: int
+    windows: int
+    history: Sequence[Sequence[float]]
+
+
 @dataclass(frozen=True)
 class LearnedPredictor:
     """A trained network as a predictor. leaves: its numbers; scaling: mean, spread of states, mean, spread of
@@ -38,7 +52,7 @@ class LearnedPredictor:
     leaves: tuple[np.ndarray, ...]
     scaling: tuple[np.ndarray, ...]
     information: str = "state"
-    trained: dict[str, Any] = field(default_factory=dict)
+    trained: Lessons | None = None
 
     def predict(self, windows: Windows) -> Prediction:
         """States 1..H steps after the start."""
@@ -129,10 +143,8 @@ def predictor_of(kind: str, voltage: bool, rows: Rows, found: Trained) -> Learne
     """The row of a training. InputError when it is worth none."""
     name = row_name(kind, voltage)
     found.worth_a_row(name)
-    about = {"epochs": len(found.history), "best_epoch": found.best,
-             "validation_loss": float(found.history[:, 1].min()),
-             "data_sha256": rows.sha256, "flights": len(rows.names), "windows": len(rows.train),
-             "history": found.history.tolist()}
+    about = Lessons(len(found.history), found.best, float(found.history[:, 1].min()), rows.sha256, len(rows.names),
+                    len(rows.train), found.history.tolist())
     scaling = tuple(np.asarray(v, float) for v in _scaling(rows, voltage))
     return LearnedPredictor(name, kind, voltage, tuple(found.leaves), scaling, trained=about)
 

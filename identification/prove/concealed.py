@@ -127,7 +127,7 @@ def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[M
 
     thrust = made("fit thrust", thrust_item)
     rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": thrust.c}}, hold=(MAP,))
-    terms = made("fit the rest", fit_item, rung=rung, seed=seed)["simulator"]
+    terms = made("fit the rest", fit_item, rung=rung, seed=seed).simulator
     fitted = loads(made("fit drag", drag_item, terms=terms)["simulator"])
     blind = with_other_map(fitted, thrust.battery_V)
     assert blind is not None  # it has MAP

@@ -96,8 +96,8 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
     predicted = {kind: commands(networks[kind], flight) for kind in CLONED if kind in networks}
     write_page(options.out / "learned_commands.html",
                [command_figure(flight.action[flight.longest], predicted, flight.name),
-                learning_figure({kind: network.trained for kind, network in networks.items()})], options.synthetic,
-               "Cloned policies")
+                learning_figure({kind: network.trained["history"] for kind, network in networks.items()})],
+               options.synthetic, "Cloned policies")
 
 
 def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from ..retiming.votes import evidence_of
 from .named_methods import load_methods
 from .options import AS_RECORDED, PATH, Options, shared_options
 from .show import data_word, sessions_text, show_left_out, show_ratios
-from .sysid_models import SIMULATOR, Choice, choose, exported, fitted
+from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
@@ -122,9 +122,9 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     for row in rows:
         row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
         if row["model"] in fits:
-            result = fits[row["model"]][1]["result"]
-            row |= {"trouble": result["trouble"], "uses": fits[row["model"]][1]["uses"],
-                    "nuisances_in_training": list(result["nuisances"])}
+            fit = fits[row["model"]][1]
+            row |= {"trouble": fit.result.trouble, "uses": fit.uses,
+                    "nuisances_in_training": list(fit.result.nuisances)}
         if row["model"] == SIMULATOR:
             row |= {"uses": f"{choice.exported} as exported: one constant vehicle, inputs and start state alone"}
     for predictor, item in zip(predictors, response_items, strict=True):
@@ -145,35 +145,35 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     return {"rows": rows, "per_flight": compare.flight_means(scored, options.clock), "parameters_note": note,
             "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
                                          and p.name != SIMULATOR
-                                         and not (p.name in fits and fits[p.name][1]["result"]["trouble"])},
+                                         and not (p.name in fits and fits[p.name][1].result.trouble)},
             "best": choice.best, "best_chosen_on": choice.chosen_on([p.name for p in learned
                                                                      if p.information == "state"]),
             "simulator": written.path,
-            "simulator_note": fits[choice.exported][1]["simulator_note"] if choice.exported is not None else "",
+            "simulator_note": fits[choice.exported][1].simulator_note if choice.exported is not None else "",
             "split": chosen.note, **({"learned": {p.name: p.trained for p in learned}} if epochs is not None else {}),
-            "fits": {name: value["result"] for name, (_, value) in fits.items()},
+            "fits": {name: value.result for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
                                                          for cases in (chosen.train, chosen.test)], audits,
                                       task1.NEEDED, chosen.left_out)}
 
 
-def _show_fits(options: Options, fits: Mapping[str, tuple[Any, dict]], choice: Choice) -> None:
+def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
     from rich.markup import escape
 
     best = choice.best
     for name, (_, value) in fits.items():
-        if trouble := value["result"]["trouble"]:
+        if trouble := value.result.trouble:
             options.show(f"{name} is no result: {escape(trouble)}")
     if best is not None:
-        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1]['uses']})" if best in fits else "")
+        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1].uses})" if best in fits else "")
                      + f". Chosen on {escape(choice.chosen_on()['how'])}.")
     if best is not None and best in fits:
-        options.show(escape(fits[best][1]["summary"]))
+        options.show(escape(fits[best][1].summary))
     if choice.exported is not None:
         options.show(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, read "
                                                    "back and judged by itself.",
-                                                   fits[choice.exported][1]["simulator_note"])))))
+                                                   fits[choice.exported][1].simulator_note)))))
 
 
 def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:

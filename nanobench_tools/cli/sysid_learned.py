@@ -61,7 +61,7 @@ def draw(options: Options, rows: Sequence[Mapping[str, Any]], learned: Sequence[
 
     fits = [p for p in predictors if p.name in ("published_physics", "fit_balanced")]
     path = options.out / "learned.html"
-    write_page(path, [horizon_figure(rows), learning_figure({p.name: p.trained for p in learned}),
+    write_page(path, [horizon_figure(rows), learning_figure({p.name: p.trained.history for p in learned}),
                       path_figure(test, [*fits, *(p for p in learned if not p.name.endswith("_voltage"))])],
                options.synthetic)
     options.say(f"pictures in {path}")

@@ -13,12 +13,14 @@ from .convert import SIMULATORS, export_simulators
 from .options import Options
 
 if TYPE_CHECKING:
+    from identification.greybox.ablation_study import FittedRung
+
     from ..physics import Model
     from ..physics.predictor import ModelPredictor
     from ..protocols.task1 import Case
 
 SIMULATOR = "simulator.toml"
-Fits = Mapping[str, tuple[Any, dict]]
+Fits = Mapping[str, tuple[Any, "FittedRung"]]
 """(predictor, what the fit gave) by name."""
 
 
@@ -27,7 +29,7 @@ Scores = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
 def fitted(options: Options, train: Sequence[Case], wanted: str,
-           mass_kg: float) -> tuple[dict[str, tuple[Any, dict]], Scores]:
+           mass_kg: float) -> tuple[dict[str, tuple[Any, FittedRung]], Scores]:
     """((predictor, what the fit gave) by name, scores of models of class ``state`` on training flights that were held
     out in turn); ``wanted``: all, short or none. Empty, and said why, without CasADi or training flights."""
     from ..harness import make_item
@@ -88,7 +90,7 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
     from ..protocols import choice, task1
 
     plain = [p for p in predictors if p.information == "state"]
-    good = [name for name, (p, value) in fits.items() if p.information == "state" and not value["result"]["trouble"]]
+    good = [name for name, (p, value) in fits.items() if p.information == "state" and value.result.is_result]
     as_they_are = [(p.name, make_item(task1.score, {"case": case, "predictor": p, "truth": "onboard"},
                                       f"{p.name} {case.flight.name}, for the choice", file=case.flight.provenance.path))
                    for p in plain for case in train]
@@ -119,7 +121,7 @@ def exported(options: Options, fits: Fits, best: str | None, name: str) -> Expor
     from ..physics.simulator import dumps, loads, read_simulator, write_simulator
 
     predictor, value = fits[best]
-    model = Model(predictor.vehicle, value["simulator"])
+    model = Model(predictor.vehicle, value.simulator)
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside
     if folder is None:

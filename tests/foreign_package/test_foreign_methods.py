@@ -52,7 +52,7 @@ assert len(LADDER) == 9
 flights = load_recordings([sys.argv[1] + "/flights"]).flights
 vehicle = read_simulator(sys.argv[1] + "/simulator.toml").vehicle
 made = GreyBox(rung.terms, vehicle=vehicle).fit(flights)
-print(made.parameters_[{TERM!r} + ".k"]["value"])
+print(made.parameters_[{TERM!r} + ".k"].value)
 """
 
 

@@ -113,8 +113,8 @@ def test_network_that_talks_nonsense_leaves_the_physics(flown):
     own = Corrected("own", Sinks(), (tuple(leaves),), spread, shares, onsets)
     for name in ("position_m", "quaternion"):
         np.testing.assert_array_equal(getattr(own.predict(flown[0].windows), name), getattr(flown[0].predicted, name))
-    assert own.parameters["share_position"]["value"] == 0.0
-    assert table["position_mae_m"]["corrected"] == table["position_mae_m"]["physics"]
+    assert own.parameters["share_position"].value == 0.0
+    assert table["position_mae_m"].corrected == table["position_mae_m"].physics
     np.testing.assert_allclose(rising(3.0, 4), 1.0 - np.exp(-np.arange(4) / 3.0))
 
 

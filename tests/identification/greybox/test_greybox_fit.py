@@ -9,6 +9,7 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
+from identification.fitted_values import Estimate
 from identification.greybox.ablation_study import fit_item, predictor_of
 from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.fit_windows import Cut
@@ -40,9 +41,9 @@ def fitted():
 
 def test_learnt_values_have_units_and_intervals(fitted):
     entry = fitted.parameters_["drag_linear.d[0]"]
-    assert entry["unit"] == "N s/m"
-    assert entry["ci95"][0] < entry["value"] < entry["ci95"][1]
-    assert entry["value"] == pytest.approx(0.016, rel=0.1)
+    assert entry.unit == "N s/m"
+    assert entry.ci95[0] < entry.value < entry.ci95[1]
+    assert entry.value == pytest.approx(0.016, rel=0.1)
     assert fitted.result_.is_result, fitted.result_.trouble
     text = fitted.result_.summary()
     assert "N s/m" in text
@@ -61,8 +62,7 @@ def test_what_flights_do_not_show_is_held_where_it_does_nothing():
     terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
     none = true_model().with_parameters({"drag_linear.d[2]": -0.004})
     fitted = GreyBox(terms).fit_cuts(cuts_of(made_windows(none)))
-    assert fitted.parameters_["drag_linear.d[2]"] == {"value": 0.0, "ci95": None, "unit": "N s/m",
-                                                        "ci_why": "held"}
+    assert fitted.parameters_["drag_linear.d[2]"] == Estimate(0.0, None, "N s/m", "held")
     assert fitted.result_.is_result, fitted.result_.trouble
     assert any("drag_linear.d[2]" in text for text in fitted.result_.not_identified)
     slow = true_model().with_parameters({"motor_lag.tau_up_s": 0.4, "motor_lag.tau_down_s": 0.4})
@@ -85,7 +85,7 @@ def test_priors_of_ones_own_replace_those_of_the_same_parameters():
     terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
     mine = Prior(("motor_lag.tau_up_s",), 0.06, 1e-5, "a motor on a stand")
     found = GreyBox(terms, soft=(mine,)).fit_cuts(cuts_of(made_windows(true_model(), n=80)))
-    assert found.parameters_["motor_lag.tau_up_s"]["value"] == pytest.approx(0.06, abs=1e-3)
+    assert found.parameters_["motor_lag.tau_up_s"].value == pytest.approx(0.06, abs=1e-3)
     assert [text for text in found.result_.priors if "tau_up" in text] == [
         "motor_lag.tau_up_s = 0.06 +- 1e-05 (a motor on a stand)"]
 

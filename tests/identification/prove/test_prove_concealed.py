@@ -1,5 +1,6 @@
 """Knowledge taken from a fitted simulator: what is missing, what it is missing on, and what counts as found."""
 
+from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
 
@@ -36,10 +37,15 @@ def thrust(cases, mass_kg) -> LearntMap:
     return LearntMap((0.01, 0.0, 0.01), 3.8)
 
 
-def fitted(cases, rung, seed, mass_kg):
+@dataclass(frozen=True)
+class Made:
+    simulator: dict
+
+
+def fitted(cases, rung, seed, mass_kg) -> Made:
     assert rung.hold == ("thrust_voltage",)
     assert rung.terms["thrust_voltage"]["c"] == (0.01, 0.0, 0.01)
-    return {"simulator": {**VOLTS, **{k: rung.terms[k] for k in rung.hold}}}
+    return Made({**VOLTS, **{k: rung.terms[k] for k in rung.hold}})
 
 
 def drag(cases, mass_kg, terms):
