@@ -18,6 +18,7 @@ from .deprecation import renamed
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
 from .flight import Fault, Flight, Span, merge_spans, subtract_spans
+from .result import Result, from_json, to_json
 from .retiming.moving_readings import clocks_with_time_offset
 from .retiming.time_offset import TimeOffset
 from .signals.airborne import airborne_spans
@@ -31,8 +32,8 @@ NEVER_CUT = frozenset({"extra"})
 """Streams of columns nobody knows: what they look like proves nothing about the rows."""
 
 
-@dataclass(frozen=True)
-class Audit:
+@dataclass(frozen=True, repr=False)
+class Audit(Result):
     """Verdict on one recording; all times in seconds from its first row.
 
     controller ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``; airborne: first to last crossing of
@@ -98,7 +99,7 @@ class Audit:
                            "minimum_detectable": _number(f.minimum_detectable),
                        }
                        for f in self.faults],
-            "clock": {name: reading.to_json() for name, reading in self.clock.items()},
+            "clock": to_json(self.clock),
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
         }
 
@@ -117,7 +118,7 @@ class Audit:
                       f["evidence"], _nan(f.get("minimum_detectable")))
                 for f in body["faults"]
             ),
-            clock={name: ClockReading.from_json(r) for name, r in body["clock"].items()},
+            clock=from_json(dict[str, ClockReading], body["clock"]),
             rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
             span=Span(*body["span"]),
         )

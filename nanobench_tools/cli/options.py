@@ -59,7 +59,7 @@ class Options:
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
     started: float = field(default_factory=time.time)
-    time_offsets: dict[tuple[str, Choice], Mapping[str, Any]] = field(default_factory=dict)
+    time_offsets: dict[tuple[str, Choice], TimeOffset | None] = field(default_factory=dict)
 
     @property
     def progress(self) -> Progress:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+
+from ..result import Result, named
 
 
-@dataclass(frozen=True)
-class ClockReading:
+@dataclass(frozen=True, repr=False)
+class ClockReading(Result):
     """``offset_s`` > 0: the stream's stamps are late against the motion capture; subtract it.
 
     ci95_s: interval of the constant offset, None when there is none; identifiable False (offset nan) with the reason
@@ -24,36 +24,9 @@ class ClockReading:
     reason: str
     wander_sd_s: float = math.nan
     warp: tuple[tuple[float, float, float], ...] = ()
-    evidence: tuple[str, ...] = ()
+    evidence: tuple[str, ...] = field(default=(), metadata=named("clock_evidence"))
 
     @classmethod
     def unknown(cls, reason: str) -> ClockReading:
         """Not identifiable, because ``reason``."""
         return cls(math.nan, None, False, reason)
-
-    def to_json(self) -> dict[str, Any]:
-        """JSON shape of the audit; numbers that do not exist are None."""
-
-        def number(value: float) -> float | None:
-            return float(value) if math.isfinite(value) else None
-
-        return {
-            "offset_s": number(self.offset_s),
-            "ci95_s": None if self.ci95_s is None else list(self.ci95_s),
-            "identifiable": self.identifiable,
-            "reason": self.reason,
-            "wander_sd_s": number(self.wander_sd_s),
-            "warp": [list(point) for point in self.warp],
-            "clock_evidence": list(self.evidence),
-        }
-
-    @classmethod
-    def from_json(cls, body: Mapping[str, Any]) -> ClockReading:
-        """The inverse of ``to_json``."""
-
-        def number(value: float | None) -> float:
-            return math.nan if value is None else float(value)
-
-        return cls(number(body["offset_s"]), None if body["ci95_s"] is None else tuple(body["ci95_s"]),
-                   body["identifiable"], body.get("reason", ""), number(body["wander_sd_s"]),
-                   tuple(tuple(point) for point in body["warp"]), tuple(body.get("clock_evidence", ())))

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ..audit import Audit, audit, find_copies, with_copies
 from ..faults.kinds import kinds
 from ..flight import Flight
+from ..retiming.apply import time_offset_of
+from ..retiming.time_offset import TimeOffset
 from ..signals.context import Context
-from .clocks import Choice, TimeOffsets, time_offset_json
+from .clocks import Choice, TimeOffsets
 from .identity import PACKAGES, method_identity
 from .items import make_item
 from .progress import Progress
@@ -21,7 +22,7 @@ from .runner import run_items
 @dataclass(frozen=True)
 class Audited:
     """audits: name of the flight -> verdict, failed ones left out; copies: groups of names of equal recordings;
-    failed: [{item, file, error}]; warps: what was found for ``clocks`` beside the audits, for ``on_clock``."""
+    failed: [{item, file, error}]; time_offsets: what was found for ``clocks`` beside the audits, for ``on_clock``."""
 
     audits: dict[str, Audit]
     copies: list[list[str]]
@@ -35,16 +36,23 @@ def foreign_kinds() -> list[str]:
             if kind.find.__module__.partition(".")[0] not in PACKAGES]
 
 
-def audit_item(flight: Flight) -> dict[str, Any]:
-    """One audit as JSON."""
-    return audit(flight).to_json()
+@dataclass(frozen=True)
+class AuditOnClocks:
+    """One audit, and what to take out for each of some clocks."""
+
+    audit: Audit
+    time_offsets: tuple[TimeOffset | None, ...]
 
 
-def audit_and_clocks_item(flight: Flight, clocks: Sequence[Choice]) -> dict[str, Any]:
-    """{audit, warps}: one audit, and what to take out for each of ``clocks``; what they share is derived once."""
+def audit_item(flight: Flight) -> Audit:
+    """One audit."""
+    return audit(flight)
+
+
+def audit_and_clocks_item(flight: Flight, clocks: Sequence[Choice]) -> AuditOnClocks:
+    """One audit and its ``clocks``; what they share is derived once."""
     context = Context(flight)
-    return {"audit": audit(flight, context).to_json(),
-            "warps": [time_offset_json(context, *choice) for choice in clocks]}
+    return AuditOnClocks(audit(flight, context), tuple(time_offset_of(context, *choice) for choice in clocks))
 
 
 def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs: int = 1,
@@ -59,14 +67,15 @@ def audit_flights(flights: Sequence[Flight], store_dir: Path | None = None, jobs
              for flight, (function, given) in zip(flights, work, strict=True)]
     result = run_items(items, store_dir, jobs, scheduler, progress, "audit")
     read: list[tuple[Flight, Audit]] = []
-    time_offsets: dict[tuple[str, Choice], dict[str, Any]] = {}
+    time_offsets: dict[tuple[str, Choice], TimeOffset | None] = {}
     for flight, item in zip(flights, items, strict=True):
         if item.key not in result.values:
             continue
         value = result.values[item.key]
-        if item.function is audit_and_clocks_item:
-            time_offsets |= {(flight.name, choice): body for choice, body in zip(clocks, value["warps"], strict=True)}
-            value = value["audit"]
-        read.append((flight, Audit.from_json(value)))
+        if isinstance(value, AuditOnClocks):
+            time_offsets |= {(flight.name, choice): found
+                             for choice, found in zip(clocks, value.time_offsets, strict=True)}
+            value = value.audit
+        read.append((flight, value))
     marked = with_copies([verdict for _, verdict in read], [flight for flight, _ in read])
     return Audited({verdict.flight: verdict for verdict in marked}, find_copies(flights), result.failed, time_offsets)

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from ..audit import Audit
 from ..flight import Flight
@@ -46,26 +45,20 @@ class OnClock:
 
 Choice = tuple[str, tuple[str, ...]]
 """A clock, and the logged estimates that are judged on it, in order of name."""
-TimeOffsets = Mapping[tuple[str, Choice], Mapping[str, Any]]
-"""``time_offset_json`` by name of the flight and clock."""
+TimeOffsets = Mapping[tuple[str, Choice], TimeOffset | None]
+"""By name of the flight and clock; None where nothing could be identified."""
 
 
-def time_offset_json(context: Context, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
-    """One warp as JSON; empty when there is none."""
-    time_offset = time_offset_of(context, clock, judged)
-    return {} if time_offset is None else time_offset.to_json()
-
-
-def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, Any]:
-    """``time_offset_json`` of a flight."""
-    return time_offset_json(Context(flight), clock, judged)
+def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dict[str, TimeOffset | None]:
+    """{"time_offset": what to take out}."""
+    return {"time_offset": time_offset_of(Context(flight), clock, judged)}
 
 
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
              progress: Progress | None = None, known: TimeOffsets = MappingProxyType({})) -> OnClock:
     """``flights`` (those with an audit) and their audits on ``clock`` (``retiming.votes.CLOCKS``), where
-    ``judged`` logged estimates are judged; ``known``: warps that were found before, with the audit."""
+    ``judged`` logged estimates are judged; ``known``: time offsets that were found before, with the audit."""
     voices = tuple(sorted(judged))
     voters(clock, voices)  # an impossible choice is said before anything is computed
     audited = [f for f in flights if f.name in audits]
@@ -74,10 +67,7 @@ def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str,
     items = [make_item(time_offset_item, {"flight": f, "clock": clock, "judged": voices},
                        f"{clock} {f.name}") for f in audited if (f.name, (clock, voices)) not in known]
     result = run_items(items, store_dir, jobs, scheduler, progress, clock) if items else RunResult({}, [])
-    bodies = {item.kwargs["flight"].name: result.values.get(item.key) for item in items}
-    time_offsets: dict[str, TimeOffset | None] = {}
-    for flight in audited:
-        body = bodies[flight.name] if flight.name in bodies else known[flight.name, (clock, voices)]
-        time_offsets[flight.name] = TimeOffset.from_json(body) if body else None
+    found = {item.kwargs["flight"].name: result.values.get(item.key, {}).get("time_offset") for item in items}
+    time_offsets = {f.name: found[f.name] if f.name in found else known[f.name, (clock, voices)] for f in audited}
     return OnClock([apply_time_offset(f, time_offsets[f.name]) for f in audited],
                    {f.name: audits[f.name].retimed(time_offsets[f.name]) for f in audited}, time_offsets, result.failed)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..flight import Flight, Span, Stream
+from ..result import Result
 
 
-@dataclass(frozen=True)
-class TimeOffset:
+@dataclass(frozen=True, repr=False)
+class TimeOffset(Result):
     """How late the stamps of one clock are against the motion capture.
 
     time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
@@ -34,21 +34,6 @@ class TimeOffset:
     reason: str
     evidence: tuple[str, ...] = ()
     log_ratio: float = math.nan
-
-    def to_json(self) -> dict[str, Any]:
-        """All fields as plain lists and numbers."""
-        return {"time_s": self.time_s.tolist(), "offset_s": self.offset_s.tolist(), "sd_s": self.sd_s.tolist(),
-                "constant_s": self.constant_s, "wander_sd_s": self.wander_sd_s, "moving": self.moving,
-                "lags_s": dict(self.lags_s), "reason": self.reason, "evidence": list(self.evidence),
-                "log_ratio": self.log_ratio if math.isfinite(self.log_ratio) else None}
-
-    @classmethod
-    def from_json(cls, body: Mapping[str, Any]) -> TimeOffset:
-        """The inverse of ``to_json``."""
-        time_s, offset_s, sd_s = (np.array(body[name], dtype=float) for name in ("time_s", "offset_s", "sd_s"))
-        ratio = math.nan if body["log_ratio"] is None else body["log_ratio"]
-        return cls(time_s, offset_s, sd_s, body["constant_s"], body["wander_sd_s"], body["moving"], body["lags_s"],
-                   body["reason"], tuple(body["evidence"]), ratio)
 
     def points(self, tolerance_s: float = 0.001) -> tuple[tuple[float, float, float], ...]:
         """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
