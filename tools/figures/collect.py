@@ -10,7 +10,7 @@
     [[picks]]
     key = "clean.{clock}"                    # under which it is stored
     each = {clock = ["as-recorded", "retimed"]}
-    from = "rows"                            # a list (one item of it) or a dictionary of the result
+    from = "rows"                            # a list (one item of it) or a dictionary of the result; may hold "{clock}"
     where = {protocol = "clean", clock = "{clock}", group = "all"}     # "start?": items without `start` are meant, too
     take = {ate = "metrics.ate_rmse_m"}      # name -> path in the item: "." the item itself, "a|b" b where there is no
                                              # a, "a?" null where there is none, "a#" how many entries a has
