@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.result import Result
 from nanobench_tools.settings import number
 
 from .commanded import WHY
@@ -43,9 +44,9 @@ ODD_SHARE = number("mismatch.verdict.odd_share")
 """Flights that lie this share of the farthest one away are said to differ."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """body: verdict.json (DESIGN, diagnose); corrected: the simulator with what was named, None where nothing was;
+@dataclass(frozen=True, repr=False)
+class Verdict(Result):
+    """body: the content of verdict.json; corrected: the simulator with what was named, None where nothing was;
     believed: the model that stands for a simulator that is only a callable."""
 
     body: dict[str, Any]

@@ -112,6 +112,7 @@ def test_rows_say_what_they_were_given_and_first_seconds_help():
     assert "no prediction" in bound.given
     assert len({after.given, learnt.given, bound.given}) == 3
     assert after.given == "inputs and battery now"
+    assert len(repr(after)) < 400
     alone = weight_row(flights[6:], "test").row(0)
     assert alone.rms_m_s2 == pytest.approx(rms(np.concatenate([f.force - GRAVITY_M_S2 for f in flights[6:]])))
     assert (alone.given, alone.coverage95) == ("nothing", None)
