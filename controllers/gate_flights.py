@@ -9,7 +9,6 @@ firmware their own log shows. Nothing else of the recording is used.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from nanobench_tools.firmware.onboard import PERIOD_S, Mellinger, PidCascade
 from nanobench_tools.firmware.replay import build_of, flown_state
 from nanobench_tools.methods import Reference
 from nanobench_tools.physics.simulator import loads
-from nanobench_tools.protocols.gate import Case, score, setpoints
+from nanobench_tools.protocols.gate import Case, FlownAgain, score, setpoints
 from nanobench_tools.protocols.usable import MOTORS
 
 from .plant import Plant, Trace
@@ -36,8 +35,8 @@ IDLE = 0.05
 """PWM ratio; motors of a cut piece run faster from its first row on, and the ground is not known."""
 
 
-def fly_cases(cases: Sequence[Case], simulator: str, seed: int = 0) -> dict[str, Any]:
-    """{rows: of the gate, paths: {flight: [[s, x, y, z, qx, qy, qz, qw]]}} of cases behind one controller.
+def fly_cases(cases: Sequence[Case], simulator: str, seed: int = 0) -> FlownAgain:
+    """Cases behind one controller, flown again and judged.
 
     simulator: the text of a simulator.toml. The cases fly side by side; each flies the same alone.
     """
@@ -48,7 +47,7 @@ def fly_cases(cases: Sequence[Case], simulator: str, seed: int = 0) -> dict[str,
         rows.append(score(case, flown.position_m[:ticks, i], flown.motor[:ticks, i]))
         path = np.column_stack([case.time_s, flown.position_m[:ticks, i], flown.quaternion[:ticks, i]])[::KEPT]
         paths[case.flight.name] = np.round(path, 5).tolist()
-    return {"rows": rows, "paths": paths}
+    return FlownAgain(rows, paths)
 
 
 def flight_of(cases: Sequence[Case], simulator: str, seed: int = 0) -> Flown:

@@ -22,7 +22,17 @@ from nanobench_tools.methods import Controller, Reference
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
-from nanobench_tools.protocols.simulated import HOVER_S, SETTLED_S, Paths, call_counts, recovery, sampled, score
+from nanobench_tools.protocols.simulated import (
+    HOVER_S,
+    SETTLED_S,
+    Paths,
+    Recovery,
+    Runs,
+    call_counts,
+    recovery,
+    sampled,
+    score,
+)
 
 from .ensemble import Ensemble, draw
 from .mismatch import BELIEVED_RADIO_S, CASES, mismatched
@@ -153,9 +163,8 @@ def flown(controller: Controller, paths: Paths, ensemble: Ensemble, *, gust: boo
 def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants: int, seed: int = 0,
                    draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
                    radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
-                   gains: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """{controller, information, runs: [of every path: [scores of every plant]], paths: of the median plant,
-    call_counts: commands by the time they took, gust and outage: recovery on the first path}. ``radio_s``: delay of the
+                   gains: Mapping[str, float] | None = None) -> Runs:
+    """One controller on the ensemble. ``radio_s``: delay of the
     radio, of which controllers are told; silent: share of the time in which it takes nothing; gains: instead of the
     controller's own; a wind blows from a direction of its own at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
@@ -165,11 +174,8 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
     found = flown(controller, paths, ensemble, silent=silent)
     runs = score(found, paths, len(ensemble), controller.period_s)
     own = f"{controller.name} tuned" if gains is not None else controller.name
-    result: dict[str, Any] = {"controller": own, "information": controller.information, "runs": runs,
-                              "paths": sampled(found, paths, len(ensemble)),
-                              "call_counts": call_counts(found.call_s)}
     counts = getattr(controller, "counts", None) or getattr(getattr(controller, "guard", None), "counts", {})
-    result["replaced"] = {key: int(value) for key, value in dict(counts).items()}
+    bends: dict[str, list[Recovery]] = {}
     if disturbed and specs:
         first = Paths(tuple(specs[:1]))
         calm = found.position_m[:, :len(ensemble)]
@@ -177,19 +183,20 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
             bent = flown(controller, first, ensemble, gust=what == "gust", outage=what == "outage",
                          silent=silent)
             begin = HOVER_S + (GUST_AT_S if what == "gust" else OUTAGE_AT_S)
-            result[what] = recovery(bent.position_m, calm[:len(bent.position_m)], bent.time_s, begin)
-    return result
+            bends[what] = recovery(bent.position_m, calm[:len(bent.position_m)], bent.time_s, begin)
+    return Runs(own, controller.information, runs, sampled(own, found, paths, len(ensemble)), call_counts(found.call_s),
+                {key: int(value) for key, value in dict(counts).items()}, bends.get("gust"), bends.get("outage"))
 
 
 def fly_mismatched(name: str, specs: Sequence[PathSpec], simulator: str, seed: int = 0,
-                   gains: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """{controller, information, cases: names, runs: [of every path: [scores in every case]]} of ``mismatch``."""
+                   gains: Mapping[str, float] | None = None) -> Runs:
+    """One controller in every case of ``mismatch``."""
     ensemble = mismatched(simulator, seed)
     controller = made(name, loads(simulator), BELIEVED_RADIO_S, gains)
     paths = Paths(tuple(specs))
     runs = score(flown(controller, paths, ensemble), paths, len(ensemble), controller.period_s)
     own = f"{controller.name} tuned" if gains is not None else controller.name
-    return {"controller": own, "information": controller.information, "cases": list(CASES), "runs": runs}
+    return Runs(own, controller.information, runs, cases=list(CASES))
 
 
 def settled_s(specs: Sequence[PathSpec]) -> float:

@@ -20,10 +20,11 @@ SURROGATE = re.compile("[\ud800-\udfff]")
 def envelope(schema: str, body: Mapping[str, Any], synthetic: bool, manifest: Mapping[str, Any],
              failed: list[dict[str, str]]) -> dict[str, Any]:
     """What every result file holds: ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
-    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``."""
+    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``, all of it as JSON types."""
     name = schema if "/" in schema else f"nanobench-{schema}/1"
-    return {"schema": name, "version": __version__, "synthetic": bool(synthetic), "manifest": dict(manifest),
-            "failed": list(failed), **body}
+    found: dict[str, Any] = to_json({"schema": name, "version": __version__, "synthetic": synthetic,
+                                     "manifest": manifest, "failed": failed, **body})
+    return found
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -51,7 +51,7 @@ def line(label: str, cases: Sequence[task3.Case], method: Estimator) -> None:
     for case in cases:
         kept = Kept(method)
         try:
-            found.append(aided.score(case, kept, AIDING)["metrics"]["ate_rmse_m"])
+            found.append(aided.score(case, kept, AIDING).metrics["ate_rmse_m"])
         except NanobenchError:
             continue
         rows = task3.inside(case.spans, kept.made.time_s)

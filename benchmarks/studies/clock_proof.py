@@ -177,12 +177,12 @@ def bracket_table(console: Console, flights: Sequence[Flight], rows: Sequence[di
     for name in BRACKET:
         values = np.array([row[name] for row in rows])
         told = summary(values[:, 0], 0, sessions)
-        ends = told["ci95"]
-        table.add_row(name, f"{1e3 * told['mean']:.1f}", f"{1e3 * ends[0]:.1f} .. {1e3 * ends[1]:.1f}" if ends else "-",
-                      f"{1e3 * told['median']:.1f}", str(int(values[:, 1].sum())))
+        ends = told.ci95
+        table.add_row(name, f"{1e3 * told.mean:.1f}", f"{1e3 * ends[0]:.1f} .. {1e3 * ends[1]:.1f}" if ends else "-",
+                      f"{1e3 * told.median:.1f}", str(int(values[:, 1].sum())))
         found.append({"clock": name, "along_rms_m": told, "n_moving": int(values[:, 1].sum())})
     console.print(table)
-    if why := found[0]["along_rms_m"].get("ci_why"):
+    if why := found[0]["along_rms_m"].ci_why:
         console.print(f"intervals over flights within sessions: {why}")
     for name in sorted({key for row in rows for key in row if key.startswith("gain")}):
         gain, error = np.array([row[name] for row in rows if name in row]).T

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from nanobench_tools.errors import UsageError
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
-from nanobench_tools.protocols.simulated import LOST_M, TICK_S, Paths, score
+from nanobench_tools.protocols.simulated import LOST_M, TICK_S, Paths, Runs, score
 from nanobench_tools.settings import number
 
 from .demonstrations import Demonstration, Shown
@@ -43,9 +42,9 @@ def pilot_of(name: str, networks: Mapping[str, Network], simulator: str,
 
 
 def fly_learned(name: str, networks: Mapping[str, Network], specs: Sequence[PathSpec], simulator: str, plants: int,
-                seed: int = 0, draws: Draws = None, gains: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """{controller, information, runs: [of every path: [scores of every plant]]}, as ``simulated.fly_controller``; the
-    scores with ``kept_s``, how long a vehicle stayed within LOST_M of where it should be, take-over included."""
+                seed: int = 0, draws: Draws = None, gains: Mapping[str, float] | None = None) -> Runs:
+    """As ``simulated_flights.fly_controller``; the scores with ``kept_s``, how long a vehicle stayed within LOST_M of
+    where it should be, take-over included."""
     ensemble = draw(simulator, plants, seed, None if draws is None else (tuple(draws[0]), np.array(draws[1], float)))
     controller, paths = pilot_of(name, networks, simulator, gains), Paths(tuple(specs))
     found = flown(controller, paths, ensemble)
@@ -53,8 +52,7 @@ def fly_learned(name: str, networks: Mapping[str, Network], specs: Sequence[Path
     for k, path in enumerate(runs):
         for one, seconds in zip(path, kept_s(found, paths, k, len(ensemble)), strict=True):
             one["kept_s"] = float(seconds)
-    return {"controller": f"{name} tuned" if gains is not None else name, "information": controller.information,
-            "runs": runs}
+    return Runs(f"{name} tuned" if gains is not None else name, controller.information, runs)
 
 
 def kept_s(found: Flown, paths: Paths, path: int, plants: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.sessions import sessions_of
-from nanobench_tools.protocols.task1 import Case, score
+from nanobench_tools.protocols.task1 import Case, WindowErrors, score
 from nanobench_tools.result import OPTIONAL, Result
 
 from .fit import GreyBox, nuisances_of
@@ -96,7 +96,7 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_k
 
 
 def held_out_item(cases: Sequence[Case], others: Sequence[Case], rungs: Sequence[Rung], seed: int,
-                  mass_kg: float) -> dict[str, list[dict[str, Any]]]:
+                  mass_kg: float) -> dict[str, list[WindowErrors]]:
     """{rung: [score of each of ``others``]} of rungs with the same terms, fitted to ``cases``; onboard truth."""
     fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS, judged=False)
     predictors = {name: predictor_of(value) for name, value in fitted.items()}

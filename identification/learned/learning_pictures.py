@@ -12,7 +12,7 @@ from nanobench_tools.errors import MissingExtraError
 from nanobench_tools.labels import family_of
 from nanobench_tools.methods import Predictor
 from nanobench_tools.metrics.prediction import QUANTITIES
-from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.protocols.task1 import Case, PredictionRow
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.result_files import write_bytes
 
@@ -39,19 +39,18 @@ def plotly() -> tuple[Any, Any]:
     return figures, make_subplots
 
 
-def horizon_figure(rows: Sequence[Mapping[str, Any]]) -> Any:
+def horizon_figure(rows: Sequence[PredictionRow]) -> Any:
     """Mean error against the horizon of every row of group ``all``, onboard truth."""
     go, make_subplots = plotly()
     figure = make_subplots(4, 1, subplot_titles=TITLES, vertical_spacing=0.06)
-    mine = [r for r in rows if (r["group"], r["truth"], r.get("start", "centred")) == ("all", "onboard", "centred")
-            and not r.get("trouble")
-            and (r["model"] in SHOWN or not r["model"].startswith(("fit_", "published_")))]
+    mine = [r for r in rows if (r.group, r.truth, r.start) == ("all", "onboard", "centred") and not r.trouble
+            and (r.model in SHOWN or not r.model.startswith(("fit_", "published_")))]
     seconds = 0.01 * np.arange(1, 51)
     for i, row in enumerate(mine):
         for k, name in enumerate(QUANTITIES):
-            figure.add_trace(go.Scatter(x=seconds, y=row["curve"][name], name=row["model"], legendgroup=row["model"],
+            figure.add_trace(go.Scatter(x=seconds, y=(row.curve or {})[name], name=row.model, legendgroup=row.model,
                                         showlegend=not k, line={"color": colour(i),
-                                                                "dash": "solid" if "fit" in row["model"] else "dot"}),
+                                                                "dash": "solid" if "fit" in row.model else "dot"}),
                              row=k + 1, col=1)
     figure.update_xaxes(title_text="s after the start", row=4, col=1)
     figure.update_yaxes(**LOG)

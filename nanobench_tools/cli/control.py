@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ MODERATE = ("figure_eight", "star", "linear_ramp")
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
+    from ..protocols.task2 import TrackingRow
 
 PLANTS = ("real", "gate", "simulated", "mismatch")
 DEFAULT_PLANTS = ("real", "gate")
@@ -155,7 +157,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     from ..harness import make_item
     from ..protocols import task2
 
-    rows: list[dict[str, Any]] = []
+    rows: list[task2.TrackingRow] = []
     reasons: dict[str, str] = {}
 
     def select(protocol: str) -> list[task2.Case]:
@@ -175,29 +177,29 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
         rows += task2.tabulate([(case, values[item.key]) for case, item in zip(cases, items, strict=True)
                                 if item.key in values], options.seed, options.sessions)
         reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
-    for row in rows:
-        mine = set(row["flights"])
-        row |= {"clock": options.clock, "clock_evidence": evidence_of(f for f in flights if f.name in mine)}
+    rows = [replace(row, clock=options.clock, clock_evidence=evidence_of(f for f in flights if f.name in row.flights))
+            for row in rows]
     _show(options, rows)
+    used = {name for row in rows for name in (*row.flights, *row.dropped)}
     return {"gate": [], "rows": rows,
-            "left_out": show_left_out(options, flights, rows, audits, task2.NEEDED, reasons)}
+            "left_out": show_left_out(options, flights, used, audits, task2.NEEDED, reasons)}
 
 
-def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+def _show(options: Options, rows: Sequence[TrackingRow]) -> None:
     from ..protocols.sessions import interval_note
 
-    lines = []
+    lines: list[tuple[list[str], Mapping[str, Any]]] = []
     for row in rows:
-        head = [row["reference"], row["speed"] or "-", row["controller"], str(row["n"]), sessions_text(row)]
-        lines.append((head, row["statistics"]))
-        if published := row.get("published"):
-            head = ["(published)", row["speed"] or "-", row["controller"], str(row["published_n"]), ""]
-            lines.append((head, published))
+        head = [row.reference, row.speed or "-", row.controller, str(row.n), sessions_text(row.drawn.sessions)]
+        lines.append((head, row.statistics))
+        if row.published is not None:
+            head = ["(published)", row.speed or "-", row.controller, str(row.published.published_n), ""]
+            lines.append((head, row.published.published))
     title = (f"Task 2, onboard controllers as flown: {data_word(options)} data, clock {options.clock}, mean ± SD over "
              "n flights and 95 % interval of the mean RMSE")
     options.show(score_table(title, ("reference", "speed", "controller", "n", "sessions"), COLUMNS, lines))
     options.show(interval_note(rows, [name for name, *_ in COLUMNS]))
-    dropped = dict.fromkeys(name for row in rows for name in row["dropped"])
+    dropped = dict.fromkeys(name for row in rows for name in row.dropped)
     if dropped:
         options.show(one_line("Left out of the published rows because RMSE > 1 m, as was published: "
                               f"{', '.join(dropped)}"))

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..metrics.statistics import Summary
+from ..protocols.published import Published, beside
+from ..protocols.sessions import Drawn
+from ..result import INLINE, Result
 from .options import Options, one_line
 from .show import data_word, score_text
 
@@ -13,6 +18,8 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
+    from ..protocols.gate import GateSummary
+    from ..protocols.simulated import SimulatedRow
     from .control_plants import Chosen
 
 CLONED = ("bc_mlp", "bc_lstm")
@@ -32,7 +39,7 @@ COLUMNS = (("rmse_m", "RMSE m", 4), ("ade_m", "ADE m", 4), ("velocity_rmse_m_s",
 
 
 def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-                 specs: Sequence[PathSpec], members: int, summary: Mapping[str, Any] | None, rounds: int,
+                 specs: Sequence[PathSpec], members: int, summary: Mapping[str, GateSummary] | None, rounds: int,
                  gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, learned}: what was trained and on what, rows on learned dynamics (plant ``learned``) with the published
     numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains:
@@ -58,8 +65,8 @@ def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                 kind, found, plain[kind], paths, chosen.simulator, rounds, TAUGHT_PLANTS, options.seed, chosen.draws,
                 folder, options.quiet)).items()}
     _draw(options, found, plain)
-    rows += plant_rows(options, networks, chosen, specs, members, summary, gains)
-    return {"rows": rows, "learned": {
+    flown = plant_rows(options, networks, chosen, specs, members, summary, gains)
+    return {"rows": [*rows, *flown], "learned": {
         **{name: network.trained for name, network in networks.items()},
         "train": [d.name for d in found.train], "valid": [d.name for d in found.valid],
         "test": [d.name for d in found.test]}}
@@ -100,14 +107,28 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
                options.synthetic, "Cloned policies")
 
 
-def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> list[dict[str, Any]]:
+@dataclass(frozen=True, repr=False)
+class LearnedRow(Result):
+    """One controller over n flights on learned dynamics: ``metrics`` are means, ``statistics`` their summaries."""
+
+    plant: str
+    controller: str
+    reference: str
+    speed_m_s: float | None
+    information: str
+    n: int
+    drawn: Drawn = field(metadata=INLINE)
+    statistics: Mapping[str, Summary]
+    metrics: Mapping[str, float | None]
+    published: Published | None = field(metadata=INLINE)
+
+
+def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> list[LearnedRow]:
     """Rows of flights on learned dynamics: the published reference by who flew it, and all test flights."""
     from controllers.learned.demonstrations import TEACHER
     from controllers.learned.rollouts import rolled, score
 
-    from ..protocols.published import beside
     from ..protocols.score_tables import summaries
-    from ..protocols.sessions import row_keys
     from ..protocols.task2 import PUBLISHED
 
     rows, sessions = [], options.sessions.by_name(options.flights)
@@ -127,18 +148,17 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
             if members:
                 labels = [sessions[d.name] for d, _ in members]
                 statistics = summaries([s for _, s in members], options.seed, labels)
-                row = {"plant": "learned", "controller": pilot, "reference": label, "speed_m_s": None,
-                       "information": "as flown", "n": len(members), **row_keys(labels, statistics),
-                       "statistics": statistics,
-                       "metrics": {name: value["mean"] for name, value in statistics.items()}}
-                rows.append(beside(row, "task2", "learned", pilot) if label == reference else row)
+                rows.append(LearnedRow(
+                    "learned", pilot, label, None, "as flown", len(members), Drawn.of(labels, statistics), statistics,
+                    {name: value.mean for name, value in statistics.items()},
+                    beside("task2", "learned", pilot) if label == reference else None))
     _show(options, rows)
     return rows
 
 
 def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, specs: Sequence[PathSpec], members: int,
-               summary: Mapping[str, Any] | None,
-               gains: Mapping[str, Mapping[str, float]] | None = None) -> list[dict[str, Any]]:
+               summary: Mapping[str, GateSummary] | None,
+               gains: Mapping[str, Mapping[str, float]] | None = None) -> list[SimulatedRow]:
     """Rows of the learned controllers on the ensemble of plants, with the gate's error bar."""
     from controllers.learned.learned_flights import PILOTS, fly_learned
 
@@ -159,17 +179,15 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
              for name, tuned in wanted]
     values = options.run(items, "simulated").values
     rows = [row for item in items if item.key in values for row in tabulate([values[item.key]], specs, bar)]
-    for row in rows:
-        row["radio_delay_s"], row["wind_m_s"], row["radio_silent_percent"] = 0.0, 0.0, 0.0
     show_simulated(options, rows, bar, 0.0, 0.0, 0.0)
     for row in rows:
-        kept = row["statistics"]["kept_s"]["median"]
-        options.show(f"{one_line(row['controller'])}, {row['reference']}: within {LOST_M:g} m of its path for "
-                     f"{kept:.1f} s (median of {row['n']} plants), {row['metrics']['lost_percent']:.0f} % lost")
+        kept = row.statistics["kept_s"].median
+        options.show(f"{one_line(row.controller)}, {row.reference}: within {LOST_M:g} m of its path for "
+                     f"{kept:.1f} s (median of {row.n} plants), {row.metrics['lost_percent']:.0f} % lost")
     return rows
 
 
-def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+def _show(options: Options, rows: Sequence[LearnedRow]) -> None:
     from rich import box
     from rich.table import Table
 
@@ -183,11 +201,11 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
     for _, heading, _ in COLUMNS:
         table.add_column(heading, justify="right")
     for row in rows:
-        lines = [(row["reference"], str(row["n"]), row["statistics"])]
-        if published := row.get("published"):
-            lines.append(("(published)", str(row["published_n"]), published))
+        lines: list[tuple[str, str, Mapping[str, Any]]] = [(row.reference, str(row.n), row.statistics)]
+        if row.published is not None:
+            lines.append(("(published)", str(row.published.published_n), row.published.published))
         for reference, n, found in lines:
-            table.add_row(one_line(reference), row["controller"], n,
+            table.add_row(one_line(reference), row.controller, n,
                           *(score_text(found[m], 1.0, digits) if m in found else "" for m, _, digits in COLUMNS))
     options.show(table)
     options.show(interval_note(rows))

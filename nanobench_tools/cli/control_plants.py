@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
+    from ..protocols.compare import GateChange
+    from ..protocols.gate import GateRow, GateSummary
+    from ..protocols.simulated import ErrorBar, SampledFlight, SimulatedRow
 
 CHUNK = 8
 """Recordings that fly side by side in one item: as many as fill a vector."""
@@ -148,15 +151,17 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
                        f"gate {chunk[0].controller} {', '.join(c.flight.name for c in chunk)}",
                        file=chunk[0].flight.provenance.path) for chunk in chunks]
     values = options.run(items, "gate").values
-    rows, by_name = [], {case.flight.name: case.flight for case in cases}
+    rows: list[gate.GateRow] = []
+    by_name = {case.flight.name: case.flight for case in cases}
     seen = {flight.name: flight for flight in flights}
-    for item in items:
-        for row in values.get(item.key, {}).get("rows", ()):
-            rows.append({**row, "clock": options.clock, "clock_evidence": evidence_of([seen[row["flight"]]])})
-        if options.out is not None:
-            _write_paths(options.out, by_name, values.get(item.key, {}).get("paths", {}))
-    rows.sort(key=lambda row: row["flight"])
-    flown = {name: path for item in items for name, path in values.get(item.key, {}).get("paths", {}).items()}
+    flown: dict[str, list[list[float]]] = {}
+    for again in values.values():
+        rows += [replace(row, clock=options.clock, clock_evidence=evidence_of([seen[row.flight]]))
+                 for row in again.rows]
+        flown |= again.paths
+    if options.out is not None:
+        _write_paths(options.out, by_name, flown)
+    rows.sort(key=lambda row: row.flight)
     shown = gate.pictured(rows, cases, flown)
     found = gate.summary(rows, options.sessions.by_name(by_name.values()), options.seed)
     _show_gate(options, rows, found)
@@ -179,10 +184,11 @@ def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[s
     body = gate_body(options, seen, judged, chosen, requested, flights)
     found = compare.gates(body["gate"], recorded, options.sessions.by_name(flights), options.seed)
     if found:
-        passed = [sum(row["pass"] for row in rows) for rows in (recorded, body["gate"])]
+        passed = [sum(row.passed for row in rows) for rows in (recorded, body["gate"])]
         options.show(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} {passed[1]} "
-                     f"of {len(body['gate'])}. Over the same {found['path_gap_m']['n']} flights: "
-                     + "; ".join(_change(name, one) for name, one in found.items() if one["ratio"] is not None) + ".")
+                     f"of {len(body['gate'])}. Over the same {found['path_gap_m'].paired.n} flights: "
+                     + "; ".join(_change(name, one) for name, one in found.items() if one.paired.ratio is not None)
+                     + ".")
     return {**body, "gate_compared": found}
 
 
@@ -193,12 +199,12 @@ GATE_WORDS = {"path_gap_m": ("distance of the two paths", 100.0, "cm", 1),
 """What ``compare.gates`` compares: in words, factor to the unit shown, unit, digits."""
 
 
-def _change(name: str, one: Mapping[str, Any]) -> str:
+def _change(name: str, one: GateChange) -> str:
     from ..protocols import compare
 
     words, factor, unit, digits = GATE_WORDS[name]
-    return (f"{words} {factor * one['mean_recorded']:.{digits}f} -> {factor * one['mean']:.{digits}f} {unit}, "
-            f"{compare.verdict(one['ratio'], one['ci95'])}")
+    return (f"{words} {factor * one.mean_recorded:.{digits}f} -> {factor * one.mean:.{digits}f} {unit}, "
+            f"{compare.verdict(one.paired.ratio, one.paired.ci95)}")
 
 
 def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, Any]) -> None:
@@ -208,15 +214,15 @@ def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, A
         write_tum(out / "trajectories" / "gate" / f"{name}.tum", flights[name], np.array(rows, float))
 
 
-def _gate_note(found: Mapping[str, Mapping[str, Any]], chosen: Chosen) -> str:
-    parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s['ratio_share']:.0f} % of {s['n']} flights (aim 85), median "
-             f"lag difference {1e3 * s['lag_diff_median_s']:+.0f} ms (aim 30), median path gap "
-             f"{100.0 * s['path_gap_median_m']:.1f} cm (aim 5)" for name, s in found.items() if name != "all"]
+def _gate_note(found: Mapping[str, GateSummary], chosen: Chosen) -> str:
+    parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s.ratio_share:.0f} % of {s.n} flights (aim 85), median "
+             f"lag difference {1e3 * s.lag_diff_median_s:+.0f} ms (aim 30), median path gap "
+             f"{100.0 * s.path_gap_median_m:.1f} cm (aim 5)" for name, s in found.items() if name != "all"]
     return (f"plant: {chosen.origin}; given setpoints, battery, gaps of the radio and state at the start; "
             + "; ".join(parts))
 
 
-def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mapping[str, Mapping[str, Any]]) -> None:
+def _show_gate(options: Options, rows: Sequence[GateRow], found: Mapping[str, GateSummary]) -> None:
     from rich import box
     from rich.table import Table
 
@@ -230,27 +236,27 @@ def _show_gate(options: Options, rows: Sequence[Mapping[str, Any]], found: Mappi
     for head in ("RMSE recorded m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"):
         table.add_column(head, justify="right")
     for row in rows:
-        table.add_row(one_line(row["flight"]), row["controller"], f"{row['rmse_real_m']:.3f}",
-                      f"{row['rmse_sim_m']:.3f}", f"{row['ratio']:.3f}", f"{1e3 * row['lag_diff_s']:+.0f}",
-                      f"{100.0 * row['path_gap_m']:.1f}", "yes" if row["pass"] else "no")
+        table.add_row(one_line(row.flight), row.controller, f"{row.rmse_real_m:.3f}",
+                      f"{row.rmse_sim_m:.3f}", f"{row.ratio:.3f}", f"{1e3 * row.lag_diff_s:+.0f}",
+                      f"{100.0 * row.path_gap_m:.1f}", "yes" if row.passed else "no")
     options.show(table)
     for row in rows:
-        if row["reason"]:
-            options.show(one_line(f"{row['flight']}: {row['reason']}"))
+        if row.reason:
+            options.show(one_line(f"{row.flight}: {row.reason}"))
     for name, s in found.items():
-        ends = s["statistics"]["pass_share"]["ci95"]
+        ends = s.statistics["pass_share"].ci95
         interval = f" (95 % {100.0 * ends[0]:.0f} to {100.0 * ends[1]:.0f})" if ends else ""
-        options.show(f"{name}: {s['n']} flights, {100.0 * s['pass_share']:.0f} % pass in everything{interval}; ratio "
-                     f"{100.0 * s['ratio_share']:.0f} %, lag {100.0 * s['lag_share']:.0f} %, gap "
-                     f"{100.0 * s['gap_share']:.0f} %; medians: ratio {s['ratio_median']:.3f}, lag "
-                     f"{1e3 * s['lag_diff_median_s']:+.0f} ms, gap {100.0 * s['path_gap_median_m']:.1f} cm")
+        options.show(f"{name}: {s.n} flights, {100.0 * s.pass_share:.0f} % pass in everything{interval}; ratio "
+                     f"{100.0 * s.ratio_share:.0f} %, lag {100.0 * s.lag_share:.0f} %, gap "
+                     f"{100.0 * s.gap_share:.0f} %; medians: ratio {s.ratio_median:.3f}, lag "
+                     f"{1e3 * s.lag_diff_median_s:+.0f} ms, gap {100.0 * s.path_gap_median_m:.1f} cm")
     if "all" in found:
         options.show(interval_note([found["all"]], ["pass_share", "lag_real_s"]))
 
 
 def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
-                   summary: Mapping[str, Any] | None, radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
-                   gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
+                   summary: Mapping[str, GateSummary] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
+                   silent: float = 0.0, gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
     """{rows, flights, solve_times, error_bar, simulated_plant}: every controller (all registered ones without
     ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
     families."""
@@ -269,17 +275,14 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
         f"simulated {name}{' tuned' if tuned is not None else ''} {same[0].family} to {same[-1].family}", file=name)
         for name, tuned in _versions(names, gains) for k, same in enumerate(families)}
     values = options.run(list(items.values()), "simulated").values
-    rows, flights = [], []
+    rows: list[SimulatedRow] = []
+    flights: list[SampledFlight] = []
     for (_, _, k), item in items.items():
         found = values.get(item.key)
         if found is None:
             continue
-        rows += tabulate([found], families[k], bar)
-        flights += [{"controller": found["controller"], "reference": spec.family,
-                     "speed_m_s": spec.params.get("speed_mps"), **path}
-                    for spec, path in zip(families[k], found["paths"], strict=True)]
-    for row in rows:
-        row["radio_delay_s"], row["wind_m_s"], row["radio_silent_percent"] = radio_s, wind_m_s, 100.0 * silent
+        rows += tabulate([found], families[k], bar, radio_s, wind_m_s, 100.0 * silent)
+        flights += [replace(path, controller=found.controller) for path in found.paths]
     if not rows and not options.failed:
         raise UsageError("no controller to fly")
     show_simulated(options, rows, bar, radio_s, wind_m_s, silent)
@@ -313,14 +316,15 @@ def mismatch_body(options: Options, chosen: Chosen, names: Sequence[str], specs:
     return {"rows": rows, "mismatch_plant": chosen.origin}
 
 
-def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """{rmse_share, rmse_share_p90, path_gap_m, n, of}: what the gate of this plant says of a simulated RMSE: of the
-    gate in this run, else of the shipped plant's; None for another plant that no flight has judged."""
-    found = summary.get("all") if summary else None
-    where = "gate of this run"
-    if found is None and chosen.shipped:
+def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, GateSummary] | None) -> ErrorBar | None:
+    """What the gate of this plant says of a simulated RMSE: of the gate in this run, else of the shipped plant's; None
+    for another plant that no flight has judged."""
+    from ..protocols.simulated import ErrorBar
+
+    if summary and "all" in summary:
+        found, where = vars(summary["all"]), "gate of this run"
+    elif chosen.shipped:
         found, where = shipped_gate()["summary"]["as-recorded"], "held-out recordings, as shipped"
-    if not found:
+    else:
         return None
-    return {"rmse_share": found["ratio_off_median"], "rmse_share_p90": found["ratio_off_p90"],
-            "path_gap_m": found["path_gap_median_m"], "n": found["n"], "of": where}
+    return ErrorBar(found["ratio_off_median"], found["ratio_off_p90"], found["path_gap_median_m"], found["n"], where)

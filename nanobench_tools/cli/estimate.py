@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
+from ..result import Result
 from ..retiming.votes import voters, votes
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .named_methods import load_methods
@@ -21,8 +22,11 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
+    from ..protocols.dead_logs import DeadLog
+    from ..protocols.result_rows import EstimateRow, FlightScore, Scored, WindowScore
     from ..protocols.task3 import Case
     from ..retiming.time_offset import TimeOffset
+    from .estimate_pictures import DrawnBand
 
 LOGGED = ("onboard_ekf",)
 FLOORS = ("hold_position", "constant_velocity")
@@ -157,11 +161,11 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     from ..protocols import aided, task3
     from ..protocols.dead_logs import dead_logs
 
-    rows: list[dict[str, Any]] = []
-    per_flight: list[dict[str, Any]] = []
-    windows: list[dict[str, Any]] = []
-    bands: list[dict[str, Any]] = []
-    dead: list[dict[str, Any]] | None = None
+    rows: list[EstimateRow] = []
+    per_flight: list[FlightScore] = []
+    windows: list[WindowScore] = []
+    bands: list[DrawnBand] = []
+    dead: list[DeadLog] | None = None
     written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
     flights, audits = seen.places.flights, seen.places.audits
@@ -189,7 +193,8 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
             bands += drawn
             out = None
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
-    left_out = show_left_out(options, flights, rows, audits, task3.NEEDED, failed)
+    used = {name for row in rows for name in row.flights}
+    left_out = show_left_out(options, flights, used, audits, task3.NEEDED, failed)
     body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
     if windows:
         body["windows"] = windows
@@ -198,32 +203,37 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     if dead is not None:
         body["dead_logs"] = dead
     if options.clock != AS_RECORDED:
-        used = {name for row in rows for name in row["flights"]}
-        taken_out = {name: time_offset for name, time_offset in seen.places.time_offsets.items() if name in used}
-        body["clocks"] = {options.clock: {name: _taken_out(time_offset) for name, time_offset in taken_out.items()}}
+        taken_out = {name: offset for name, offset in seen.places.time_offsets.items() if name in used}
+        body["clocks"] = {options.clock: {name: offset and TakenOut.of(offset) for name, offset in taken_out.items()}}
     return body
 
 
-def _say_clock(options: Options, seen: Seen, rows: Sequence[dict[str, Any]]) -> None:
-    """Adds to each row its clock, who had a vote in it over the row's own flights, and how many of them moved."""
-    for row in rows:
-        voted, moving = seen.places.evidence_for(row["flights"]), seen.places.moving(row["flights"])
-        row |= {"clock": options.clock, "clock_evidence": voted}
-        row["given"] += votes(options.clock, voted, moving > 0)
-        if options.clock != AS_RECORDED:
-            row["n_moving"] = moving
-        if seen.attitudes is not None and any(name.startswith("attitude") for name in row["metrics"]):
-            row["clock_evidence_attitude"] = seen.attitudes.evidence_for(row["flights"])
-            row["given"] += f" (attitude: {', '.join(row['clock_evidence_attitude'])})"
+def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
+    """The row with its clock, who had a vote in it over the row's own flights, and how many of them moved."""
+    voted, moving = seen.places.evidence_for(row.flights), seen.places.moving(row.flights)
+    given, turned = row.given + votes(options.clock, voted, moving > 0), None
+    if seen.attitudes is not None and any(name.startswith("attitude") for name in row.metrics):
+        turned = seen.attitudes.evidence_for(row.flights)
+        given += f" (attitude: {', '.join(turned)})"
+    return replace(row, given=given, clock=options.clock, clock_evidence=voted, clock_evidence_attitude=turned,
+                   n_moving=None if options.clock == AS_RECORDED else moving)
 
 
-def _taken_out(time_offset: TimeOffset | None) -> dict[str, Any] | None:
-    """What was taken out of one flight's stamps, as in the audit: ``warp`` [[t_s, offset_s, sd_s]], positive = late."""
-    if time_offset is None:
-        return None
-    return {"moving": time_offset.moving, "constant_s": time_offset.constant_s, "wander_sd_s": time_offset.wander_sd_s,
-            "reason": time_offset.reason, "evidence": list(time_offset.evidence),
-            "warp": time_offset.points(POINTS_WITHIN_S)}
+@dataclass(frozen=True, repr=False)
+class TakenOut(Result):
+    """What was taken out of one flight's stamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
+
+    moving: bool
+    constant_s: float
+    wander_sd_s: float | None
+    reason: str
+    evidence: Sequence[str]
+    warp: Sequence[tuple[float, float, float]]
+
+    @classmethod
+    def of(cls, offset: TimeOffset) -> TakenOut:
+        return cls(offset.moving, offset.constant_s, offset.wander_sd_s, offset.reason, offset.evidence,
+                   offset.points(POINTS_WITHIN_S))
 
 
 def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Case]
@@ -253,7 +263,7 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
 
 def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], seen: Seen,
            out: Path | None, aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
-           ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+           ) -> tuple[list[EstimateRow], list[FlightScore], list[DrawnBand]]:
     """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
     single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
     judged on, where it is another one."""
@@ -285,43 +295,37 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
-                               given.get(protocol, task3.GIVEN), options.sessions)
-    for row in rows:
-        row |= protocol_given
-    _say_clock(options, seen, rows)
-    _compare(options, rows, done)
+                               given.get(protocol, task3.GIVEN), options.sessions, protocol_given)
+    rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
-    return rows, [{"protocol": protocol, "method": method.name, "flight": case.flight.name,
-                   "speed": speed_of(case.flight), "clock": options.clock, **protocol_given,
-                   "metrics": value["metrics"]}
-                  for method, case, value in done], [] if aiding is None else aided_bands(options, done, aiding)
+    single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
+                          protocol_given, value.metrics) for method, case, value in done]
+    return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
 
 
-def _compare(options: Options, rows: Sequence[dict[str, Any]],
-             done: Sequence[tuple[Any, Case, Mapping[str, Any]]]) -> None:
-    """Ratios of the rows of one table; the windows of a flight are the same for every method."""
+def _compared(options: Options, rows: Sequence[EstimateRow],
+              done: Sequence[tuple[Any, Case, Any]]) -> list[EstimateRow]:
+    """With ratios of the rows of one table; the windows of a flight are the same for every method."""
     from ..protocols import compare
 
     scores: dict[str, dict[str, Any]] = {}
     for method, case, value in done:
-        scores.setdefault(method.name, {})[case.flight.name] = value["metrics"]
-    compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)
+        scores.setdefault(method.name, {})[case.flight.name] = value.metrics
+    return compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)
 
 
-def _with_attitude(value: Mapping[str, Any], turned: Mapping[str, Any] | None,
-                   again: Mapping[str, Case] | None) -> dict[str, Any]:
+def _with_attitude(value: Scored, turned: Scored | None, again: Mapping[str, Case] | None) -> Scored:
     """``value`` with what it says of attitude from ``turned``, the score on the clock that attitudes are judged on."""
     if not again:
-        return dict(value)
-    metrics = {name: (turned["metrics"].get(name) if turned else None) if name.startswith("attitude") else found
-               for name, found in value["metrics"].items()}
-    return {**value, "metrics": metrics}
+        return value
+    return replace(value, metrics={
+        name: (turned.metrics.get(name) if turned else None) if name.startswith("attitude") else found
+        for name, found in value.metrics.items()})
 
 
 def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Seen
-                    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
-    """The rows of the protocol, shown, its windows [{flight, method, clock, t0_s, h_s, end_m, error_m}], and what is
-    drawn of one of them."""
+                    ) -> tuple[list[EstimateRow], list[WindowScore], list[DrawnBand]]:
+    """The rows of the protocol, shown, its windows, and what is drawn of one of them."""
     from ..harness import make_item
     from ..protocols import blackout
 
@@ -335,15 +339,14 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Se
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                   options.sessions)
-    _say_clock(options, seen, rows)
-    _compare(options, rows, done)
+    rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
     _show(options, "blackout", rows, ENDS)
     _show_windows(options, rows)
-    return rows, [{"flight": case.flight.name, "method": method.name, "clock": options.clock, **window}
-                  for method, case, value in done for window in value["windows"]], blackout_bands(options, done)
+    return rows, [WindowScore(case.flight.name, method.name, options.clock, window)
+                  for method, case, value in done for window in value.windows], blackout_bands(options, done)
 
 
-def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+def _show_windows(options: Options, rows: Sequence[EstimateRow]) -> None:
     """Median and p90 over the windows of all flights, and of families that set nothing, 3-D, horizontal, vertical."""
     from rich.table import Table
 
@@ -355,12 +358,12 @@ def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
                         "/ p90 (windows)", title_style="", title_justify="left", box=None)
     for name in ("group", "n", "sessions", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
         table.add_column(name)
-    shown = sorted((row for row in rows if row["group"] in ("all", OTHER_FAMILIES)), key=lambda row: row["group"])
+    shown = sorted((row for row in rows if row.group in ("all", OTHER_FAMILIES)), key=lambda row: row.group)
     for row in shown:
         for kind in KINDS:
-            found = [row["over_windows"].get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
-            cells = [f"{f['median']:.3f} / {f['p90']:.3f} ({f['n']})" if f else "-" for f in found]
-            table.add_row(row["group"], str(row["n"]), sessions_text(row), one_line(row["method"]),
+            found = [(row.over_windows or {}).get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
+            cells = [f"{f.median:.3f} / {f.p90:.3f} ({f.n})" if f else "-" for f in found]
+            table.add_row(row.group, str(row.n), sessions_text(row.drawn.sessions), one_line(row.method),
                           kind.strip("_") or "3-D", *cells)
     options.show(table)
     options.show(" ".join(filter(None, ("Windows of one flight, and flights of one session, are alike: their number "
@@ -368,36 +371,37 @@ def _show_windows(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
                                         interval_note(shown, [name for name, *_ in ENDS])))))
 
 
-def _clock_text(rows: Sequence[Mapping[str, Any]]) -> str:
+def _clock_text(rows: Sequence[EstimateRow]) -> str:
     """The clock of a table, and who had a vote in it."""
-    heard = list(dict.fromkeys(kind for row in rows for kind in row["clock_evidence"]))
-    turned = list(dict.fromkeys(kind for row in rows for kind in row.get("clock_evidence_attitude", ())))
-    clock = next((row["clock"] for row in rows), AS_RECORDED)
+    heard = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence or ()))
+    turned = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence_attitude or ()))
+    clock = next((row.clock for row in rows), AS_RECORDED)
     if clock == AS_RECORDED:
         return f"clock {clock}"
     protocol_given = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
     return protocol_given + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
 
 
-def _show(options: Options, protocol: str, rows: Sequence[Mapping[str, Any]],
+def _show(options: Options, protocol: str, rows: Sequence[EstimateRow],
           columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
     """The groups of the published table, or all and the speeds; families are in the files."""
     from ..labels import OTHER_FAMILIES
     from ..protocols.sessions import interval_note
 
-    lines = []
+    lines: list[tuple[list[str], Mapping[str, Any]]] = []
     for row in rows:
-        if row["group"] not in ("all", OTHER_FAMILIES, "slow", "medium", "fast", "Slow", "Medium", "Fast"):
+        if row.group not in ("all", OTHER_FAMILIES, "slow", "medium", "fast", "Slow", "Medium", "Fast"):
             continue
-        lines.append(([row["group"], row["method"], str(row["n"]), sessions_text(row)], row["metrics"]))
-        if published := row.get("published"):
-            lines.append(([row["group"], "(published)", str(row["published_n"]), ""], published))
+        lines.append(([row.group, row.method, str(row.n), sessions_text(row.drawn.sessions)], row.metrics))
+        if row.published is not None:
+            lines.append(([row.group, "(published)", str(row.published.published_n), ""], row.published.published))
     title = (f"Task 3, {protocol}: {data_word(options)} data, {_clock_text(rows)}, mean ± SD over n flights, "
              f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
     options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
     options.show(interval_note(rows, [name for name, *_ in columns]))
     for group in ("all", OTHER_FAMILIES):
-        mine = [row for row in rows if row["group"] == group]
-        show_ratios(options, [(row["method"] + ", other families" * (group != "all"), row) for row in mine], columns)
-    for given in dict.fromkeys(f"{row['method']}: given {row['given']}" for row in rows):
+        mine = [row for row in rows if row.group == group]
+        show_ratios(options, [(row.method + ", other families" * (group != "all"), row.ratios) for row in mine],
+                    columns)
+    for given in dict.fromkeys(f"{row.method}: given {row.given}" for row in rows):
         options.show(one_line(given))

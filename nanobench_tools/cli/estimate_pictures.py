@@ -4,9 +4,11 @@ onboard filter's error comes from."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from ..metrics.statistics import Summary
+from ..result import INLINE, Result
 from .options import AS_RECORDED, Options
 from .show import data_word
 
@@ -14,9 +16,11 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
     from ..protocols.aided import Aiding
+    from ..protocols.attribution import Attribution
+    from ..protocols.bands import Band
     from ..protocols.task3 import Case
 
-Done = Sequence[tuple[Any, "Case", Mapping[str, Any]]]
+Done = Sequence[tuple[Any, "Case", Any]]
 """(method, case, value) of what was scored."""
 
 JUDGES = (AS_RECORDED, "offset", "retimed")
@@ -24,8 +28,20 @@ JUDGED_ESTIMATE = ("position", "velocity")
 """No figure of an attribution is about attitude."""
 
 
-def aided_bands(options: Options, done: Done, aiding: Aiding) -> list[dict[str, Any]]:
-    """[{protocol, flight, method, clock, name, ...band}] of the flight with the first telling method's median error."""
+@dataclass(frozen=True, repr=False)
+class DrawnBand(Result):
+    """The band of one method on one flight, or one window of it, and its ``name`` in the picture."""
+
+    protocol: str
+    name: str
+    flight: str
+    method: str
+    clock: str
+    band: Band = field(metadata=INLINE)
+
+
+def aided_bands(options: Options, done: Done, aiding: Aiding) -> list[DrawnBand]:
+    """Of the flight with the first telling method's median error."""
     from ..protocols.bands import aided_band, median_case
     from ..protocols.task3 import AIDED
 
@@ -35,10 +51,10 @@ def aided_bands(options: Options, done: Done, aiding: Aiding) -> list[dict[str, 
     kwargs = {"case": case, "aiding": aiding, "seed": options.seed}
     name = (f"{aiding.rate_hz:g} Hz, {1e3 * aiding.delay_s:g} ms late, {1e3 * aiding.noise_m:g} mm: "
             f"{case.flight.name}")
-    return _bands(options, aided_band, done, case, kwargs, {"protocol": AIDED, "name": name})
+    return _bands(options, aided_band, done, case, kwargs, AIDED, name)
 
 
-def blackout_bands(options: Options, done: Done) -> list[dict[str, Any]]:
+def blackout_bands(options: Options, done: Done) -> list[DrawnBand]:
     """The same for the window with the median end error."""
     from ..protocols.bands import blackout_band, median_window
     from ..protocols.task3 import BLACKOUT
@@ -49,28 +65,28 @@ def blackout_bands(options: Options, done: Done) -> list[dict[str, Any]]:
     case, t0, h = found
     name = f"no pose for {h:g} s: {case.flight.name}, from {t0:.1f} s on"
     kwargs = {"case": case, "t0_s": t0, "h_s": h}
-    return _bands(options, blackout_band, done, case, kwargs, {"protocol": BLACKOUT, "name": name})
+    return _bands(options, blackout_band, done, case, kwargs, BLACKOUT, name)
 
 
-def _by_method(done: Done) -> list[list[tuple[Case, Mapping[str, Any]]]]:
+def _by_method(done: Done) -> list[list[tuple[Case, Any]]]:
     names = dict.fromkeys(method.name for method, _, _ in done)
     return [[(case, value) for method, case, value in done if method.name == name] for name in names]
 
 
 def _bands(options: Options, function: Any, done: Done, case: Case, kwargs: Mapping[str, Any],
-           given: Mapping[str, Any]) -> list[dict[str, Any]]:
+           protocol: str, picture: str) -> list[DrawnBand]:
     from ..harness import make_item
     from ..protocols.task3 import is_logged
 
     methods = {method.name: method for method, one, _ in done if one is case and not is_logged(method)}
-    items = {name: make_item(function, {**kwargs, "method": method}, f"{given['protocol']} picture {name}",
+    items = {name: make_item(function, {**kwargs, "method": method}, f"{protocol} picture {name}",
                              file=case.flight.provenance.path) for name, method in methods.items()}
     values = options.run(list(items.values()), "3 sigma").values
-    return [{**given, "flight": case.flight.name, "method": name, "clock": options.clock, **band}
-            for name, item in items.items() if (band := (values.get(item.key) or {}).get("band"))]
+    return [DrawnBand(protocol, picture, case.flight.name, name, options.clock, band) for name, item in items.items()
+            if item.key in values and (band := values[item.key].band) is not None]
 
 
-def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> dict[str, Any]:
+def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Attribution:
     """What the onboard filter's error comes from, shown; see ``protocols.attribution``. InputError as ``task3.select``
     where no flight fits."""
     from estimators.drag_ekf import DragMatrixEkf
@@ -110,28 +126,26 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
     return body
 
 
-def _show(options: Options, body: Mapping[str, Any]) -> None:
+def _show(options: Options, body: Attribution) -> None:
     from rich.table import Table
 
     from ..protocols.sessions import interval_note
 
-    def cell(metrics: Mapping[str, Any], name: str) -> str:
-        found = metrics.get(name)
-        if not found or found["mean"] is None:
+    def cell(found: Summary | None) -> str:
+        if found is None or found.mean is None:
             return "-"
-        interval = found.get("ci95")
-        return f"{1e3 * found['mean']:.2f}" + (f" ({1e3 * interval[0]:.2f} .. {1e3 * interval[1]:.2f})"
-                                               if interval else "")
+        return f"{1e3 * found.mean:.2f}" + (f" ({1e3 * found.ci95[0]:.2f} .. {1e3 * found.ci95[1]:.2f})"
+                                            if found.ci95 else "")
 
-    tables = ((f"logged estimate of the onboard filter by clock, n = {body['n']} {data_word(options)} flights",
-               body["logged"], ("ate_m", "along_m", "across_m"), ("ATE", "along", "across")),
-              (f"the filter run again, a pose every 10 ms, n = {body['n_replayed']}", body["replayed"],
+    tables = ((f"logged estimate of the onboard filter by clock, n = {body.n} {data_word(options)} flights",
+               body.logged, ("ate_m", "along_m", "across_m"), ("ATE", "along", "across")),
+              (f"the filter run again, a pose every 10 ms, n = {body.n_replayed}", body.replayed,
                ("ate_m", "change_m", "moves_m"), ("ATE", "change of ATE", "moves by")))
     for title, rows, keys, heads in tables:
         table = Table(title=f"{title}; mean, mm (95 % interval)", title_style="", title_justify="left", box=None)
         for head in ("", *heads):
             table.add_column(head)
         for row in rows:
-            table.add_row(row["what"], *(cell(row["metrics"], key) for key in keys))
+            table.add_row(row.what, *(cell(row.metrics.get(key)) for key in keys))
         options.show(table)
         options.show(interval_note(rows, keys))

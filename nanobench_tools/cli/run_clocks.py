@@ -98,8 +98,9 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
         further += [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock, BRACKETED))
                     for clock in ("offset", "joint")]
     body = _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
-    compare.clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
-    return body
+    rows = compare.clocks(body["rows"], body.get("per_flight", ()), body.get("windows", ()), AS_RECORDED,
+                          given.options.sessions.by_name(given.flights), given.options.seed)
+    return {**body, "rows": rows}
 
 
 def control_on(given: Recordings) -> dict[str, Any]:
@@ -145,9 +146,11 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
 
     files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}
     body = join(given.options, [(f"clock {clock}", partial(on, clock, name)) for clock, name in files.items()])
-    compare.prediction_clocks(body, AS_RECORDED, given.options.sessions.by_name(given.flights), given.options.seed)
+    rows = compare.prediction_clocks(body["rows"], body["per_flight"], AS_RECORDED,
+                                     given.options.sessions.by_name(given.flights), given.options.seed)
     first, *others = found
-    return {**body, "clock": first, "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
+    return {**body, "rows": rows, "clock": first,
+            "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
 
 
 def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., dict[str, Any]],

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..metrics.statistics import Summary
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ..audit import Audit
     from ..flight import Flight
+    from ..protocols.published import MeanStd
+    from ..protocols.result_rows import Ratios
     from .options import Options
 
 
@@ -19,35 +23,34 @@ def data_word(options: Options) -> str:
     return "SYNTHETIC" if options.synthetic else "real"
 
 
-def score_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
+def score_text(found: Summary | MeanStd | None, factor: float, digits: int) -> str:
     """``mean ± std`` of a summary, in units of 1/factor; ``-`` where the metric is not defined. Flights that do not
     differ, or one alone, have no deviation; one too small for the digits gets one that shows it."""
-    if not found or found.get("mean") is None:
+    if found is None or found.mean is None:
         return "-"
-    text = f"{factor * found['mean']:.{digits}f}"
-    if not found.get("std") or found.get("n") == 1:
+    text = f"{factor * found.mean:.{digits}f}"
+    if not found.std:
         return text
-    spread = f"{factor * found['std']:.{digits}f}"
+    spread = f"{factor * found.std:.{digits}f}"
     if not float(spread):
-        spread = f"{factor * found['std']:.1g}"
+        spread = f"{factor * found.std:.1g}"
     return f"{text} ± {spread}"
 
 
-def interval_text(found: Mapping[str, Any] | None, factor: float, digits: int) -> str:
+def interval_text(found: Summary | MeanStd | None, factor: float, digits: int) -> str:
     """``lo .. hi`` of a summary; ``-`` where it has none (one flight, one session)."""
-    if not found or not found.get("ci95"):
+    if not isinstance(found, Summary) or not found.ci95:
         return "-"
-    return " .. ".join(f"{factor * edge:.{digits}f}" for edge in found["ci95"])
+    return " .. ".join(f"{factor * edge:.{digits}f}" for edge in found.ci95)
 
 
-def sessions_text(row: Mapping[str, Any]) -> str:
+def sessions_text(sessions: int | None) -> str:
     """How many sessions the flights of a row are of; ``?`` where that is unknown."""
-    found = row.get("sessions")
-    return "?" if found is None else str(found)
+    return "?" if sessions is None else str(sessions)
 
 
 def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, str, float, int]],
-                lines: Sequence[tuple[Sequence[str], Mapping[str, Any]]]) -> Table:
+                lines: Sequence[tuple[Sequence[str], Mapping[str, Summary | MeanStd]]]) -> Table:
     """A table with ``heads`` and one column per (metric, heading, factor, digits); ``lines`` are (heads, metrics).
 
     The first metric also gets a column with its interval.
@@ -72,21 +75,21 @@ def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, s
     return table
 
 
-def show_ratios(options: Options, rows: Sequence[tuple[str, Mapping[str, Any]]],
+def show_ratios(options: Options, rows: Sequence[tuple[str, Ratios | None]],
                 columns: Sequence[tuple[str, str, float, int]], key: str = "") -> None:
-    """A table of the ratios of (name, row) to the row they are compared with, by (metric, heading, ...); key: which of
-    several horizons. Nothing where no row has one."""
+    """A table of ratios, with the name of their row, by (metric, heading, ...); key: which of several horizons. Nothing
+    where no row has one."""
     from rich import box
     from rich.table import Table
 
     from .options import one_line
 
-    def cell(row: Mapping[str, Any], metric: str) -> str:
-        ratio, ends = (row[name].get(metric) for name in ("ratio", "ratio_ci95"))
-        return ratio_text(ratio.get(key), ends.get(key)) if ratio and key else ratio_text(ratio, ends)
+    def cell(found: Ratios, metric: str) -> str:
+        ratio, ends = found.ratio.get(metric), found.ci95.get(metric)
+        return ratio_text(ratio[key], (ends or {})[key]) if ratio and key else ratio_text(ratio, ends)
 
-    compared = [(name, row) for name, row in rows if row.get("ratio_to")]
-    shown = [column for column in columns if any(cell(row, column[0]) != "-" for _, row in compared)]
+    compared = [(name, found) for name, found in rows if found is not None]
+    shown = [column for column in columns if any(cell(found, column[0]) != "-" for _, found in compared)]
     if not shown:
         return
     title = ("Error over that of another row, the same flights and windows drawn for both: ratio (95 %). An interval "
@@ -96,8 +99,8 @@ def show_ratios(options: Options, rows: Sequence[tuple[str, Mapping[str, Any]]],
         table.add_column(head, no_wrap=True)
     for _, heading, _, _ in shown:
         table.add_column(heading.removesuffix(" mm").removesuffix(" m"), justify="right")
-    for name, row in compared:
-        table.add_row(one_line(name), one_line(row["ratio_to"]), *(cell(row, metric) for metric, *_ in shown))
+    for name, found in compared:
+        table.add_row(one_line(name), one_line(found.to), *(cell(found, metric) for metric, *_ in shown))
     options.show(table)
 
 
@@ -112,17 +115,16 @@ ALL_FAILED = "every method failed on it"
 """Reason for a recording that was tried but that no row counts."""
 
 
-def show_left_out(options: Options, flights: Sequence[Flight], rows: Sequence[Mapping[str, Any]],
+def show_left_out(options: Options, flights: Sequence[Flight], used: Iterable[str],
                   audits: Mapping[str, Audit] | Iterable[str], needed: Mapping[str, Sequence[str]],
                   reasons: Mapping[str, str] | None = None) -> list[dict[str, str]]:
-    """[{flight, reason}] of the recordings that no row counts (``flights`` and ``dropped`` of rows), said in a line.
+    """[{flight, reason}] of the recordings that no row counts (``used``: those that one does), said in a line.
 
     reasons: by name of the flight, where the verb knows why.
     """
     from ..protocols.usable import left_out
 
-    used = {name for row in rows for key in ("flights", "dropped") for name in row.get(key, ())}
-    found = left_out(flights, used, audits, needed, reasons)
+    found = left_out(flights, set(used), audits, needed, reasons)
     if found:
         kinds = Counter("copy or slice" if entry["reason"].startswith(("copy of", "slice of")) else entry["reason"]
                         for entry in found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from .sysid_rows import rows_of
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..flight import Flight
-    from ..protocols.task1 import Split
+    from ..protocols.task1 import PredictionRow, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 STARTS_SENTENCE = ("Starts: centred, the stored velocity, of poses 50 ms ahead too, and rows that the recorder drew up "
@@ -119,19 +120,16 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                        f"{predictor.name}, answer to commands", file=chosen.test[0].flight.provenance.path)
              for predictor in predictors]
     answers = options.run(response_items, "commands").values
-    for row in rows:
-        row |= {"clock": options.clock, "clock_evidence": evidence_of(flights)}
-        if row["model"] in fits:
-            fit = fits[row["model"]][1]
-            row |= {"trouble": fit.result.trouble, "uses": fit.uses,
-                    "nuisances_in_training": list(fit.result.nuisances)}
-        if row["model"] == SIMULATOR:
-            row |= {"uses": f"{choice.exported} as exported: one constant vehicle, inputs and start state alone"}
-    for predictor, item in zip(predictors, response_items, strict=True):
-        if item.key in answers:
-            for row in rows:
-                if (row["model"], row["group"], row["start"]) == (predictor.name, "all", "centred"):
-                    row["command_response"] = answers[item.key]
+    answered = {p.name: answers[item.key] for p, item in zip(predictors, response_items, strict=True)
+                if item.key in answers}
+    notes: dict[str, task1.Fitted | task1.Exported] = {
+        name: task1.Fitted(fit.result.trouble, fit.uses, list(fit.result.nuisances)) for name, (_, fit) in fits.items()}
+    notes[SIMULATOR] = task1.Exported(
+        f"{choice.exported} as exported: one constant vehicle, inputs and start state alone")
+    evidence = evidence_of(flights)
+    rows = [replace(row, clock=options.clock, clock_evidence=evidence, fit=notes.get(row.model),
+                    command_response=answered.get(row.model) if (row.group, row.start) == ("all", "centred") else None)
+            for row in rows]
     if learned:
         from .sysid_learned import draw
 
@@ -153,9 +151,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             "split": chosen.note, **({"learned": {p.name: p.trained for p in learned}} if epochs is not None else {}),
             "fits": {name: value.result for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
-            "left_out": show_left_out(options, flights, [{"flights": [case.flight.name for case in cases]}
-                                                         for cases in (chosen.train, chosen.test)], audits,
-                                      task1.NEEDED, chosen.left_out)}
+            "left_out": show_left_out(options, flights, [case.flight.name for case in (*chosen.train, *chosen.test)],
+                                      audits, task1.NEEDED, chosen.left_out)}
 
 
 def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
@@ -167,7 +164,7 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
             options.show(f"{name} is no result: {escape(trouble)}")
     if best is not None:
         options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1].uses})" if best in fits else "")
-                     + f". Chosen on {escape(choice.chosen_on()['how'])}.")
+                     + f". Chosen on {escape(choice.chosen_on().how)}.")
     if best is not None and best in fits:
         options.show(escape(fits[best][1].summary))
     if choice.exported is not None:
@@ -176,7 +173,7 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
                                                    fits[choice.exported][1].simulator_note)))))
 
 
-def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) -> None:
+def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:
     from rich import box
     from rich.markup import escape
     from rich.table import Table
@@ -191,46 +188,46 @@ def _show(options: Options, rows: Sequence[Mapping[str, Any]], chosen: Split) ->
     for _, heading in SHOWN:
         table.add_column(heading, justify="right")
     for row in rows:
-        if row["group"] not in (("all", "seen", "unseen") if row["start"] == "centred" else ("all",)):
+        if row.group not in (("all", "seen", "unseen") if row.start == "centred" else ("all",)):
             continue
-        name = row["model"] + (" (no result)" if row.get("trouble") else "")
-        labels = [name, row["information"], row["truth"], row["start"], row["group"]]
-        counts = (str(row["n_windows"]), str(row["n_flights"]), sessions_text(row))
-        table.add_row(*map(escape, labels), *counts, *(_cell(row["metrics"][m], row["ci95"][m]) for m, _ in SHOWN))
-        if published := row.get("published"):
-            table.add_row(escape(row["model"]), "", "", "", "(published)", "", "", "",
-                          *(_cell(published[m], {}) for m, _ in SHOWN))
+        name = row.model + " (no result)" * bool(row.trouble)
+        labels = [name, row.information, row.truth, row.start, row.group]
+        counts = (str(row.n_windows), str(row.n_flights), sessions_text(row.sessions))
+        table.add_row(*map(escape, labels), *counts, *(_cell(row.metrics[m], row.ci95[m]) for m, _ in SHOWN))
+        if row.published is not None:
+            table.add_row(escape(row.model), "", "", "", "(published)", "", "", "",
+                          *(_cell(row.published.published[m], {}) for m, _ in SHOWN))
     options.show(table)
     options.show(interval_note(rows))
-    show_ratios(options, [(f"{row['model']}, {row['truth']}", row) for row in rows if row["group"] == "all"],
+    show_ratios(options, [(f"{row.model}, {row.truth}", row.ratios) for row in rows if row.group == "all"],
                 [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
     options.show(STARTS_SENTENCE)
     options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 
-def _show_commands(options: Options, rows: Sequence[Mapping[str, Any]]) -> None:
+def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
     from rich import box
     from rich.markup import escape
     from rich.table import Table
 
     from ..protocols.response import MIX, SHOWN_S
 
-    found = {row["model"]: row["command_response"] for row in rows if "command_response" in row}
+    found = {row.model: row.command_response for row in rows if row.command_response is not None}
     if not found:
         return
     one = next(iter(found.values()))
-    table = Table(title=f"Answer to a step of {one['step']:g} of PWM in the inputs, {data_word(options)} data, "
-                        f"{one['windows']} windows: change after {SHOWN_S} s, and its share of rigid-body physics of "
+    table = Table(title=f"Answer to a step of {one.step:g} of PWM in the inputs, {data_word(options)} data, "
+                        f"{one.windows} windows: change after {SHOWN_S} s, and its share of rigid-body physics of "
                         "numbers from firmware, scale and ruler", title_justify="left", box=box.SIMPLE_HEAD,
                   pad_edge=False)
     table.add_column("model")
     for name in MIX:
-        table.add_column(f"{name} {one[name]['after_s'][SHOWN_S]['unit']}", justify="right", no_wrap=True)
+        table.add_column(f"{name} {getattr(one, name).after_s[SHOWN_S].unit}", justify="right", no_wrap=True)
     table.add_column("is it a vehicle?")
     for model, answer in found.items():
-        cells = [f"{answer[name]['after_s'][SHOWN_S]['answer']:+.4f} x {answer[name]['ratio']:.3f}"
-                 + (" WRONG" if answer[name]["sign"] == "wrong" else "") for name in MIX]
-        table.add_row(escape(model), *cells, answer["vehicle"] or "signs are right")
+        cells = [f"{one.after_s[SHOWN_S].answer:+.4f} x {one.ratio:.3f}" + " WRONG" * (one.sign == "wrong")
+                 for one in (getattr(answer, name) for name in MIX)]
+        table.add_row(escape(model), *cells, answer.vehicle or "signs are right")
     options.show(table)
 
 

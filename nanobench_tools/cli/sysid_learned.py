@@ -11,7 +11,7 @@ from .options import Options
 
 if TYPE_CHECKING:
     from ..methods import Predictor
-    from ..protocols.task1 import Case
+    from ..protocols.task1 import Case, PredictionRow
 
 
 def checkpoint_folder(options: Options) -> Path:
@@ -52,7 +52,7 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
     return found
 
 
-def draw(options: Options, rows: Sequence[Mapping[str, Any]], learned: Sequence[Any], predictors: Sequence[Any],
+def draw(options: Options, rows: Sequence[PredictionRow], learned: Sequence[Any], predictors: Sequence[Any],
          test: Sequence[Case]) -> None:
     """learned.html in ``--out``: errors against the horizon, learning curves, paths of a held-out helix."""
     if options.out is None or not learned:

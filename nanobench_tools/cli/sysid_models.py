@@ -17,14 +17,15 @@ if TYPE_CHECKING:
 
     from ..physics import Model
     from ..physics.predictor import ModelPredictor
-    from ..protocols.task1 import Case
+    from ..protocols.choice import ChosenOn
+    from ..protocols.task1 import Case, WindowErrors
 
 SIMULATOR = "simulator.toml"
 Fits = Mapping[str, tuple[Any, "FittedRung"]]
 """(predictor, what the fit gave) by name."""
 
 
-Scores = Mapping[str, Sequence[Mapping[str, Any]]]
+Scores = Mapping[str, Sequence["WindowErrors"]]
 """Scores of whole flights by name of the model."""
 
 
@@ -58,7 +59,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str,
              for number, (rest, left_out) in enumerate(choice.held_out(train), 1)]
     values = options.run([*items, *again], "fit").values  # the longest first; the others fill the cores beside it
     found = {name: value for item in items if item.key in values for name, value in values[item.key].items()}
-    scores: dict[str, list[Mapping[str, Any]]] = {}
+    scores: dict[str, list[WindowErrors]] = {}
     for item in again:
         for name, mine in values.get(item.key, {}).items():
             scores.setdefault(name, []).extend(mine)
@@ -76,7 +77,7 @@ class Choice:
     cases: Sequence[Case]
     scores: Mapping[str, float | None]
 
-    def chosen_on(self, not_considered: Sequence[str] = ()) -> dict[str, Any]:
+    def chosen_on(self, not_considered: Sequence[str] = ()) -> ChosenOn:
         """``best_chosen_on`` of the result."""
         from ..protocols import choice
 
@@ -95,7 +96,7 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
                                       f"{p.name} {case.flight.name}, for the choice", file=case.flight.provenance.path))
                    for p in plain for case in train]
     values = options.run([item for _, item in as_they_are], "choose").values
-    found: dict[str, list[Mapping[str, Any]]] = {p.name: [] for p in plain}
+    found: dict[str, list[WindowErrors]] = {p.name: [] for p in plain}
     found |= {name: list(held_out.get(name, ())) for name in good}
     for name, item in as_they_are:
         found[name] += [values[item.key]] if item.key in values else []

@@ -9,7 +9,7 @@ from .options import Options
 from .sysid_models import Fits
 
 if TYPE_CHECKING:
-    from ..protocols.task1 import Case
+    from ..protocols.task1 import Case, PredictionRow
 
 KINDS = (("onboard", "centred"), ("mocap", "centred"), ("onboard", "past"))
 """(truth, start) that every model is scored with."""
@@ -18,7 +18,7 @@ Scored = Mapping[tuple[str, str], Sequence[tuple["Case", Any]]]
 
 
 def rows_of(options: Options, predictors: Sequence[Any], fits: Fits, test: Sequence[Case],
-            best: str | None) -> tuple[list[dict[str, Any]], Scored]:
+            best: str | None) -> tuple[list[PredictionRow], Scored]:
     """(rows, those with the published start before those that look back; scores from the published start). Rows of one
     start are compared with the model ``best`` from the same."""
     from ..harness import make_item
@@ -35,15 +35,12 @@ def rows_of(options: Options, predictors: Sequence[Any], fits: Fits, test: Seque
         mine = scored[start].setdefault((predictor.name, truth), [])
         if item.key in values:
             mine.append((case, values[item.key]))
-    rows: list[dict[str, Any]] = []
+    rows: list[PredictionRow] = []
     for start, found in scored.items():
-        made = [{**row, "start": start} for predictor in predictors for truth, kind in KINDS if kind == start
+        made = [row for predictor in predictors for truth, kind in KINDS if kind == start
                 for row in task1.tabulate(predictor, truth, found[predictor.name, truth], options.seed,
-                                          options.sessions)]
-        compare.predictions(made, found, best, options.sessions, options.seed)
-        if start == "past":  # the published table has no such start
-            made = [{key: value for key, value in row.items() if not key.startswith("published")} for row in made]
-        rows += made
+                                          options.sessions, start)]
+        rows += compare.predictions(made, found, best, options.sessions, options.seed)
     return rows, scored["centred"]
 
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import scipy.stats
+
+from ..result import OPTIONAL, Result
 
 RESAMPLES = 2000
 """Bootstrap draws: the ends of a 95 % interval then scatter by about 3 % of its length."""
@@ -46,12 +47,41 @@ class Interval:
     why: str
     sessions: int | None
 
-    def ends(self, *at: int) -> list[float] | None:
-        """[low, high] of one statistic; None without interval, and where the draws leave it undefined."""
+    def ends(self, *at: int) -> tuple[float, float] | None:
+        """(low, high) of one statistic; None without interval, and where the draws leave it undefined."""
         if self.low is None or self.high is None:
             return None
-        found = [float(self.low[at]), float(self.high[at])]
+        found = float(self.low[at]), float(self.high[at])
         return found if np.isfinite(found).all() else None
+
+
+@dataclass(frozen=True, repr=False)
+class Summary(Result):
+    """Over n flights, in the unit of their values; every figure is None where it is not defined.
+
+    std has ddof 0; ci95 is that of the mean, and ``ci_why`` says why it is missing or not to be trusted; intra_class:
+    correlation of flights of one session."""
+
+    mean: float | None
+    std: float | None
+    median: float | None
+    p90: float | None
+    ci95: tuple[float, float] | None
+    n: int
+    sessions: int | None
+    design_effect: float | None
+    intra_class: float | None
+    ci_why: str = field(default="", metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, repr=False)
+class PairedRatio(Result):
+    """Mean of ours over mean of theirs over the same n flights; ``ci_why`` as of a ``Summary``."""
+
+    ratio: float | None
+    ci95: tuple[float, float] | None
+    n: int
+    ci_why: str = field(default="", metadata=OPTIONAL)
 
 
 def session_count(sessions: Labels) -> int | None:
@@ -190,8 +220,7 @@ def bootstrap_interval(values: Sequence[float] | np.ndarray, seed: int = 0, prob
                        resamples: int = RESAMPLES, sessions: Labels = None) -> tuple[float, float] | None:
     """95 % interval of the mean over flights, values (n,), sessions (n,); None where ``why_not`` says there is none."""
     x = np.asarray(values, float)
-    ends = pooled_interval(x, np.ones(len(x)), sessions, seed, probability, resamples).ends()
-    return None if ends is None else (ends[0], ends[1])
+    return pooled_interval(x, np.ones(len(x)), sessions, seed, probability, resamples).ends()
 
 
 def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probability: float = 0.95,
@@ -202,48 +231,43 @@ def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probabi
     return None if found.low is None or found.high is None else (found.low, found.high)
 
 
-def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> dict[str, Any]:
-    """{mean, std (ddof 0), median, p90, ci95: [lo, hi] | None, n, sessions, design_effect, intra_class (correlation)}
-    over flights; unit of ``values``; and ``ci_why`` where the interval is missing or not to be trusted. One flight has
-    neither deviation nor interval.
+def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> Summary:
+    """Of values (n,) over flights. One flight has neither deviation nor interval.
 
     A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out and n says so;
     with none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
 
     >>> found = summary([1.0, 3.0])
-    >>> found["std"], summary([2.0])["ci95"], summary([2.0])["ci_why"]
+    >>> found.std, summary([2.0]).ci95, summary([2.0]).ci_why
     (1.0, None, 'one flight')
-    >>> summary([2.0])["std"] is None
+    >>> summary([2.0]).std is None
     True
     """
     return summary_table(np.asarray(values, float)[:, None], seed, sessions)[0]
 
 
-def summary_table(values: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[dict[str, Any]]:
+def summary_table(values: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[Summary]:
     """``summary`` of every column of values (n, k), faster than one by one: columns that are defined for the same
     flights share their draws."""
     x = np.asarray(values, float)
     labels = None if sessions is None else np.asarray(sessions, int)
     if np.isinf(x).any():
         raise ValueError("an infinite value among the flights")
-    found: list[dict[str, Any]] = [{} for _ in range(x.shape[1])]
+    found: dict[int, Summary] = {}
     patterns: dict[bytes, list[int]] = {}
     for k in range(x.shape[1]):
         patterns.setdefault(np.isnan(x[:, k]).tobytes(), []).append(k)
     for columns in patterns.values():
         kept = ~np.isnan(x[:, columns[0]])
         part = x[np.ix_(kept, columns)]
-        for k, one in zip(columns, _summaries(part, seed, None if labels is None else labels[kept]), strict=True):
-            found[k] = one
-    return found
+        found |= zip(columns, _summaries(part, seed, None if labels is None else labels[kept]), strict=True)
+    return [found[k] for k in range(x.shape[1])]
 
 
-def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[dict[str, Any]]:
+def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[Summary]:
     """Of every column of x (n, k), all of it defined."""
     if not len(x):
-        empty = dict.fromkeys(("mean", "std", "median", "p90", "ci95"))
-        return [{**empty, "n": 0, "sessions": None, "design_effect": None, "intra_class": None,
-                 "ci_why": why_not(0, None)} for _ in range(x.shape[1])]
+        return [Summary(None, None, None, None, None, 0, None, None, None, why_not(0, None))] * x.shape[1]
     interval = pooled_interval(x, np.ones(len(x)), sessions, seed)
     effect, alike = design_effect(x, sessions), intra_class(x, sessions)
     mean, std, median, p90 = x.mean(axis=0), x.std(axis=0), np.median(x, axis=0), np.percentile(x, 90.0, axis=0)
@@ -251,12 +275,11 @@ def _summaries(x: np.ndarray, seed: int, sessions: Labels) -> list[dict[str, Any
     found = []
     for k in range(x.shape[1]):
         ends = None if equal[k] else interval.ends(k)
-        one = {"mean": float(mean[k]), "std": _spread(std[k], equal[k], len(x)), "median": float(median[k]),
-               "p90": float(p90[k]), "ci95": ends, "n": len(x), "sessions": interval.sessions,
-               "design_effect": None if effect is None or equal[k] else float(effect[k]),
-               "intra_class": None if alike is None or equal[k] else float(alike[k])}
         why = "all flights have the same value" if equal[k] and len(x) > 1 else _reason(ends, interval.why)
-        found.append({**one, "ci_why": why} if why else one)
+        found.append(Summary(
+            float(mean[k]), _spread(std[k], equal[k], len(x)), float(median[k]), float(p90[k]), ends, len(x),
+            interval.sessions, None if effect is None or equal[k] else float(effect[k]),
+            None if alike is None or equal[k] else float(alike[k]), why))
     return found
 
 
@@ -265,21 +288,21 @@ def _spread(std: float, equal: bool, n: int) -> float | None:
     return None if n < 2 else 0.0 if equal else float(std)
 
 
-def _reason(ends: list[float] | None, why: str) -> str:
+def _reason(ends: tuple[float, float] | None, why: str) -> str:
     return "the draws leave it undefined" if ends is None and (not why or "too narrow" in why) else why
 
 
-def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[dict[str, Any]]:
-    """{ratio, ci95, n} (and ``ci_why`` as ``summary``) of every column: mean of ``ours`` over mean of ``theirs``, both
-    (n, k) one row per flight, the same flights drawn for both; flights that lack either are left out.
+def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[PairedRatio]:
+    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight, the same flights drawn
+    for both; flights that lack either are left out.
 
-    >>> paired_ratio(np.array([[1.0], [2.0]]), np.array([[2.0], [4.0]]))[0]["ratio"]
+    >>> paired_ratio(np.array([[1.0], [2.0]]), np.array([[2.0], [4.0]]))[0].ratio
     0.5
     """
     a, b = np.asarray(ours, float), np.asarray(theirs, float)
     labels = None if sessions is None else np.asarray(sessions, int)
     both = np.isfinite(a) & np.isfinite(b)
-    found: list[dict[str, Any]] = [{} for _ in range(a.shape[1])]
+    found: dict[int, PairedRatio] = {}
     for pattern in np.unique(both, axis=1).T:
         columns = np.flatnonzero((both == pattern[:, None]).all(axis=0))
         mine, other = a[np.ix_(pattern, columns)], b[np.ix_(pattern, columns)]
@@ -288,12 +311,10 @@ def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: 
         sums, all_equal = other.sum(axis=0), (mine == other).all(axis=0)
         for j, k in enumerate(columns):
             ratio = float(mine[:, j].sum() / sums[j]) if sums[j] > 0.0 else None
-            one: dict[str, Any] = {"ratio": ratio, "ci95": None if ratio is None or all_equal[j] else interval.ends(j),
-                                   "n": len(mine)}
-            why = ("the same in every flight" if all_equal[j] and len(mine) > 1 else
-                   _reason(one["ci95"], interval.why))
-            found[k] = {**one, "ci_why": why} if why else one
-    return found
+            ends = None if ratio is None or all_equal[j] else interval.ends(j)
+            why = "the same in every flight" if all_equal[j] and len(mine) > 1 else _reason(ends, interval.why)
+            found[int(k)] = PairedRatio(ratio, ends, len(mine), why)
+    return [found[k] for k in range(a.shape[1])]
 
 
 def excludes_one(ci95: Sequence[float] | None) -> bool:

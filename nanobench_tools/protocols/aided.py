@@ -11,12 +11,12 @@ import hashlib
 import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..flight import Flight, Span, make_stream
 from ..methods import Estimator
+from .result_rows import Scored
 from .task3 import AIDED, Case, is_logged, score_given
 from .usable import POSE
 
@@ -75,7 +75,7 @@ def given_to(case: Case, aiding: Aiding, seed: int = 0) -> Flight:
     return replace(flight, streams={"mocap": arrived, **flight.streams}, metadata={**flight.metadata, **declared})
 
 
-def score(case: Case, method: Estimator, aiding: Aiding, seed: int = 0) -> dict[str, Any]:
+def score(case: Case, method: Estimator, aiding: Aiding, seed: int = 0) -> Scored:
     """As ``task3.score``, over all airborne and clean rows; what was logged in flight had its own poses."""
     flight = case.flight if is_logged(method) else given_to(case, aiding, seed)
     return score_given(case, method, AIDED, flight, -np.inf)

@@ -9,8 +9,7 @@ with a pose every 10 ms, undelayed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,13 +18,14 @@ from ..firmware.kalman import defaults
 from ..flight import Flight
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
-from ..metrics.statistics import Labels
+from ..metrics.statistics import Labels, Summary
 from ..metrics.trajectory import rms
+from ..result import INLINE, Result
 from ..settings import number
 from ..signals.onboard_estimate import OnboardEkf
 from .aided import Aiding, given_to
 from .score_tables import summaries
-from .sessions import row_keys
+from .sessions import Drawn
 from .task3 import Case, score_given
 
 WHOLE = Aiding(rate_hz=100.0, delay_s=0.0, noise_m=0.0)
@@ -87,6 +87,26 @@ def _another(filters: Filters, case: Case, retimed: Case) -> Estimate:
     return filters.another.estimate(given_to(retimed, WHOLE))
 
 
+@dataclass(frozen=True, repr=False)
+class AttributionRow(Result):
+    """Summaries over n flights of ``what``: a clock, or what was changed."""
+
+    what: str
+    n: int
+    drawn: Drawn | None = field(metadata=INLINE)
+    metrics: Mapping[str, Summary]
+
+
+@dataclass(frozen=True, repr=False)
+class Attribution(Result):
+    """The logged estimate of n flights by clock, and the replays of n_replayed."""
+
+    n: int
+    n_replayed: int
+    logged: Sequence[AttributionRow]
+    replayed: Sequence[AttributionRow]
+
+
 BASE = "replay on the re-timed IMU"
 REPLAYS: dict[str, Callable[[Filters, Case, Case], Estimate]] = {
     BASE: _replay,
@@ -113,8 +133,8 @@ class _Made:
 
 
 def _scores(case: Case, estimate: Estimate) -> dict[str, float]:
-    found = score_given(case, _Made(estimate), "clean", case.flight, -np.inf)["metrics"]
-    return {name: found[metric] for name, metric in SCORES.items()}
+    found = score_given(case, _Made(estimate), "clean", case.flight, -np.inf).metrics
+    return {name: float("nan") if (value := found[metric]) is None else value for name, metric in SCORES.items()}
 
 
 def logged(case: Case) -> dict[str, float]:
@@ -144,17 +164,15 @@ def _apart(case: Case, a: Estimate, b: Estimate) -> float:
 
 def tabulate(logged_by_clock: Mapping[str, Sequence[Mapping[str, float]]],
              replayed: Sequence[Mapping[str, Mapping[str, float]]], seed: int = 0,
-             sessions: Mapping[str, Labels] | None = None) -> dict[str, Any]:
-    """{n, logged: [{what: clock, metrics: summaries over flights}], n_replayed, replayed: [{what, metrics}]}.
-
-    sessions: those of the flights, by clock, and of the ``replayed`` ones."""
+             sessions: Mapping[str, Labels] | None = None) -> Attribution:
+    """sessions: those of the flights, by clock, and of the ``replayed`` ones."""
     what, of = list(replayed[0]) if replayed else [], sessions or {}
-    return {"n": min(map(len, logged_by_clock.values())), "n_replayed": len(replayed),
-            "logged": [_row(clock, found, seed, of.get(clock)) for clock, found in logged_by_clock.items()],
-            "replayed": [_row(name, [one[name] for one in replayed], seed, of.get("replayed")) for name in what]}
+    return Attribution(min(map(len, logged_by_clock.values())), len(replayed),
+                       [_row(clock, found, seed, of.get(clock)) for clock, found in logged_by_clock.items()],
+                       [_row(name, [one[name] for one in replayed], seed, of.get("replayed")) for name in what])
 
 
-def _row(what: str, scores: Sequence[Mapping[str, float]], seed: int, sessions: Labels) -> dict[str, Any]:
+def _row(what: str, scores: Sequence[Mapping[str, float]], seed: int, sessions: Labels) -> AttributionRow:
     metrics = summaries(scores, seed, sessions)
-    keys = {} if sessions is None else row_keys(np.asarray(sessions), metrics)
-    return {"what": what, "n": len(scores), **keys, "metrics": metrics}
+    return AttributionRow(what, len(scores), None if sessions is None else Drawn.of(np.asarray(sessions), metrics),
+                          metrics)

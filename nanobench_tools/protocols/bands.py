@@ -6,7 +6,8 @@ the same one for every method. Whoever wants another flight gives that one alone
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,10 @@ from ..flight import Span
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import snap
+from ..result import Result
 from .aided import Aiding, given_to
 from .blackout import given_until
+from .result_rows import BlackoutScore, Scored
 from .task3 import Case, checked
 from .usable import POSE
 
@@ -24,19 +27,37 @@ ROWS = 300
 """An estimate is thinned to so many rows, evenly."""
 
 
-def median_case(scored: Sequence[tuple[Case, Mapping[str, Any]]]) -> Case | None:
+@dataclass(frozen=True, repr=False)
+class Band(Result):
+    """At most ROWS rows: t_s (k,) after an origin; truth, error and SD (k, 3) m, world; covariance of x and y (k,)."""
+
+    t_s: list[float]
+    truth_m: list[list[float]]
+    error_m: list[list[float]]
+    sd_m: list[list[float]]
+    cov_xy_m2: list[float]
+
+
+@dataclass(frozen=True, repr=False)
+class MaybeBand(Result):
+    """None for an estimate without a covariance."""
+
+    band: Band | None
+
+
+def median_case(scored: Sequence[tuple[Case, Scored]]) -> Case | None:
     """Of (case, value) the case whose ATE is the median; None where no estimate says how sure it is."""
-    known = [(value["metrics"].get("ate_rmse_m"), case) for case, value in scored
-             if np.isfinite(value["metrics"].get("nees", np.nan) or np.nan)]
+    known = [(value.metrics.get("ate_rmse_m"), case) for case, value in scored
+             if np.isfinite(value.metrics.get("nees", np.nan) or np.nan)]
     ranked = sorted((pair for pair in known if pair[0] is not None), key=lambda pair: (pair[0], pair[1].flight.name))
     return ranked[(len(ranked) - 1) // 2][1] if ranked else None
 
 
-def median_window(scored: Sequence[tuple[Case, Mapping[str, Any]]]) -> tuple[Case, float, float] | None:
+def median_window(scored: Sequence[tuple[Case, BlackoutScore]]) -> tuple[Case, float, float] | None:
     """(case, t0_s, h_s) of the window of the longest horizon there is whose end error is the median; None where no
     estimate says how sure it is."""
-    known = [(window["h_s"], window["error_m"], window["t0_s"], case) for case, value in scored
-             for window in value["windows"] if window["inside_3_sigma"] is not None]
+    known = [(window.h_s, window.error_m, window.t0_s, case) for case, value in scored
+             for window in value.windows if window.inside_3_sigma is not None]
     if not known:
         return None
     longest = max(h for h, *_ in known)
@@ -45,20 +66,20 @@ def median_window(scored: Sequence[tuple[Case, Mapping[str, Any]]]) -> tuple[Cas
     return case, t0, h
 
 
-def aided_band(case: Case, method: Estimator, aiding: Aiding, seed: int) -> dict[str, Any]:
-    """{band: see ``band_of``, None without a covariance} of one flight with few, late and noisy poses."""
+def aided_band(case: Case, method: Estimator, aiding: Aiding, seed: int) -> MaybeBand:
+    """Of one flight with few, late and noisy poses."""
     made = checked(method.estimate(given_to(case, aiding, seed)), method.name, case.flight.provenance.path)
-    return {"band": band_of(case, made, case.spans)}
+    return MaybeBand(band_of(case, made, case.spans))
 
 
-def blackout_band(case: Case, method: Estimator, t0_s: float, h_s: float) -> dict[str, Any]:
+def blackout_band(case: Case, method: Estimator, t0_s: float, h_s: float) -> MaybeBand:
     """The same from the last pose on, for one horizon."""
     made = checked(method.estimate(given_until(case.flight, t0_s)), method.name, case.flight.provenance.path)
-    return {"band": band_of(case, made, [Span(t0_s, t0_s + h_s)], t0_s)}
+    return MaybeBand(band_of(case, made, [Span(t0_s, t0_s + h_s)], t0_s))
 
 
-def band_of(case: Case, estimate: Estimate, spans: Sequence[Span], origin_s: float = 0.0) -> dict[str, Any] | None:
-    """{t_s: after origin_s; truth_m, error_m, sd_m: [[x, y, z]] world; cov_xy_m2: of x and y}, at most ROWS rows."""
+def band_of(case: Case, estimate: Estimate, spans: Sequence[Span], origin_s: float = 0.0) -> Band | None:
+    """None without a covariance."""
     if estimate.covariance is None:
         return None
     mocap = case.flight["mocap"]
@@ -70,9 +91,8 @@ def band_of(case: Case, estimate: Estimate, spans: Sequence[Span], origin_s: flo
     there = np.stack([np.interp(time_s[rows], truth_s, column) for column in truth.T], axis=1)
     covariance = np.asarray(estimate.covariance, float)[rows, :3, :3]
     sd = np.sqrt(np.einsum("nkk->nk", covariance).clip(0.0))
-    return {"t_s": _short(time_s[rows] - origin_s, 3), "truth_m": _short(there, 4),
-            "error_m": _short(estimate.position_m[rows] - there, 5), "sd_m": _short(sd, 5),
-            "cov_xy_m2": [float(f"{value:.4g}") for value in covariance[:, 0, 1]]}
+    return Band(_short(time_s[rows] - origin_s, 3), _short(there, 4), _short(estimate.position_m[rows] - there, 5),
+                _short(sd, 5), [float(f"{value:.4g}") for value in covariance[:, 0, 1]])
 
 
 def _short(values: np.ndarray, digits: int) -> list[Any]:

@@ -7,18 +7,18 @@ the poses up to t0, all other streams are whole.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
+from .result_rows import BlackoutScore, EndError, EstimateRow, Spread
 from .score_tables import group_order, summaries
-from .sessions import Sessions, row_keys
-from .task3 import Case, checked, given_and_trained
+from .sessions import Drawn, Sessions
+from .task3 import BLACKOUT, Case, checked, given_and_trained
 from .usable import POSE
 
 FIRST_S, EVERY_S = 5.0, 5.0
@@ -53,15 +53,12 @@ def given_until(flight: Flight, t0_s: float) -> Flight:
     return replace(flight, streams={**flight.streams, "mocap": poses})
 
 
-def score(case: Case, method: Estimator) -> dict[str, Any]:
-    """{windows: [{t0_s, h_s, end_m, error_m, horizontal_m, vertical_m, drift_percent: of the path flown since t0,
-    inside_3_sigma: whether the error is as large as the estimate says it may be, None where it does not say}],
-    metrics: {end_error_Hs_m and the same with horizontal_ and vertical_, drift_percent_Hs, inside_3_sigma_Hs_percent:
-    mean over the windows of the flight}}.
+def score(case: Case, method: Estimator) -> BlackoutScore:
+    """Metrics: end_error_Hs_m and the same with horizontal_ and vertical_, drift_percent_Hs, inside_3_sigma_Hs_percent.
 
     Raises InputError when the estimator gives no trajectory or does not reach the end of a window.
     """
-    windows: list[dict[str, Any]] = []
+    windows: list[EndError] = []
     mocap = case.flight["mocap"]
     finite = np.isfinite(mocap[POSE]).all(axis=1)
     truth_s, truth_m = mocap.time_s[finite], mocap["px", "py", "pz"][finite]
@@ -79,20 +76,19 @@ def score(case: Case, method: Estimator) -> dict[str, Any]:
             flown = truth_m[(truth_s >= t0) & (truth_s <= end)]
             path_m = float(np.linalg.norm(np.diff(flown, axis=0), axis=1).sum())
             error_m = float(np.linalg.norm(off))
-            windows.append({"t0_s": t0, "h_s": h, "end_m": found.tolist(), "error_m": error_m,
-                            "horizontal_m": float(np.hypot(off[0], off[1])), "vertical_m": float(abs(off[2])),
-                            "drift_percent": 100.0 * error_m / path_m if path_m > LEAST_PATH_M else float("nan"),
-                            "inside_3_sigma": _inside(estimate, end, off)})
+            windows.append(EndError(t0, h, found.tolist(), error_m, float(np.hypot(off[0], off[1])), float(abs(off[2])),
+                                    100.0 * error_m / path_m if path_m > LEAST_PATH_M else float("nan"),
+                                    _inside(estimate, end, off)))
     metrics: dict[str, float] = {}
     for h in HORIZONS_S:
-        mine = [w for w in windows if w["h_s"] == h]
+        mine = [w for w in windows if w.h_s == h]
         for kind, key in KINDS.items():
-            value = float(np.mean([w[key] for w in mine])) if mine else float("nan")
+            value = float(np.mean([getattr(w, key) for w in mine])) if mine else float("nan")
             metrics[f"end_error_{kind}{h:.0f}s_m"] = value
-        metrics[f"drift_percent_{h:.0f}s"] = _mean([w["drift_percent"] for w in mine])
+        metrics[f"drift_percent_{h:.0f}s"] = _mean([w.drift_percent for w in mine])
         metrics[f"inside_3_sigma_{h:.0f}s_percent"] = _mean([
-            100.0 * w["inside_3_sigma"] for w in mine if w["inside_3_sigma"] is not None])
-    return {"windows": windows, "metrics": metrics}
+            100.0 * w.inside_3_sigma for w in mine if w.inside_3_sigma is not None])
+    return BlackoutScore(windows, metrics)
 
 
 def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
@@ -114,33 +110,33 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(finite)) if finite else float("nan")
 
 
-def over_windows(scored: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | int]]:
-    """{end_error_Hs_m: {n, median, p90}} over all windows of the flights, also horizontal and vertical."""
-    found: dict[str, dict[str, float | int]] = {}
+def over_windows(scored: Sequence[BlackoutScore]) -> dict[str, Spread]:
+    """{end_error_Hs_m: ...} over all windows of the flights, also horizontal and vertical."""
+    found: dict[str, Spread] = {}
     for kind, key in KINDS.items():
         for h in HORIZONS_S:
-            errors = [w[key] for value in scored for w in value["windows"] if w["h_s"] == h]
+            errors = [getattr(w, key) for value in scored for w in value.windows if w.h_s == h]
             if errors:
-                found[f"end_error_{kind}{h:.0f}s_m"] = {"n": len(errors), "median": float(np.median(errors)),
-                                                        "p90": float(np.percentile(errors, 90.0))}
+                found[f"end_error_{kind}{h:.0f}s_m"] = Spread(len(errors), float(np.median(errors)),
+                                                              float(np.percentile(errors, 90.0)))
     return found
 
 
-def tabulate(method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]],
-             seed: int = 0, sessions: Sessions | None = None) -> list[dict[str, Any]]:
+def tabulate(method: Estimator, scored: Sequence[tuple[Case, BlackoutScore]],
+             seed: int = 0, sessions: Sessions | None = None) -> list[EstimateRow]:
     """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows); beside it
     ``over_windows``. sessions: of all recordings of the run; None: of the scored ones alone."""
-    scored = [(case, value) for case, value in scored if value["windows"]]
+    scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     rows = []
     for group in group_order([g for case, _ in scored for g in case.groups]):
         members = [(case, value) for case, value in scored if group in case.groups]
         labels = sessions.labels(case.flight for case, _ in members)
-        metrics = summaries([value["metrics"] for _, value in members], seed, labels)
-        counts = {f"{h:.0f}": sum(w["h_s"] == h for _, value in members for w in value["windows"]) for h in HORIZONS_S}
-        rows.append({"protocol": "blackout", "method": method.name, "causal": getattr(method, "causal", None),
-                     "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-                     "n_windows": counts, "given": given_and_trained(method, GIVEN),
-                     "over_windows": over_windows([v for _, v in members]),
-                     **row_keys(labels, metrics), "metrics": metrics})
+        metrics = summaries([value.metrics for _, value in members], seed, labels)
+        counts = {f"{h:.0f}": sum(w.h_s == h for _, value in members for w in value.windows) for h in HORIZONS_S}
+        rows.append(EstimateRow(
+            protocol=BLACKOUT, method=method.name, causal=getattr(method, "causal", None), group=group, n=len(members),
+            flights=[case.flight.name for case, _ in members], n_windows=counts,
+            given=given_and_trained(method, GIVEN), over_windows=over_windows([v for _, v in members]),
+            drawn=Drawn.of(labels, metrics), metrics=metrics))
     return rows

@@ -7,12 +7,13 @@ scored on that group; a model that is not fitted here is scored on the same flig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..metrics.prediction import QUANTITIES
-from .task1 import Case
+from ..result import Result
+from .task1 import Case, WindowErrors
 
 GROUPS = 4
 """Groups of training flights, each left out once; a fit of fifteen flights then still has eleven."""
@@ -30,13 +31,13 @@ def held_out(cases: Sequence[Case], groups: int = GROUPS) -> list[tuple[list[Cas
             for group in range(count)]
 
 
-def criterion(scores: Sequence[Mapping[str, Any]]) -> float | None:
+def criterion(scores: Sequence[WindowErrors]) -> float | None:
     """Geometric mean of the four errors summed over 1..50 steps, in m, m/s, rad and rad/s to the power 1/4; ``scores``
     of whole flights as ``task1.score`` gives them. None without a window. It ranks the same whatever the units."""
-    count = sum(score["windows"] for score in scores)
+    count = sum(score.windows for score in scores)
     if not count:
         return None
-    sums = [sum(float(np.sum(score["sums"][name])) for score in scores) / count for name in QUANTITIES]
+    sums = [sum(float(np.sum(score.sums[name])) for score in scores) / count for name in QUANTITIES]
     return float(np.exp(np.mean(np.log(np.maximum(sums, 1e-12)))))
 
 
@@ -46,14 +47,23 @@ def best_of(scores: Mapping[str, float | None]) -> str | None:
     return min(known, key=known.__getitem__) if known else None
 
 
-def reported(cases: Sequence[Case], scores: Mapping[str, float | None],
-             not_considered: Sequence[str] = ()) -> dict[str, Any]:
-    """``best_chosen_on`` of a result: {flights, groups, how, scores, not_asked}; not_asked: models of class ``state``
-    that had no part, as they cannot be trained again for every group."""
+@dataclass(frozen=True, repr=False)
+class ChosenOn(Result):
+    """On which flights the best model was chosen, held out in so many groups; the criterion of every model."""
+
+    flights: Sequence[str]
+    groups: int
+    how: str
+    criterion: Mapping[str, float | None]
+    not_asked: Sequence[str]
+
+
+def reported(cases: Sequence[Case], scores: Mapping[str, float | None], not_considered: Sequence[str] = ()) -> ChosenOn:
+    """not_considered: models of class ``state`` that had no part, as they cannot be trained again for every group."""
     count = len(held_out(cases))
     how = (f"{len(cases)} training flights, held out whole in {count} groups; least geometric mean of the four summed "
            "errors, onboard truth" if len(cases) >= FEWEST else
            "the one training flight that also fitted them: nothing could be held out" if cases else
            "no training flight: nothing was chosen")
-    return {"flights": [case.flight.name for case in cases], "groups": count if len(cases) >= FEWEST else 0, "how": how,
-            "criterion": dict(scores), "not_asked": list(not_considered)}
+    return ChosenOn([case.flight.name for case in cases], count if len(cases) >= FEWEST else 0, how, scores,
+                    not_considered)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..audit import Audit
 from ..faults.kinds import log_ended
 from ..flight import mask_of as inside
 from ..labels import speed_of
+from ..result import Result
 from .task3 import Case
 from .usable import POSE
 
@@ -18,10 +19,23 @@ ROWS, MOST = 300, 6
 STREAM = "estimator"
 
 
-def dead_logs(cases: Sequence[Case], audits: Mapping[str, Audit]) -> list[dict[str, Any]]:
-    """[{flight, speed, t_s, error_m, dead: [[start, end] s], live_rmse_m, all_rmse_m}]: distance between the logged
-    position and motion capture, as recorded, over the rows that the published protocol scores; the MOST flights that
-    dead rows make worst. Only flights whose estimator stream the audit found dead there."""
+@dataclass(frozen=True, repr=False)
+class DeadLog(Result):
+    """Distance (k,) m between the logged position and motion capture at t_s (k,), as recorded; dead: (start, end) s of
+    rows after the log had ended; RMS without and with these."""
+
+    flight: str
+    speed: str | None
+    t_s: np.ndarray
+    error_m: np.ndarray
+    dead: Sequence[tuple[float, float]]
+    live_rmse_m: float | None
+    all_rmse_m: float
+
+
+def dead_logs(cases: Sequence[Case], audits: Mapping[str, Audit]) -> list[DeadLog]:
+    """Over the rows that the published protocol scores, the MOST flights that dead rows make worst. Only flights whose
+    estimator stream the audit found dead there."""
     found = []
     for case in cases:
         flight, audit = case.flight, audits[case.flight.name]
@@ -36,10 +50,9 @@ def dead_logs(cases: Sequence[Case], audits: Mapping[str, Audit]) -> list[dict[s
         away = np.linalg.norm(estimator["x", "y", "z"][rows] - truth, axis=1)
         live = ~inside(dead, time_s)
         thin = np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(int))
-        found.append({"flight": flight.name, "speed": speed_of(flight), "t_s": np.round(time_s[thin], 3).tolist(),
-                      "error_m": np.round(away[thin], 4).tolist(),
-                      "dead": [[max(s.start_s, time_s[0]), min(s.end_s, time_s[-1])] for s in dead
-                               if s.end_s > time_s[0] and s.start_s < time_s[-1]],
-                      "live_rmse_m": float(np.sqrt(np.mean(away[live] ** 2))) if live.any() else None,
-                      "all_rmse_m": float(np.sqrt(np.mean(away**2)))})
-    return sorted(found, key=lambda one: -one["all_rmse_m"])[:MOST]
+        found.append(DeadLog(flight.name, speed_of(flight), np.round(time_s[thin], 3), np.round(away[thin], 4),
+                             [(max(s.start_s, time_s[0]), min(s.end_s, time_s[-1])) for s in dead
+                              if s.end_s > time_s[0] and s.start_s < time_s[-1]],
+                             float(np.sqrt(np.mean(away[live] ** 2))) if live.any() else None,
+                             float(np.sqrt(np.mean(away**2)))))
+    return sorted(found, key=lambda one: -one.all_rmse_m)[:MOST]

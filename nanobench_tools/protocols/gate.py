@@ -9,8 +9,7 @@ the real one, the lag behind them within LAG_S, and the median distance of the t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.signal import welch
@@ -19,14 +18,16 @@ from ..audit import Audit
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
+from ..metrics.statistics import Summary
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
+from ..result import INLINE, OPTIONAL, Result, named
 from ..settings import count, number
 from ..signals.radio_gaps import radio_gaps
 from .phases import is_cut, streamed_phase
 from .score_tables import summaries
 from .selection import distinct
-from .sessions import row_keys
+from .sessions import Drawn
 from .usable import MOCAP, MOTORS, usable
 
 RATIO, LAG_S, GAP_M = 0.10, 0.030, 0.05
@@ -56,6 +57,81 @@ STILL_M = number("tasks.gate.still_m")
 """Per 10 ms: a setpoint that moves less stands still."""
 PLANNED_M_S = number("tasks.gate.planned_m_s")
 """A planner climbs and sinks slower (2.19 m/s per m/s of mean speed); faster is a jump."""
+
+
+@dataclass(frozen=True, repr=False)
+class GateRow(Result):
+    """One flight flown again: what it did (``real``) and what the plant did (``sim``), SI.
+
+    pwm_mean: PWM ratio (flown, simulated) at one height; pwm_rms: the same by frequency band; reason: what fails, empty
+    for a flight that passes; clock_evidence: which streams set the clock of the recording.
+    """
+
+    flight: str
+    controller: str
+    duration_s: float
+    synthetic: bool
+    rmse_real_m: float
+    rmse_sim_m: float
+    ratio: float
+    lag_real_s: float
+    lag_sim_s: float
+    lag_diff_s: float
+    path_gap_m: float
+    z_bias_real_m: float
+    z_bias_sim_m: float
+    saturated_real_percent: float
+    saturated_sim_percent: float
+    pwm_mean: tuple[float, float] | None
+    pwm_rms: Mapping[str, tuple[float, float]]
+    passed: bool = field(default=True, metadata=named("pass"))
+    reason: str = ""
+    clock: str = field(default="", metadata=OPTIONAL)
+    clock_evidence: Sequence[str] | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, repr=False)
+class GateSummary(Result):
+    """Over n flights of one controller, or all: shares of flights that pass as a whole and in each quantity, medians,
+    whether the aim is reached (RMSE ratio on SHARE of flights, median lag difference and median gap); ``statistics``:
+    the shares' and means' intervals. ``off``: of absolute differences."""
+
+    n: int
+    drawn: Drawn | None = field(metadata=INLINE)
+    statistics: Mapping[str, Summary]
+    pass_share: float
+    ratio_share: float
+    lag_share: float
+    gap_share: float
+    ratio_median: float
+    ratio_off_median: float
+    ratio_off_p90: float
+    lag_diff_median_s: float
+    lag_off_median_s: float
+    path_gap_median_m: float
+    path_gap_p90_m: float
+    aim: bool
+
+
+@dataclass(frozen=True, repr=False)
+class FlownAgain(Result):
+    """Rows of the gate, and by name of the flight the simulated path [[s, x, y, z, qx, qy, qz, qw]]."""
+
+    rows: list[GateRow]
+    paths: dict[str, list[list[float]]]
+
+
+@dataclass(frozen=True, repr=False)
+class PicturedFlight(Result):
+    """One flight beside its simulation at 10 Hz: time_s (k,), positions (k, 3) m."""
+
+    flight: str
+    controller: str
+    synthetic: bool
+    time_s: np.ndarray
+    reference_m: np.ndarray
+    real_m: np.ndarray
+    simulated_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -149,7 +225,7 @@ def setpoints(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return place, yaw, velocity
 
 
-def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, Any]:
+def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> GateRow:
     """Row of the gate: simulated position (m, 3) and PWM ratios (m, 4) at ``case.time_s`` against the recording."""
     t = case.time_s
     real = case.flight["mocap"].interpolate(("px", "py", "pz"), t)
@@ -162,51 +238,49 @@ def score(case: Case, position_m: np.ndarray, motor: np.ndarray) -> dict[str, An
     level = steady & (np.abs(position_m[:, 2] - real[:, 2]) < LEVEL_M)
     bias = [float(np.mean((p - commanded)[steady, 2])) for p in (real, position_m)]
     full = [tracking.saturated_percent(u) for u in (flown, motor)]
-    row = {"flight": case.flight.name, "controller": case.controller, "duration_s": case.ticks * TICK_S,
-           "synthetic": case.flight.provenance.synthetic,
-           "rmse_real_m": rmse[0], "rmse_sim_m": rmse[1], "ratio": rmse[1] / rmse[0], "lag_real_s": lag[0],
-           "lag_sim_s": lag[1], "lag_diff_s": lag[1] - lag[0], "path_gap_m": gap, "z_bias_real_m": bias[0],
-           "z_bias_sim_m": bias[1], "saturated_real_percent": full[0], "saturated_sim_percent": full[1],
-           "pwm_mean": [float(u[level].mean()) for u in (flown, motor)] if level.sum() > LEVEL_TICKS else None,
-           "pwm_rms": {f"{low:g}-{high:g} Hz": [_band(u, low, high) for u in (flown, motor)] for low, high in BANDS_HZ}}
+    row = GateRow(
+        case.flight.name, case.controller, case.ticks * TICK_S, case.flight.provenance.synthetic,
+        rmse_real_m=rmse[0], rmse_sim_m=rmse[1], ratio=rmse[1] / rmse[0],
+        lag_real_s=lag[0], lag_sim_s=lag[1], lag_diff_s=lag[1] - lag[0], path_gap_m=gap,
+        z_bias_real_m=bias[0], z_bias_sim_m=bias[1], saturated_real_percent=full[0], saturated_sim_percent=full[1],
+        pwm_mean=(float(flown[level].mean()), float(motor[level].mean())) if level.sum() > LEVEL_TICKS else None,
+        pwm_rms={f"{low:g}-{high:g} Hz": (_band(flown, low, high), _band(motor, low, high)) for low, high in BANDS_HZ})
     reason = reason_of(row)
-    return {**row, "pass": not reason, "reason": reason}
+    return replace(row, passed=not reason, reason=reason)
 
 
-def pictured(rows: Sequence[Mapping[str, Any]], cases: Sequence[Case],
-             flown: Mapping[str, Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
-    """Of each controller the flight with the median gap and the one with the largest, at 10 Hz: {flight, controller,
-    synthetic, time_s, reference_m, real_m, simulated_m}. ``flown``: [s, x, y, z, ...] by name of the flight."""
+def pictured(rows: Sequence[GateRow], cases: Sequence[Case],
+             flown: Mapping[str, Sequence[Sequence[float]]]) -> list[PicturedFlight]:
+    """Of each controller the flight with the median gap and the one with the largest; ``flown``: [s, x, y, z, ...] by
+    name of the flight."""
     found, by_name = [], {case.flight.name: case for case in cases}
     for name in FLOWN:
-        mine = sorted((row for row in rows if row["controller"] == name and row["flight"] in flown),
-                      key=lambda row: row["path_gap_m"])
+        mine = sorted((row for row in rows if row.controller == name and row.flight in flown),
+                      key=lambda row: row.path_gap_m)
         for row in [mine[i] for i in sorted({len(mine) // 2, len(mine) - 1})] if mine else []:
-            path = np.array(flown[row["flight"]], float)
+            path = np.array(flown[row.flight], float)
             path = path[::max(1, round(SHOWN_S / (path[1, 0] - path[0, 0])))]
-            t, flight = path[:, 0], by_name[row["flight"]].flight
+            t, flight = path[:, 0], by_name[row.flight].flight
             real = flight["mocap"].interpolate(("px", "py", "pz"), t)
             commanded = flight["setpoint"].interpolate(("x", "y", "z"), t)
-            found.append({"flight": row["flight"], "controller": name, "synthetic": flight.provenance.synthetic,
-                          "time_s": np.round(t - t[0], 2).tolist(),
-                          **{key: np.round(value, 4).tolist() for key, value in (
-                              ("reference_m", commanded), ("real_m", real), ("simulated_m", path[:, 1:4]))}})
+            found.append(PicturedFlight(row.flight, name, flight.provenance.synthetic, np.round(t - t[0], 2),
+                                        *(np.round(x, 4) for x in (commanded, real, path[:, 1:4]))))
     return found
 
 
-def reason_of(row: Mapping[str, Any]) -> str:
+def reason_of(row: GateRow) -> str:
     """Which quantity fails and by how much; empty for a flight that passes."""
-    parts, word = [], "SYNTHETIC" if row["synthetic"] else "real"
-    if not abs(row["ratio"] - 1.0) <= RATIO:
-        parts.append(f"RMSE {row['rmse_sim_m']:.3f} m simulated, {row['rmse_real_m']:.3f} m {word}: "
-                     f"{100.0 * (row['ratio'] - 1.0):+.0f} %, allowed {100.0 * RATIO:.0f}")
-    if not abs(row["lag_diff_s"]) <= LAG_S:
-        parts.append(f"lag {1e3 * row['lag_sim_s']:.0f} ms simulated, {1e3 * row['lag_real_s']:.0f} ms {word}: "
-                     f"{1e3 * row['lag_diff_s']:+.0f} ms, allowed {1e3 * LAG_S:.0f}")
-    if not row["path_gap_m"] < GAP_M:
-        parts.append(f"paths {100.0 * row['path_gap_m']:.1f} cm apart, allowed {100.0 * GAP_M:.0f}")
-    if parts and row["pwm_mean"]:
-        flown, simulated = row["pwm_mean"]
+    parts, word = [], "SYNTHETIC" if row.synthetic else "real"
+    if not abs(row.ratio - 1.0) <= RATIO:
+        parts.append(f"RMSE {row.rmse_sim_m:.3f} m simulated, {row.rmse_real_m:.3f} m {word}: "
+                     f"{100.0 * (row.ratio - 1.0):+.0f} %, allowed {100.0 * RATIO:.0f}")
+    if not abs(row.lag_diff_s) <= LAG_S:
+        parts.append(f"lag {1e3 * row.lag_sim_s:.0f} ms simulated, {1e3 * row.lag_real_s:.0f} ms {word}: "
+                     f"{1e3 * row.lag_diff_s:+.0f} ms, allowed {1e3 * LAG_S:.0f}")
+    if not row.path_gap_m < GAP_M:
+        parts.append(f"paths {100.0 * row.path_gap_m:.1f} cm apart, allowed {100.0 * GAP_M:.0f}")
+    if parts and row.pwm_mean:
+        flown, simulated = row.pwm_mean
         if abs(simulated - flown) > PWM_OFF * flown:
             parts.append(f"motors at {100.0 * simulated:.1f} % simulated, {100.0 * flown:.1f} % {word}, at the same "
                          f"height: the plant lifts {'less' if simulated > flown else 'more'}")
@@ -227,32 +301,28 @@ def _band(motor: np.ndarray, low_hz: float, high_hz: float) -> float:
     return float(np.sqrt(np.mean(density[rows].sum(axis=0)) * (frequency[1] - frequency[0])))
 
 
-def summary(rows: Sequence[Mapping[str, Any]], sessions: Mapping[str, int] | None = None,
-            seed: int = 0) -> dict[str, dict[str, Any]]:
-    """Of each controller, and of ``all``: n, shares of flights that pass as a whole and in each quantity, medians, and
-    whether the aim (RMSE ratio on SHARE of flights, median lag difference and median gap) is reached; ``statistics``
-    has the shares' and means' intervals. sessions: label of every flight, by name."""
-    found: dict[str, dict[str, Any]] = {}
+def summary(rows: Sequence[GateRow], sessions: Mapping[str, int] | None = None,
+            seed: int = 0) -> dict[str, GateSummary]:
+    """Of each controller that flew, and of ``all``. sessions: label of every flight, by name."""
+    found: dict[str, GateSummary] = {}
     for name in (*FLOWN, "all"):
-        mine = [row for row in rows if name in ("all", row["controller"])]
+        mine = [row for row in rows if name in ("all", row.controller)]
         if not mine:
             continue
-        ratio, lag, gap = (np.array([row[key] for row in mine]) for key in ("ratio", "lag_diff_s", "path_gap_m"))
-        within = np.abs(ratio - 1.0) <= RATIO
-        labels = None if sessions is None else np.array([sessions[row["flight"]] for row in mine])
-        single = [{"pass_share": row["pass"], "ratio_share": w, "lag_share": abs(row["lag_diff_s"]) <= LAG_S,
-                   "gap_share": row["path_gap_m"] < GAP_M, **{key: row[key] for key in AVERAGED}}
-                  for row, w in zip(mine, within, strict=True)]
-        statistics = summaries(single, seed, labels)
-        keys = {} if labels is None else row_keys(labels, statistics)
-        found[name] = {
-            "n": len(mine), **keys, "statistics": statistics,
-            "pass_share": float(np.mean([row["pass"] for row in mine])),
-            "ratio_share": float(within.mean()), "lag_share": float(np.mean(np.abs(lag) <= LAG_S)),
-            "gap_share": float(np.mean(gap < GAP_M)), "ratio_median": float(np.median(ratio)),
-            "ratio_off_median": float(np.median(np.abs(ratio - 1.0))),
-            "ratio_off_p90": float(np.quantile(np.abs(ratio - 1.0), 0.9)), "lag_diff_median_s": float(np.median(lag)),
-            "lag_off_median_s": float(np.median(np.abs(lag))), "path_gap_median_m": float(np.median(gap)),
-            "path_gap_p90_m": float(np.quantile(gap, 0.9)),
-            "aim": bool(within.mean() >= SHARE and abs(np.median(lag)) <= LAG_S and np.median(gap) < GAP_M)}
+        ratio, lag, gap = np.array([(row.ratio, row.lag_diff_s, row.path_gap_m) for row in mine]).T
+        off, late = np.abs(ratio - 1.0), np.abs(lag)
+        passed = {"pass_share": np.array([row.passed for row in mine]), "ratio_share": off <= RATIO,
+                  "lag_share": late <= LAG_S, "gap_share": gap < GAP_M}
+        labels = None if sessions is None else np.array([sessions[row.flight] for row in mine])
+        statistics = summaries([{**{key: values[i] for key, values in passed.items()},
+                                 **{key: getattr(row, key) for key in AVERAGED}} for i, row in enumerate(mine)], seed,
+                               labels)
+        shares = {key: float(values.mean()) for key, values in passed.items()}
+        found[name] = GateSummary(
+            len(mine), None if labels is None else Drawn.of(labels, statistics), statistics, **shares,
+            ratio_median=float(np.median(ratio)), ratio_off_median=float(np.median(off)),
+            ratio_off_p90=float(np.quantile(off, 0.9)), lag_diff_median_s=float(np.median(lag)),
+            lag_off_median_s=float(np.median(late)), path_gap_median_m=float(np.median(gap)),
+            path_gap_p90_m=float(np.quantile(gap, 0.9)),
+            aim=bool(shares["ratio_share"] >= SHARE and abs(np.median(lag)) <= LAG_S and np.median(gap) < GAP_M))
     return found

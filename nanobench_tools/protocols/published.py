@@ -5,10 +5,30 @@ from __future__ import annotations
 import functools
 import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..result import OPTIONAL, Result
 from .least_sum import least_sum
+
+
+@dataclass(frozen=True, repr=False)
+class MeanStd(Result):
+    """A published score over flights, SI."""
+
+    mean: float
+    std: float | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, repr=False)
+class Published(Result):
+    """A published row beside ours: by metric a MeanStd; of Task 1 {horizon: error}, and as its sums are in no released
+    file, the least they can be, ``sum_at_least``. published_n: flights."""
+
+    published: Mapping[str, Any]
+    published_n: int | None
+
 
 RATE, ATTITUDE = "rate_mae_rad_s", "attitude_mae_rad"
 
@@ -19,20 +39,17 @@ def published() -> dict[str, Any]:
     return tomllib.loads((Path(__file__).with_name("published.toml")).read_text(encoding="utf-8"))
 
 
-def beside(row: dict[str, Any], task: str, kind: str, name: str) -> dict[str, Any]:
-    """``row`` with keys ``published`` ({metric: ...}; of Task 1, whose sums are in no released
-    file, with the least they can be, ``sum_at_least``) and ``published_n`` if the published table has such a row.
-
-    (task, kind, name) is (``task3``, ``groups``, ``Slow``), (``task2``, ``controllers``, ``pid``) or (``task1``,
-    ``models``, ``naive``).
-    """
+def beside(task: str, kind: str, name: str) -> Published | None:
+    """The published row of (task, kind, name), if the published table has it: (``task3``, ``groups``, ``Slow``),
+    (``task2``, ``controllers``, ``pid``) or (``task1``, ``models``, ``naive``)."""
     found = published()[task][kind].get(name)
     if found is None:
-        return row
+        return None
     metrics = {key: value for key, value in found.items() if key not in ("n", "holds")}
     if task == "task1":
-        metrics = {key: {**value, "sum_at_least": _least_sum(found, key)} for key, value in metrics.items()}
-    return {**row, "published": metrics, "published_n": found.get("n")}
+        return Published({key: {**value, "sum_at_least": _least_sum(found, key)} for key, value in metrics.items()},
+                         found.get("n"))
+    return Published({key: MeanStd(**value) for key, value in metrics.items()}, found.get("n"))
 
 
 def _least_sum(row: Mapping[str, Any], metric: str) -> float:

@@ -22,6 +22,7 @@ from .. import so3
 from ..errors import InputError
 from ..methods import Past, Prediction, Predictor, Windows
 from ..settings import number
+from .result_rows import Answer, AxisAnswer, CommandResponse
 from .task1 import Case
 from .windows import cut_windows
 
@@ -94,20 +95,14 @@ def answers(predictor: Predictor, windows: Windows) -> dict[str, np.ndarray]:
     return {"roll": turned[0, ..., 0], "pitch": turned[1, ..., 1], "yaw": turned[2, ..., 2], "thrust": lift}
 
 
-def command_response(cases: Sequence[Case], predictor: Predictor) -> dict[str, Any]:
-    """``command_response`` of a row: {roll, pitch, yaw, thrust: {sign, ratio, after_s, right_share}, windows, step,
-    vehicle}.
-
-    sign: ``right``, ``wrong`` (at any of AFTER_ROWS) or ``none``; after_s {"0.1", "0.2", "0.5": {answer, physics,
-    unit}} per ``step`` of PWM, mean over windows; ratio: answer over physics after SHOWN_S; right_share: of the windows
-    whose own answer then has the right sign. vehicle: a sentence, empty for one whose signs are all right. InputError
-    where there is no window.
-    """
+def command_response(cases: Sequence[Case], predictor: Predictor) -> CommandResponse:
+    """Means over windows. A sign is ``wrong`` if it is so at any of AFTER_ROWS; ratio and right_share are those after
+    SHOWN_S. InputError where there is no window."""
     windows = probed(cases, predictor.information == "past")
     if windows is None:
         raise InputError("command response", "no window to put a command into")
     mine, theirs = answers(predictor, windows), answers(reference(), replace(windows, past=None))
-    found: dict[str, Any] = {}
+    found: dict[str, AxisAnswer] = {}
     for name, answer in mine.items():
         unit = "m/s" if name == "thrust" else "rad/s"
         means = {s: (float(answer[:, rows - 1].mean()), float(theirs[name][:, rows - 1].mean()))
@@ -115,16 +110,15 @@ def command_response(cases: Sequence[Case], predictor: Predictor) -> dict[str, A
         ratios = [own / physics for own, physics in means.values()]
         sign = "wrong" if min(ratios) < -NONE else "right" if means[SHOWN_S][0] / means[SHOWN_S][1] > NONE else "none"
         own, physics = means[SHOWN_S]
-        found[name] = {"sign": sign, "ratio": own / physics,
-                       "after_s": {s: {"answer": a, "physics": p, "unit": unit} for s, (a, p) in means.items()},
-                       "right_share": float(np.mean(answer[:, AFTER_ROWS[SHOWN_S] - 1] > 0.0))}
-    return {**found, "windows": len(windows), "step": STEP, "vehicle": no_vehicle(found)}
+        found[name] = AxisAnswer(sign, own / physics, {s: Answer(a, p, unit) for s, (a, p) in means.items()},
+                                 float(np.mean(answer[:, AFTER_ROWS[SHOWN_S] - 1] > 0.0)))
+    return CommandResponse(windows=len(windows), step=STEP, vehicle=no_vehicle(found), **found)
 
 
-def no_vehicle(found: Mapping[str, Mapping[str, Any]]) -> str:
+def no_vehicle(found: Mapping[str, AxisAnswer]) -> str:
     """Why a predictor with these answers is no vehicle; empty for one that is."""
-    wrong = [name for name in MIX if found[name]["sign"] == "wrong"]
-    none = [name for name in MIX if found[name]["sign"] == "none"]
+    wrong = [name for name in MIX if found[name].sign == "wrong"]
+    none = [name for name in MIX if found[name].sign == "none"]
     parts = ([f"answers {', '.join(wrong)} with the wrong sign"] if wrong else []) + (
         [f"does not answer {', '.join(none)}"] if none else [])
     return f"no vehicle: {'; '.join(parts)}" if parts else ""

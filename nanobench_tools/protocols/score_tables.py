@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from ..labels import OTHER_FAMILIES
-from ..metrics.statistics import Labels, summary_table
+from ..metrics.statistics import Labels, Summary, summary_table
 
 
 def groups_of(family: str, speed: str | None) -> list[str]:
@@ -17,7 +16,7 @@ def groups_of(family: str, speed: str | None) -> list[str]:
 
 
 def summaries(scores: Iterable[Mapping[str, float | None]], seed: int = 0,
-              sessions: Labels = None) -> dict[str, dict[str, Any]]:
+              sessions: Labels = None) -> dict[str, Summary]:
     """{metric: summary over flights}; ``scores`` one {metric: value} per flight, ``sessions`` the session of each. None
     and nan count as undefined."""
     scores = list(scores)

@@ -6,13 +6,14 @@ They are found from the recordings' own stamps. A session begins where a recordi
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..metrics.statistics import FEW_SESSIONS, session_count, why_not
+from ..metrics.statistics import FEW_SESSIONS, Summary, session_count, why_not
+from ..result import OPTIONAL, Result, to_json
 from ..settings import number
 
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")
@@ -78,19 +79,27 @@ def sessions_of(recordings: Sequence[Any]) -> dict[str, int]:
     return Sessions.of(recordings).by_name(recordings)
 
 
-def row_keys(labels: np.ndarray | Sequence[int], metrics: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """{sessions, design_effect: {metric: ...}} of a row over flights of these sessions, from its summaries, and
-    ``ci_why`` where no interval of it is there or to be trusted."""
-    why = why_not(len(labels), labels)
-    return {"sessions": session_count(labels),
-            "design_effect": {name: found["design_effect"] for name, found in metrics.items()},
-            **({"ci_why": why} if why else {})}
+@dataclass(frozen=True, repr=False)
+class Drawn(Result):
+    """What the intervals of a row rest on: how many sessions its flights are of, the design effect of each metric, and
+    why no interval of it is there or to be trusted (empty: it is)."""
+
+    sessions: int | None
+    design_effect: Mapping[str, float | None]
+    ci_why: str = field(default="", metadata=OPTIONAL)
+
+    @classmethod
+    def of(cls, labels: np.ndarray | Sequence[int], metrics: Mapping[str, Summary]) -> Drawn:
+        """Of a row over flights of these sessions, from its summaries."""
+        return cls(session_count(labels), {name: found.design_effect for name, found in metrics.items()},
+                   why_not(len(labels), labels))
 
 
-def interval_note(rows: Iterable[Mapping[str, Any]], metrics: Sequence[str] = ()) -> str:
-    """What the intervals of a table are and how far to trust them, in sentences: of its ``rows`` with most flights,
-    over ``metrics`` (empty: all). Empty for rows that hold no sessions (results of before)."""
-    rows = [row for row in rows if "sessions" in row]
+def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
+    """What the intervals of a table are and how far to trust them, in sentences: of its ``rows`` (results, or what
+    their files hold) with most flights, over ``metrics`` (empty: all). Empty for rows that hold no sessions (results of
+    before)."""
+    rows = [row for row in to_json(list(rows)) if "sessions" in row]
     most = max((_flights(row) for row in rows), default=0)
     widest = [row for row in rows if _flights(row) == most]
     if not widest:

@@ -14,6 +14,7 @@ from ..metrics import tracking
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
 from ..practice.references import FAMILIES, ID_NAME, RECORDED, PathSpec, path_spec
+from ..result import OPTIONAL, Result
 
 TICK_S = 0.01
 HOVER_S, SETTLED_S = 4.0, 3.0
@@ -29,6 +30,114 @@ SAMPLED = 5
 MOST_LAG_S = 1.0
 LOST_M = 2.0
 """A vehicle further from its path is lost: it has diverged for good."""
+
+
+@dataclass(frozen=True, repr=False)
+class ErrorBar(Result):
+    """What the gate, over n flights ``of`` somewhere, says of a simulated RMSE: median and 90th percentile of how far
+    it is off, as a share of it, and the median distance of the two paths."""
+
+    rmse_share: float
+    rmse_share_p90: float
+    path_gap_m: float
+    n: int
+    of: str
+
+
+@dataclass(frozen=True, repr=False)
+class Recovery(Result):
+    """How far a disturbance took a vehicle from its undisturbed flight, and how long until it was back within BACK_M
+    for good (nan: not in this flight)."""
+
+    most_m: float
+    back_s: float
+
+
+@dataclass(frozen=True, repr=False)
+class SampledFlight(Result):
+    """The flight of the median plant at 20 Hz: time_s (k,), positions (k, 3) m, their distance (k,) m."""
+
+    controller: str
+    reference: str
+    speed_m_s: float | None
+    time_s: np.ndarray
+    reference_m: np.ndarray
+    flown_m: np.ndarray
+    error_m: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class Runs(Result):
+    """One controller on many plants: of every path the scores of every plant (or of every one of ``cases``); flights of
+    the median plant, commands by the time they took, commands that were replaced, and on the first path every plant's
+    recovery."""
+
+    controller: str
+    information: str
+    runs: list[list[dict[str, float]]]
+    paths: list[SampledFlight] = field(default_factory=list)
+    call_counts: list[int] | None = None
+    replaced: Mapping[str, int] = field(default_factory=dict)
+    gust: list[Recovery] | None = None
+    outage: list[Recovery] | None = None
+    cases: Sequence[str] = ()
+
+
+@dataclass(frozen=True, repr=False)
+class SolveTimes(Result):
+    """How many commands of a controller took how long: edges_ms (E,), counts (E - 1,)."""
+
+    controller: str
+    edges_ms: np.ndarray
+    counts: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class Quantiles(Result):
+    """Over plants."""
+
+    median: float
+    p90: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Quantiles:
+        return cls(_quantile(np.array(values, float), 0.5), _quantile(np.array(values, float), 0.9))
+
+
+@dataclass(frozen=True, repr=False)
+class SimulatedRow(Result):
+    """One controller on n plants along one path: ``metrics`` are medians, but for ``worst_decile_m``, the RMSE that one
+    plant in ten exceeds, and the share of lost ones; gust and outage: recovery, on the first path."""
+
+    plant: str
+    controller: str
+    reference: str
+    speed_m_s: float | None
+    information: str
+    n: int
+    metrics: Mapping[str, float]
+    statistics: Mapping[str, Quantiles]
+    error_bar: ErrorBar | None
+    replaced: Mapping[str, int]
+    gust: Mapping[str, Quantiles] | None = field(default=None, metadata=OPTIONAL)
+    outage: Mapping[str, Quantiles] | None = field(default=None, metadata=OPTIONAL)
+    radio_delay_s: float = 0.0
+    wind_m_s: float = 0.0
+    radio_silent_percent: float = 0.0
+
+
+@dataclass(frozen=True, repr=False)
+class MismatchRow(Result):
+    """One controller along one path on a plant that is something else than it was told."""
+
+    plant: str
+    case: str
+    controller: str
+    reference: str
+    speed_m_s: float | None
+    information: str
+    n: int
+    metrics: Mapping[str, float]
 
 
 def specs_of(names: Sequence[str], speeds: Sequence[float], seconds: float = SECONDS) -> list[PathSpec]:
@@ -108,15 +217,13 @@ def score(flown: Any, paths: Paths, plants: int, period_s: float) -> list[list[d
     return found
 
 
-def solve_times(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """{controller, edges_ms (E,), counts (E - 1,)}: how many commands took how long, over all results of a controller;
-    the first and the last bin hold what is beyond."""
+def solve_times(results: Sequence[Runs]) -> list[SolveTimes]:
+    """Over all results of a controller; the first and the last bin hold what is beyond."""
     found: dict[str, np.ndarray] = {}
     for result in results:
-        if "call_counts" in result:
-            found[result["controller"]] = found.get(result["controller"], 0) + np.array(result["call_counts"], int)
-    return [{"controller": name, "edges_ms": CALL_EDGES_MS.tolist(), "counts": counts.tolist()}
-            for name, counts in found.items()]
+        if result.call_counts is not None:
+            found[result.controller] = found.get(result.controller, 0) + np.array(result.call_counts, int)
+    return [SolveTimes(name, CALL_EDGES_MS, counts) for name, counts in found.items()]
 
 
 def call_counts(call_s: np.ndarray) -> list[int]:
@@ -154,22 +261,21 @@ def _contour(position: np.ndarray, goal: np.ndarray) -> np.ndarray:
     return tracking.contour_errors(_bounded(position), goal)
 
 
-def sampled(flown: Any, paths: Paths, plants: int) -> list[dict[str, Any]]:
-    """Of every path the flight of the median plant at 20 Hz: {time_s, reference_m, flown_m, error_m}."""
+def sampled(controller: str, flown: Any, paths: Paths, plants: int) -> list[SampledFlight]:
+    """Of every path the flight of the median plant."""
     found = []
-    for k in range(len(paths.specs)):
+    for k, spec in enumerate(paths.specs):
         rows = slice(round(HOVER_S / TICK_S), paths.scored(k).stop, SAMPLED)
         goal, flew = paths.all[0][rows, k], _bounded(flown.position_m[rows, k * plants])
         away = tracking.position_errors(flew, goal)
-        found.append({"time_s": np.round(paths.time_s[rows] - HOVER_S, 3).tolist(),
-                      "reference_m": np.round(goal, 4).tolist(), "flown_m": np.round(flew, 4).tolist(),
-                      "error_m": np.round(away, 5).tolist()})
+        found.append(SampledFlight(controller, spec.family, spec.params.get("speed_mps"),
+                                   np.round(paths.time_s[rows] - HOVER_S, 3), np.round(goal, 4), np.round(flew, 4),
+                                   np.round(away, 5)))
     return found
 
 
-def recovery(bent_m: np.ndarray, calm_m: np.ndarray, time_s: np.ndarray, begin_s: float) -> list[dict[str, float]]:
-    """Of every plant: how far a disturbance begun at begin_s took it from its undisturbed flight [m], and how long
-    until it was back within BACK_M for good [s] (nan: not in this flight). Both (m, n, 3) at time_s (m,)."""
+def recovery(bent_m: np.ndarray, calm_m: np.ndarray, time_s: np.ndarray, begin_s: float) -> list[Recovery]:
+    """Of every plant, from a disturbance begun at begin_s. Both (m, n, 3) at time_s (m,)."""
     rows = time_s >= begin_s
     away = np.linalg.norm(bent_m[rows] - calm_m[rows], axis=2)
     t = time_s[rows] - begin_s
@@ -177,48 +283,37 @@ def recovery(bent_m: np.ndarray, calm_m: np.ndarray, time_s: np.ndarray, begin_s
     for one in away.T:
         out = np.flatnonzero(~(one < BACK_M))
         back = 0.0 if not len(out) else float(t[out[-1]]) if out[-1] + 1 < len(t) else float("nan")
-        found.append({"most_m": float(np.nan_to_num(one, nan=LIMIT_M).max()), "back_s": back})
+        found.append(Recovery(float(np.nan_to_num(one, nan=LIMIT_M).max()), back))
     return found
 
 
-def tabulate(results: Sequence[Mapping[str, Any]], specs: Sequence[PathSpec],
-             error_bar: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
-    """Rows {plant, controller, reference, speed_m_s, information, n, metrics, statistics, error_bar, gust, outage}.
-
-    ``metrics`` are medians over the ensemble and ``worst_decile_m`` the RMSE that one plant in ten exceeds;
-    ``statistics`` has median and p90 of each; error_bar is the gate's.
-    """
+def tabulate(results: Sequence[Runs], specs: Sequence[PathSpec], error_bar: ErrorBar | None = None,
+             radio_delay_s: float = 0.0, wind_m_s: float = 0.0,
+             radio_silent_percent: float = 0.0) -> list[SimulatedRow]:
+    """A row for each controller and path."""
     rows = []
     for result in results:
         for k, spec in enumerate(specs):
-            plants = result["runs"][k]
-            names = list(plants[0])
-            values = {name: np.array([np.nan if p[name] is None else p[name] for p in plants], float) for name in names}
-            statistics = {name: {"median": _quantile(v, 0.5), "p90": _quantile(v, 0.9)} for name, v in values.items()}
-            row = {"plant": "simulated", "controller": result["controller"], "reference": spec.family,
-                   "speed_m_s": spec.params.get("speed_mps"), "information": result["information"], "n": len(plants),
-                   "metrics": {**{name: s["median"] for name, s in statistics.items()},
-                               "worst_decile_m": statistics["rmse_m"]["p90"], "median_plant_m": plants[0]["rmse_m"],
-                               "lost_percent": float(np.mean(values["lost_percent"]))},
-                   "statistics": statistics, "error_bar": dict(error_bar) if error_bar else None,
-                   "replaced": result.get("replaced", {})}
-            for what in ("gust", "outage"):
-                if k == 0 and what in result:
-                    table = {name: np.array([np.nan if p[name] is None else p[name] for p in result[what]], float)
-                             for name in ("most_m", "back_s")}
-                    row[what] = {name: {"median": _quantile(v, 0.5), "p90": _quantile(v, 0.9)}
-                                 for name, v in table.items()}
-            rows.append(row)
+            plants = result.runs[k]
+            statistics = {name: Quantiles.of([p[name] for p in plants]) for name in plants[0]}
+            lost = float(np.mean(np.array([p["lost_percent"] for p in plants], float)))
+            bent = {what: {name: Quantiles.of([getattr(p, name) for p in found]) for name in ("most_m", "back_s")}
+                    for what in ("gust", "outage") if k == 0 and (found := getattr(result, what)) is not None}
+            rows.append(SimulatedRow(
+                "simulated", result.controller, spec.family, spec.params.get("speed_mps"), result.information,
+                len(plants), {**{name: s.median for name, s in statistics.items()},
+                              "worst_decile_m": statistics["rmse_m"].p90, "median_plant_m": plants[0]["rmse_m"],
+                              "lost_percent": lost},
+                statistics, error_bar, result.replaced, **bent, radio_delay_s=radio_delay_s, wind_m_s=wind_m_s,
+                radio_silent_percent=radio_silent_percent))
     return rows
 
 
-def tabulate_cases(result: Mapping[str, Any], specs: Sequence[PathSpec]) -> list[dict[str, Any]]:
-    """Rows {plant: mismatch, case, controller, reference, speed_m_s, information, n: 1, metrics} of one controller on
-    plants that are each something else than it was told."""
-    return [{"plant": "mismatch", "case": case, "controller": result["controller"], "reference": spec.family,
-             "speed_m_s": spec.params.get("speed_mps"), "information": result["information"], "n": 1,
-             "metrics": {**result["runs"][k][i], "worst_decile_m": result["runs"][k][i]["rmse_m"]}}
-            for i, case in enumerate(result["cases"]) for k, spec in enumerate(specs)]
+def tabulate_cases(result: Runs, specs: Sequence[PathSpec]) -> list[MismatchRow]:
+    """Rows of one controller on plants that are each something else than it was told."""
+    return [MismatchRow("mismatch", case, result.controller, spec.family, spec.params.get("speed_mps"),
+                        result.information, 1, {**(one := result.runs[k][i]), "worst_decile_m": one["rmse_m"]})
+            for i, case in enumerate(result.cases) for k, spec in enumerate(specs)]
 
 
 def _quantile(values: np.ndarray, share: float) -> float:

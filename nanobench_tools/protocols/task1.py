@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,8 +18,10 @@ from ..labels import family_of, speed_of
 from ..methods import Prediction, Predictor
 from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
 from ..metrics.statistics import design_effect, pooled_interval
+from ..result import INLINE, OPTIONAL, Result
 from .phases import flown_spans, is_cut
-from .published import beside
+from .published import Published, beside
+from .result_rows import ClockRatios, CommandResponse, Ratios
 from .selection import apart, distinct
 from .sessions import Sessions
 from .usable import MOCAP, MOTORS, usable
@@ -50,6 +51,65 @@ class Case:
     spans: tuple[Span, ...]
     groups: tuple[str, ...]
     recorded: Flight | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class WindowErrors(Result):
+    """Of one predictor on one flight: how many windows, and by metric the sums over them of the error at h = 1..50; of
+    a whole flight the same by group of battery voltage."""
+
+    windows: int
+    sums: dict[str, list[float]]
+    battery: dict[str, WindowErrors] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class PredictionRow(Result):
+    """One model on one group of windows: metrics {name: {"1", "10", "50", "sum"}} are means over windows; ci95 the same
+    over sessions and flights, None where ``ci_why`` says why; design_effect of the flights' means. Of the group ``all``
+    also curve {name: [h = 1..50]} and the answer to commands. fit: what is said of a fitted model."""
+
+    model: str
+    information: str
+    truth: str
+    group: str
+    n_windows: int
+    n_flights: int
+    sessions: int | None
+    metrics: Mapping[str, Mapping[str, float]]
+    ci95: Mapping[str, Mapping[str, tuple[float, float] | None]]
+    design_effect: Mapping[str, Mapping[str, float | None]]
+    ci_why: str = field(default="", metadata=OPTIONAL)
+    curve: Mapping[str, list[float]] | None = field(default=None, metadata=OPTIONAL)
+    published: Published | None = field(default=None, metadata=INLINE)
+    start: str = "centred"
+    ratios: Ratios | None = field(default=None, metadata=INLINE)
+    clock: str = field(default="", metadata=OPTIONAL)
+    clock_evidence: Sequence[str] | None = field(default=None, metadata=OPTIONAL)
+    fit: Fitted | Exported | None = field(default=None, metadata=INLINE)
+    command_response: CommandResponse | None = field(default=None, metadata=OPTIONAL)
+    clock_ratios: ClockRatios | None = field(default=None, metadata=INLINE)
+
+    @property
+    def trouble(self) -> str:
+        """Why a fit is no result; empty for one that is."""
+        return self.fit.trouble if isinstance(self.fit, Fitted) else ""
+
+
+@dataclass(frozen=True, repr=False)
+class Fitted(Result):
+    """Of a fitted model: why it is no result, what it uses, and what every training flight had of its own."""
+
+    trouble: str
+    uses: str
+    nuisances_in_training: Sequence[str]
+
+
+@dataclass(frozen=True, repr=False)
+class Exported(Result):
+    """Of a model as its file holds it."""
+
+    uses: str
 
 
 @dataclass(frozen=True)
@@ -147,10 +207,9 @@ def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str
     return cases
 
 
-def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") -> dict[str, Any]:
-    """{windows: n, sums: {metric: [sum over windows of the error at h = 1..50]}, battery: {group: {windows, sums}}} of
-    one predictor on one flight; ``start``: as of ``cut_windows``. The streams before the start are given to predictors
-    of class ``past`` alone.
+def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") -> WindowErrors:
+    """Of one predictor on one flight; ``start``: as of ``cut_windows``. The streams before the start are given to
+    predictors of class ``past`` alone.
 
     Raises InputError that names predictor and flight when the prediction has the wrong shape, is not
     finite, or holds quaternions that are not of unit length.
@@ -159,7 +218,7 @@ def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") 
     cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past", start=start,
                       recorded=case.recorded)
     if cut is None:
-        return {"windows": 0, "sums": {name: [0.0] * HORIZON for name in QUANTITIES}, "battery": {}}
+        return WindowErrors(0, {name: [0.0] * HORIZON for name in QUANTITIES})
     windows, true = cut
     found = predictor.predict(windows)
     try:
@@ -176,12 +235,12 @@ def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") 
         raise InputError(place, f"predictor {predictor.name} predicted a quaternion of length {worst:.4g}",
                          f"lengths have to be 1 within {UNIT_WITHIN}")
     level = np.searchsorted(BATTERY_V, windows.battery_V[:, 0])
-    return {**_sums(errors, np.ones(len(windows), bool)),
-            "battery": {battery_group(i): _sums(errors, level == i) for i in np.unique(level)}}
+    return replace(_sums(errors, np.ones(len(windows), bool)),
+                   battery={battery_group(i): _sums(errors, level == i) for i in np.unique(level)})
 
 
-def _sums(errors: Mapping[str, np.ndarray], mine: np.ndarray) -> dict[str, Any]:
-    return {"windows": int(mine.sum()), "sums": {name: e[mine].sum(axis=0).tolist() for name, e in errors.items()}}
+def _sums(errors: Mapping[str, np.ndarray], mine: np.ndarray) -> WindowErrors:
+    return WindowErrors(int(mine.sum()), {name: e[mine].sum(axis=0).tolist() for name, e in errors.items()})
 
 
 def battery_group(level: int) -> str:
@@ -195,28 +254,25 @@ def battery_group(level: int) -> str:
     return f"battery {BATTERY_V[level - 1]}-{BATTERY_V[level]} V"
 
 
-def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapping[str, Any]]],
-             seed: int = 0, sessions: Sessions | None = None) -> list[dict[str, Any]]:
-    """Rows {model, information, truth, group, n_windows, n_flights, sessions, metrics, ci95, design_effect, ci_why}.
-
-    ``metrics`` {name: {"1", "10", "50", "sum"}}; ``ci95`` the same with [lo, hi] over sessions and flights, None where
-    ``ci_why`` says why; ``design_effect`` the same of the flights' means. Groups are ``all``, seen and unseen families,
-    each family, each speed, and battery voltages at the start of the windows; the row of ``all`` has ``curve`` {name:
-    [h = 1..50]} too. sessions: of all recordings of the run; None: of the scored ones alone."""
+def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, WindowErrors]],
+             seed: int = 0, sessions: Sessions | None = None, start: str = "centred") -> list[PredictionRow]:
+    """Groups are ``all``, seen and unseen families, each family, each speed, and battery voltages at the start of the
+    windows. sessions: of all recordings of the run; None: of the scored ones alone. Beside the published start stands
+    the published table."""
     rows = []
-    scored = [(case, value) for case, value in scored if value["windows"]]
+    scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
     ranks = max((len(case.groups) for case, _ in scored), default=0)
     groups = [g for rank in range(ranks) for case, _ in scored for g in case.groups[rank:rank + 1]]
-    levels = sorted({g for _, value in scored for g in value["battery"]}, key=_battery_rank)
+    levels = sorted({g for _, value in scored for g in value.battery}, key=_battery_rank)
     for group in dict.fromkeys([*groups, *levels]):
         found = [(case, value) for case, value in scored if group in case.groups] or [
-            (case, value["battery"][group]) for case, value in scored if group in value["battery"]]
+            (case, value.battery[group]) for case, value in scored if group in value.battery]
         members, labels = [value for _, value in found], sessions.labels(case.flight for case, _ in found)
-        counts = np.array([value["windows"] for value in members])
+        counts = np.array([value.windows for value in members])
         metrics, intervals, effects = {}, {}, {}
         for name in QUANTITIES:
-            sums = np.array([value["sums"][name] for value in members])
+            sums = np.array([value.sums[name] for value in members])
             with_total = np.concatenate([sums, sums.sum(axis=1, keepdims=True)], axis=1)
             metrics[name] = multi_horizon(sums.sum(axis=0) / counts.sum())
             keys = {**{str(h): h - 1 for h in HORIZONS}, "sum": HORIZON}
@@ -225,16 +281,14 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Mapp
             effect = design_effect(shown / counts[:, None], labels)
             intervals[name] = {key: interval.ends(i) for i, key in enumerate(keys)}
             effects[name] = {key: None if effect is None else float(effect[i]) for i, key in enumerate(keys)}
-        row = {"model": predictor.name, "information": predictor.information, "truth": truth, "group": group,
-               "n_windows": int(counts.sum()), "n_flights": len(members), "sessions": interval.sessions,
-               "metrics": metrics, "ci95": intervals, "design_effect": effects,
-               **({"ci_why": interval.why} if interval.why else {})}
-        if group == "all":
-            row["curve"] = {name: (np.sum([value["sums"][name] for value in members], axis=0) / counts.sum()).tolist()
-                            for name in QUANTITIES}
-        if (truth, group) == ("onboard", "all"):
-            row = beside(row, "task1", "models", predictor.name)
-        rows.append(row)
+        curve = {name: (np.sum([value.sums[name] for value in members], axis=0) / counts.sum()).tolist()
+                 for name in QUANTITIES} if group == "all" else None
+        as_published = (truth, group, start) == ("onboard", "all", "centred")
+        rows.append(PredictionRow(
+            model=predictor.name, information=predictor.information, truth=truth, group=group,
+            n_windows=int(counts.sum()), n_flights=len(members), sessions=interval.sessions, metrics=metrics,
+            ci95=intervals, design_effect=effects, ci_why=interval.why, curve=curve, start=start,
+            published=beside("task1", "models", predictor.name) if as_published else None))
     return rows
 
 

@@ -8,7 +8,7 @@ logs are good. Both are ``as flown``: the controllers got position setpoints wit
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,14 @@ from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
 from ..labels import UNKNOWN, family_of, speed_of
 from ..metrics import tracking
+from ..metrics.statistics import Summary
 from ..metrics.trajectory import rms
+from ..result import INLINE, OPTIONAL, Result
 from .phases import is_cut, tracking_spans
-from .published import beside
+from .published import Published, beside
 from .score_tables import summaries
 from .selection import distinct
-from .sessions import Sessions, row_keys
+from .sessions import Drawn, Sessions
 from .usable import MOCAP, MOTORS, usable
 
 PROTOCOLS = ("as-published", "clean")
@@ -59,6 +61,38 @@ class Case:
     spans: tuple[Span, ...]
     reference: str
     speed: str | None
+
+
+@dataclass(frozen=True, repr=False)
+class Tracked(Result):
+    """Scores of one recording over so many rows; reference_speed_m_s: the median speed of its setpoints."""
+
+    rows: int
+    metrics: Mapping[str, float | None]
+    reference_speed_m_s: float | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class TrackingRow(Result):
+    """One controller as flown, over n flights: ``metrics`` are means, ``statistics`` their summaries. ``dropped``:
+    flights the published rows leave out, with an RMSE above DROPPED_ABOVE_M."""
+
+    plant: str
+    protocol: str
+    controller: str
+    reference: str
+    speed: str | None
+    speed_m_s: float | None
+    information: str
+    n: int
+    flights: Sequence[str]
+    dropped: Sequence[str]
+    drawn: Drawn = field(metadata=INLINE)
+    metrics: Mapping[str, float | None]
+    statistics: Mapping[str, Summary]
+    published: Published | None = field(default=None, metadata=INLINE)
+    clock: str = field(default="", metadata=OPTIONAL)
+    clock_evidence: Sequence[str] | None = field(default=None, metadata=OPTIONAL)
 
 
 def check_protocol(name: str) -> None:
@@ -99,8 +133,8 @@ def _cases(flight: Flight, audit: Audit, protocol: str) -> list[Case]:
     return [Case(flight, audit.controller, protocol, spans, family if family != UNKNOWN else "path", speed_of(flight))]
 
 
-def score(case: Case) -> dict[str, Any]:
-    """{metrics: {name: value}, rows} of one recording."""
+def score(case: Case) -> Tracked:
+    """Of one recording."""
     return score_published(case.flight) if case.protocol == "as-published" else score_tracking(case)
 
 
@@ -113,7 +147,7 @@ def _rows(flight: Flight) -> tuple[np.ndarray, ...]:
     return mocap.time_s, mocap["px", "py", "pz"], mocap["vx", "vy", "vz"], target, yaw, target_yaw
 
 
-def score_published(flight: Flight) -> dict[str, Any]:
+def score_published(flight: Flight) -> Tracked:
     """The published formulas with their faults, over the first to the last row with a setpoint."""
     time_s, position, velocity, setpoint, yaw, setpoint_yaw = _rows(flight)
     given = np.flatnonzero(np.linalg.norm(setpoint, axis=1) > SETPOINT_M)
@@ -121,14 +155,14 @@ def score_published(flight: Flight) -> dict[str, Any]:
         raise InputError(flight.provenance.path, "has no setpoint away from the origin")
     k = slice(given[0], given[-1] + 1)
     errors = tracking.position_errors(position[k], setpoint[k])
-    return {"rows": len(errors), "metrics": {
+    return Tracked(len(errors), {
         "rmse_m": rms(errors), "ade_m": float(errors.mean()),
         "velocity_rmse_m_s": tracking.published_velocity_rmse(time_s[k], velocity[k], setpoint[k]),
         "heading_deg": tracking.published_heading_error_deg(yaw[k], np.degrees(setpoint_yaw[k])),
-        "divergence_percent": tracking.divergence_percent(errors)}}
+        "divergence_percent": tracking.divergence_percent(errors)})
 
 
-def score_tracking(case: Case) -> dict[str, Any]:
+def score_tracking(case: Case) -> Tracked:
     """Tracking metrics over the streamed phase, angles in one unit, setpoint velocity without steps.
 
     ``rmse_lag_removed_m`` is left after the one best shift ``lag_s`` of the reference; ``contour_rmse_m`` is the
@@ -143,8 +177,7 @@ def score_tracking(case: Case) -> dict[str, Any]:
     lag_s, left_m = tracking.lag(time_s[whole], position[whole], setpoint[whole])
     stream = case.flight["motor"]
     motor = stream["m1", "m2", "m3", "m4"][inside(case.spans, stream.time_s)]
-    return {"rows": len(errors), "reference_speed_m_s": float(np.median(np.linalg.norm(target_speed, axis=1))),
-            "metrics": {
+    return Tracked(len(errors), {
         "rmse_m": rms(errors), "ade_m": float(errors.mean()),
         "velocity_rmse_m_s": tracking.velocity_rmse(velocity[whole], target_speed),
         "heading_deg": tracking.heading_error_deg(yaw[rows], setpoint_yaw[rows]),
@@ -154,35 +187,33 @@ def score_tracking(case: Case) -> dict[str, Any]:
         "worst_decile_m": tracking.worst_decile(errors),
         "z_bias_m": float(np.mean(position[rows, 2] - setpoint[rows, 2])),
         "solve_p99_ms": None,
-        "saturated_percent": tracking.saturated_percent(motor)}}
+        "saturated_percent": tracking.saturated_percent(motor)},
+        float(np.median(np.linalg.norm(target_speed, axis=1))))
 
 
-def tabulate(scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
-             sessions: Sessions | None = None) -> list[dict[str, Any]]:
-    """Rows {plant, controller, reference, speed, speed_m_s, information, n, flights, dropped, metrics, statistics}.
-
-    ``metrics`` are means over flights, ``statistics`` their summaries. The published rows drop a flight with an RMSE
-    above DROPPED_ABOVE_M, as was published; ``dropped`` names it. sessions: of all recordings of the run; None: of the
-    scored ones alone.
-    """
+def tabulate(scored: Sequence[tuple[Case, Tracked]], seed: int = 0,
+             sessions: Sessions | None = None) -> list[TrackingRow]:
+    """A row for each protocol, reference, speed and controller. sessions: of all recordings of the run; None: of the
+    scored ones alone."""
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
-    groups: dict[Group, list[tuple[Case, Mapping[str, Any]]]] = {}
+    groups: dict[Group, list[tuple[Case, Tracked]]] = {}
     for case, value in scored:
         groups.setdefault((case.protocol, case.reference, case.speed, case.controller), []).append((case, value))
     rows = []
     for (protocol, reference, speed, controller), members in sorted(groups.items(), key=_order):
+        published = protocol == "as-published"
         dropped = [case.flight.name for case, value in members
-                   if protocol == "as-published" and value["metrics"]["rmse_m"] > DROPPED_ABOVE_M]
+                   if published and (value.metrics["rmse_m"] or 0.0) > DROPPED_ABOVE_M]
         kept = [(case, value) for case, value in members if case.flight.name not in dropped]
         if not kept:
             continue
         labels = sessions.labels(case.flight for case, _ in kept)
-        found = summaries([value["metrics"] for _, value in kept], seed, labels)
-        row = {"plant": "real", "protocol": protocol, "controller": controller, "reference": reference,
-               "speed": speed, "speed_m_s": _speed(kept), "information": "as flown", "n": len(kept),
-               "flights": [case.flight.name for case, _ in kept], "dropped": dropped, **row_keys(labels, found),
-               "metrics": {name: value["mean"] for name, value in found.items()}, "statistics": found}
-        rows.append(beside(row, "task2", "controllers", controller) if protocol == "as-published" else row)
+        found = summaries([value.metrics for _, value in kept], seed, labels)
+        rows.append(TrackingRow(
+            "real", protocol, controller, reference, speed, _speed(kept), "as flown", len(kept),
+            [case.flight.name for case, _ in kept], dropped, Drawn.of(labels, found),
+            {name: value.mean for name, value in found.items()}, found,
+            beside("task2", "controllers", controller) if published else None))
     return rows
 
 
@@ -193,9 +224,9 @@ def _order(group: tuple[Group, Any]) -> tuple[str, str, int, int, str]:
     return protocol, reference, ("slow", "medium", "fast", None).index(speed), order, controller
 
 
-def _speed(members: Sequence[tuple[Case, Mapping[str, Any]]]) -> float | None:
+def _speed(members: Sequence[tuple[Case, Tracked]]) -> float | None:
     """Reference speed [m/s]: of the sheets if they say, else the median speed of the setpoints."""
     reported = [case.flight.metadata.get("reference_speed_m_s") for case, _ in members]
-    found = [s for s in reported if s is not None] or [v["reference_speed_m_s"] for _, v in members
-                                                   if "reference_speed_m_s" in v]
+    found = [s for s in reported if s is not None] or [v.reference_speed_m_s for _, v in members
+                                                   if v.reference_speed_m_s is not None]
     return float(np.median(found)) if found else None

@@ -2,7 +2,7 @@
 
 ``as-published``: the published table with its faults. ``as-published-corrected``: the same recordings and formulas
 with the three faults mended (log tails cut, copies dropped, one unit for angles). ``clean``: every distinct
-recording, airborne and free of logging faults. All functions are pure: flights and audits in, dicts out.
+recording, airborne and free of logging faults. All functions are pure: flights and audits in, results out.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 
@@ -28,10 +28,11 @@ from ..signals.onboard_estimate import OnboardEkf
 from ..sources.trajectory_file import TrajectoryFile
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
+from .result_rows import EstimateRow, Scored
 from .score_tables import group_order, groups_of, summaries
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
-from .sessions import Sessions, row_keys
+from .sessions import Drawn, Sessions
 from .usable import MOCAP, POSE, cut_by, missing, usable
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
@@ -234,16 +235,12 @@ def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
     return later, rows
 
 
-def score(case: Case, method: Estimator, protocol: str) -> dict[str, Any]:
-    """Raw scores of one estimator on one recording: {metrics: {name: value}, rows, dropped, trajectory: (k, 8)}.
-
-    ``dropped`` counts stamps without truth; ``trajectory`` holds the scored rows: t [s from the first row], position
-    [m], quaternion. nan where a metric is not defined. Raises InputError when nothing can be scored.
-    """
+def score(case: Case, method: Estimator, protocol: str) -> Scored:
+    """Raw scores of one estimator on one recording. Raises InputError when nothing can be scored."""
     return score_given(case, method, protocol, given_to(case, method), case.spans[0].start_s + GIVEN_S)
 
 
-def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, given_s: float) -> dict[str, Any]:
+def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, given_s: float) -> Scored:
     """``score`` of the estimate that ``method`` makes of ``flight``, on the rows of the case after ``given_s``."""
     place = case.flight.provenance.path
     estimate = checked(method.estimate(flight), method.name, place)
@@ -268,8 +265,7 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
         metrics |= attitude_metrics(q, truth.quaternion)
         metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
         metrics |= consistency_metrics(estimate, rows, truth.position_m)
-    return {"metrics": metrics, "rows": len(rows), "dropped": truth.dropped,
-            "trajectory": np.column_stack([t, p, q])}
+    return Scored(metrics, len(rows), truth.dropped, np.column_stack([t, p, q]))
 
 
 def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
@@ -289,11 +285,10 @@ def given_and_trained(method: Estimator, given: str) -> str:
     return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported
 
 
-def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapping[str, Any]]], seed: int = 0,
-             given: str = GIVEN, sessions: Sessions | None = None) -> list[dict[str, Any]]:
-    """Rows of one method: one per group, with n, flights, what was given, and a summary over flights per metric.
-
-    sessions: of all recordings of the run; None: of the scored ones alone."""
+def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Scored]], seed: int = 0,
+             given: str = GIVEN, sessions: Sessions | None = None, aiding: Mapping[str, float] | None = None
+             ) -> list[EstimateRow]:
+    """Rows of one method, one per group. sessions: of all recordings of the run; None: of the scored ones alone."""
     rows = []
     known = is_logged(method)
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
@@ -301,12 +296,12 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Mapp
         members = [(case, value) for case, value in scored if group in case.groups]
         notes = dict.fromkeys(case.note for case, _ in members if case.note)
         labels = sessions.labels(case.flight for case, _ in members)
-        metrics = summaries([value["metrics"] for _, value in members], seed, labels)
-        row = {"protocol": protocol, "method": method.name, "causal": getattr(method, "causal", None),
-               "group": group, "n": len(members), "flights": [case.flight.name for case, _ in members],
-               "given": "; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
-               "dropped_stamps": sum(value["dropped"] for _, value in members),
-               **row_keys(labels, metrics), "metrics": metrics}
+        metrics = summaries([value.metrics for _, value in members], seed, labels)
         as_was = protocol == "as-published" and known and not notes
-        rows.append(beside(row, "task3", "groups", group) if as_was else row)
+        rows.append(EstimateRow(
+            protocol=protocol, method=method.name, causal=getattr(method, "causal", None), group=group, n=len(members),
+            flights=[case.flight.name for case, _ in members],
+            given="; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
+            dropped_stamps=sum(value.dropped for _, value in members), drawn=Drawn.of(labels, metrics), metrics=metrics,
+            published=beside("task3", "groups", group) if as_was else None, aiding=aiding or {}))
     return rows

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from ..methods import Estimator
 from ..metrics.association import associate, snap
 from ..result_files import write_bytes
 from . import aided, whole_flight
+from .result_rows import Scored
 from .task3 import WHOLE_FLIGHT, Case, score
 
 TRUTH = "truth"
 
 
 def score_and_write(case: Case, method: Estimator, protocol: str, folder: Path | None,
-                    aiding: aided.Aiding | None = None, seed: int = 0) -> dict[str, Any]:
+                    aiding: aided.Aiding | None = None, seed: int = 0) -> Scored:
     """The score of the protocol without the trajectory, which goes to ``folder``/<method>/<flight>.tum (None: nowhere).
 
     aiding: how poses come in ``aided``, with noise from ``seed``.
@@ -31,10 +33,9 @@ def score_and_write(case: Case, method: Estimator, protocol: str, folder: Path |
         value = whole_flight.score(case, method)
     else:
         value = score(case, method, protocol)
-    trajectory = value.pop("trajectory")
-    if folder is not None:
-        write_tum(_path(folder, method.name, case), case.flight, trajectory)
-    return value
+    if folder is not None and value.trajectory is not None:
+        write_tum(_path(folder, method.name, case), case.flight, value.trajectory)
+    return replace(value, trajectory=None)
 
 
 def write_missing(done: Iterable[tuple[Estimator, Case, Any]], protocol: str, folder: Path,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..flight import Flight, Span, make_stream
 from ..methods import Estimator
+from .result_rows import Scored
 from .task3 import WHOLE_FLIGHT, Case, is_logged, score_given
 from .usable import POSE
 
@@ -25,7 +25,7 @@ def given_to(case: Case) -> Flight:
     return replace(flight, streams={"mocap": poses, **flight.streams})
 
 
-def score(case: Case, method: Estimator) -> dict[str, Any]:
+def score(case: Case, method: Estimator) -> Scored:
     """As ``task3.score``, over all airborne and clean rows; drift in % of the path, horizontal and vertical apart."""
     flight = case.flight if is_logged(method) else given_to(case)
     return score_given(case, method, WHOLE_FLIGHT, flight, -np.inf)

@@ -1,9 +1,12 @@
 """Cells of the tables at a terminal: nothing is said to scatter by nothing."""
 
+from dataclasses import replace
+
 import pytest
 
 from nanobench_tools.cli.show import interval_text, ratio_text, score_text, sessions_text
 from nanobench_tools.metrics.statistics import summary
+from nanobench_tools.protocols.published import MeanStd
 
 
 @pytest.mark.parametrize(("values", "text"), [
@@ -14,14 +17,14 @@ def test_a_deviation_is_never_shown_as_zero(values, text):
 
 
 def test_a_published_value_keeps_its_deviation():
-    assert score_text({"mean": 0.02, "std": 0.003}, 1e3, 1) == "20.0 ± 3.0"
-    assert score_text({"mean": 0.02, "std": None}, 1e3, 1) == "20.0"
+    assert score_text(MeanStd(0.02, 0.003), 1e3, 1) == "20.0 ± 3.0"
+    assert score_text(MeanStd(0.02), 1e3, 1) == "20.0"
 
 
 def test_what_has_no_interval_shows_none():
     assert interval_text(summary([1.0]), 1.0, 1) == "-"
     assert interval_text(summary([1.0, 2.0, 3.0], sessions=[4, 4, 4]), 1.0, 1) == "-"
-    assert interval_text({"ci95": [1.0, 2.0]}, 1.0, 1) == "1.0 .. 2.0"
-    assert [sessions_text({"sessions": n}) for n in (4, None)] == ["4", "?"]
+    assert interval_text(replace(summary([1.0]), ci95=(1.0, 2.0)), 1.0, 1) == "1.0 .. 2.0"
+    assert [sessions_text(n) for n in (4, None)] == ["4", "?"]
     assert ratio_text(0.93, [0.88, 0.99]) == "0.930 (0.880 .. 0.990)"
     assert [ratio_text(0.93, None), ratio_text(None, None)] == ["0.930", "-"]

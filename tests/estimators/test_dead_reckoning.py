@@ -113,14 +113,14 @@ def test_blackout_gives_poses_until_t0_and_no_longer(flight):
 
     value = blackout.score(case, Watching())
     assert seen == pytest.approx(blackout.starts(case), abs=0.011)
-    assert {w["h_s"] for w in value["windows"]} >= {1.0, 5.0}
+    assert {w.h_s for w in value.windows} >= {1.0, 5.0}
     mocap = flight["mocap"]
     bent = mocap.values.copy()
     bent[mocap.time_s > seen[0], :3] += 5.0
     worse = replace(case, flight=flight.with_streams(mocap=replace(mocap, values=bent)))
-    first, other = (blackout.score(c, ErrorStateEkf())["windows"][0] for c in (case, worse))
-    assert first["end_m"] == pytest.approx(other["end_m"], abs=1e-6)
-    assert other["error_m"] > first["error_m"] + 3.0
+    first, other = (blackout.score(c, ErrorStateEkf()).windows[0] for c in (case, worse))
+    assert first.end_m == pytest.approx(other.end_m, abs=1e-6)
+    assert other.error_m > first.error_m + 3.0
 
 
 def test_hand_worked_end_error(flight):
@@ -137,9 +137,9 @@ def test_hand_worked_end_error(flight):
             return Estimate(mocap.time_s, mocap["px", "py", "pz"] + [3.0, 4.0, 0.0], mocap["qx", "qy", "qz", "qw"])
 
     value = blackout.score(case, Off())
-    assert [w["error_m"] for w in value["windows"]] == pytest.approx([5.0] * len(value["windows"]))
+    assert [w.error_m for w in value.windows] == pytest.approx([5.0] * len(value.windows))
     rows = blackout.tabulate(Off(), [(case, value)])
-    assert rows[0]["metrics"]["end_error_1s_m"]["mean"] == pytest.approx(5.0)
+    assert rows[0].metrics["end_error_1s_m"].mean == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(("sd_m", "inside"), [(1.4, True), (1.3, False)])
@@ -158,12 +158,12 @@ def test_hand_worked_consistency(flight, sd_m, inside):
             return Estimate(mocap.time_s, mocap["px", "py", "pz"] + [3.0, 4.0, 0.0], mocap["qx", "qy", "qz", "qw"],
                             covariance=said)
 
-    windows = blackout.score(case, Off())["windows"]
-    assert {w["inside_3_sigma"] for w in windows} == {inside}
+    windows = blackout.score(case, Off()).windows
+    assert {w.inside_3_sigma for w in windows} == {inside}
     window = windows[0]
-    inside_it = (mocap.time_s >= window["t0_s"]) & (mocap.time_s <= window["t0_s"] + window["h_s"])
+    inside_it = (mocap.time_s >= window.t0_s) & (mocap.time_s <= window.t0_s + window.h_s)
     path = np.linalg.norm(np.diff(mocap["px", "py", "pz"][inside_it], axis=0), axis=1).sum()
-    assert window["drift_percent"] == pytest.approx(500.0 / path)
+    assert window.drift_percent == pytest.approx(500.0 / path)
 
 
 def test_an_optimiser_that_gave_up_is_no_result(flight):

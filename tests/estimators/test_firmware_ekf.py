@@ -75,10 +75,10 @@ def test_poses_and_samples_without_numbers_are_left(flight):
 def test_blackout_and_clean_take_it(flight):
     case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
     value = blackout.score(case, FirmwareEkf())
-    assert np.isfinite([w["error_m"] for w in value["windows"]]).all()
-    short = [w["error_m"] for w in value["windows"] if w["h_s"] == 1.0]
+    assert np.isfinite([w.error_m for w in value.windows]).all()
+    short = [w.error_m for w in value.windows if w.h_s == 1.0]
     assert np.median(short) < 0.5
-    assert np.isfinite(task3.score(case, FirmwareEkf(), "clean")["metrics"]["ate_rmse_m"])
+    assert np.isfinite(task3.score(case, FirmwareEkf(), "clean").metrics["ate_rmse_m"])
 
 
 def test_without_imu_or_poses_it_says_so(flight):

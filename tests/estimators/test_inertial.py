@@ -72,7 +72,7 @@ def test_late_poses_are_used_when_they_have_come(case, row):
 @pytest.mark.parametrize("row", [ErrorStateEkf, DragMatrixEkf, InvariantEkf])
 def test_poses_aid(case, row):
     value = aided.score(case, row(), aided.Aiding())
-    assert value["metrics"]["ate_rmse_m"] < 0.03
+    assert value.metrics["ate_rmse_m"] < 0.03
 
 
 def test_an_unknown_delay_is_found(case):

@@ -368,4 +368,4 @@ def test_practice_flight_aided(crowd, audited):
 
     flight = crowd.flight("slow trefoil")
     case = task3.select([flight], {flight.name: audited(flight)}, "clean")[0]
-    assert aided.score(case, GtsamBatch(), aided.Aiding())["metrics"]["ate_rmse_m"] < 0.009
+    assert aided.score(case, GtsamBatch(), aided.Aiding()).metrics["ate_rmse_m"] < 0.009

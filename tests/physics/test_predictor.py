@@ -88,7 +88,7 @@ def test_a_model_of_the_vehicle_predicts_it(flight):
 
     def position_error(predictor):
         value = task1.score(case, predictor, "mocap")
-        return value["sums"]["position_mae_m"][-1] / value["windows"]
+        return value.sums["position_mae_m"][-1] / value.windows
 
     fitted = ModelPredictor(model, "fitted")
     assert isinstance(fitted, Predictor)

@@ -147,7 +147,7 @@ def agree(case, tmp_path, truth):
     expected = sixteen(evaluated(FILE, windows), came)
     for name in QUANTITIES:
         for key, value in expected[name].items():
-            assert row["metrics"][name][key] == pytest.approx(value, rel=0.02), (name, key)
+            assert row.metrics[name][key] == pytest.approx(value, rel=0.02), (name, key)
     return row
 
 
@@ -155,7 +155,7 @@ def test_the_row_is_what_the_equations_say_on_a_practice_flight(crowd, tmp_path)
     flight = crowd.flight("fast figure_eight")
     middle = 0.5 * (flight.span.start_s + flight.span.end_s)
     row = agree(task1.Case(flight, (Span(middle - 4.0, middle + 4.0),), ("all",)), tmp_path, "onboard")
-    assert row["n_windows"] > 50
+    assert row.n_windows > 50
 
 
 @pytest.mark.real
@@ -164,4 +164,4 @@ def test_the_row_is_what_the_equations_say_on_real_windows(real_data, tmp_path, 
     flights = load_recordings([real_data / "nanobench"]).flights
     chosen = next(f for f in flights if (f.metadata.get("family"), f.metadata.get("speed")) == ("figure_eight", "fast"))
     row = agree(cases_of([chosen])[0], tmp_path, truth)
-    assert row["n_windows"] > 100
+    assert row.n_windows > 100

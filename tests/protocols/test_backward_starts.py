@@ -111,7 +111,7 @@ def test_attitude_is_carried_to_the_start_by_the_newest_rate():
 
 def test_both_starts_judge_the_same_windows_and_unknown_ones_are_refused():
     case = task1.Case(made_flight(), SPANS, ("all",))
-    counts = {start: task1.score(case, Naive(), "onboard", start)["windows"] for start in ("centred", "past")}
+    counts = {start: task1.score(case, Naive(), "onboard", start).windows for start in ("centred", "past")}
     assert len(set(counts.values())) == 1
     with pytest.raises(UsageError, match="start is 'future'"):
         task1.score(case, Naive(), "onboard", "future")

@@ -11,10 +11,11 @@ from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.sysid import sysid_body
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols import choice
+from nanobench_tools.protocols.task1 import WindowErrors
 
 
 def score(windows, *sums):
-    return {"windows": windows, "sums": {name: [value] * 2 for name, value in zip(QUANTITIES, sums, strict=True)}}
+    return WindowErrors(windows, {name: [value] * 2 for name, value in zip(QUANTITIES, sums, strict=True)})
 
 
 def test_every_flight_is_held_out_once_and_never_fitted_then():
@@ -63,9 +64,9 @@ def test_the_best_is_the_best_on_training_flights_whatever_test_flights_say(good
     monkeypatch.setattr(Drifts, "full_V", 3.5)
     audits = {f.name: verdict(f) for f in flights}
     found = sysid_body(Options(quiet=True), flights, audits, [Naive(), Drifts()], (flights[:2], flights[2:]), "none")
-    errors = {r["model"]: r["metrics"]["position_mae_m"]["sum"] for r in found["rows"]
-              if (r["truth"], r["group"]) == ("onboard", "all")}
+    errors = {r.model: r.metrics["position_mae_m"]["sum"] for r in found["rows"]
+              if (r.truth, r.group) == ("onboard", "all")}
     assert (errors["drifts"] < errors["naive"]) == (good_in == "test")  # test flights say the opposite
     assert found["best"] == best
-    assert found["best_chosen_on"]["flights"] == found["train"] == ["a", "b"]
-    assert set(found["best_chosen_on"]["criterion"]) == {"naive", "drifts"}
+    assert found["best_chosen_on"].flights == found["train"] == ["a", "b"]
+    assert set(found["best_chosen_on"].criterion) == {"naive", "drifts"}

@@ -16,7 +16,8 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps
 from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.protocols import gate
-from nanobench_tools.protocols.simulated import Paths, recovery, score, specs_of, tabulate
+from nanobench_tools.protocols.simulated import ErrorBar, Paths, Runs, recovery, score, specs_of, tabulate
+from nanobench_tools.result import from_json, to_json
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 
@@ -37,33 +38,36 @@ def motor(case):
 
 def test_the_flight_itself_passes(case):
     row = gate.score(case, truth(case), motor(case))
-    assert row["pass"]
-    assert row["reason"] == ""
-    assert (row["ratio"], row["lag_diff_s"], row["path_gap_m"]) == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
-    assert row["pwm_rms"]["3-20 Hz"][0] == row["pwm_rms"]["3-20 Hz"][1]
-    assert row["lag_real_s"] == pytest.approx(0.5, abs=0.02)
+    assert row.passed
+    assert row.reason == ""
+    assert (row.ratio, row.lag_diff_s, row.path_gap_m) == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
+    assert row.pwm_rms["3-20 Hz"][0] == row.pwm_rms["3-20 Hz"][1]
+    assert row.lag_real_s == pytest.approx(0.5, abs=0.02)
+    assert len(repr(row)) < 400
+    assert to_json(row)["pass"] is True
+    assert from_json(gate.GateRow, to_json(row)) == row
 
 
 def test_a_later_flight_fails_and_the_report_says_by_how_much(case):
     row = gate.score(case, truth(case, 0.1), motor(case))
-    assert not row["pass"]
-    assert row["lag_diff_s"] == pytest.approx(0.1, abs=0.005)
-    assert "lag " in row["reason"]
-    assert "+100 ms, allowed 30" in row["reason"]
-    assert "RMSE" in row["reason"]
+    assert not row.passed
+    assert row.lag_diff_s == pytest.approx(0.1, abs=0.005)
+    assert "lag " in row.reason
+    assert "+100 ms, allowed 30" in row.reason
+    assert "RMSE" in row.reason
     aside = gate.score(case, truth(case) + np.array([0.0, 0.0, 0.08]), motor(case))
-    assert aside["path_gap_m"] == pytest.approx(0.08)
-    assert "paths 8.0 cm apart, allowed 5" in aside["reason"]
-    assert "motors at" not in row["reason"]
+    assert aside.path_gap_m == pytest.approx(0.08)
+    assert "paths 8.0 cm apart, allowed 5" in aside.reason
+    assert "motors at" not in row.reason
     harder = gate.score(case, truth(case, 0.1), 1.05 * motor(case))
-    assert "at the same height: the plant lifts less" in harder["reason"]
+    assert "at the same height: the plant lifts less" in harder.reason
     fallen = gate.score(case, truth(case) - np.array([0.0, 0.0, 1.0]), 0.5 * motor(case))
-    assert fallen["pwm_mean"] is None  # a vehicle on the ground says nothing of its lift
-    assert "motors at" not in fallen["reason"]
+    assert fallen.pwm_mean is None  # a vehicle on the ground says nothing of its lift
+    assert "motors at" not in fallen.reason
     found = gate.summary([gate.score(case, truth(case), motor(case)), row])
-    assert found["pid"]["n"] == 2
-    assert found["pid"]["lag_share"] == 0.5
-    assert found["all"]["ratio_off_median"] > 0.0
+    assert found["pid"].n == 2
+    assert found["pid"].lag_share == 0.5
+    assert found["all"].ratio_off_median > 0.0
 
 
 @pytest.mark.parametrize(("synthetic", "word"), [(False, " real: "), (True, " SYNTHETIC: ")])
@@ -71,11 +75,11 @@ def test_what_is_said_of_a_recording_is_real_only_if_it_is(case, synthetic, word
     flight = replace(case.flight, provenance=replace(case.flight.provenance, synthetic=synthetic))
     mine = replace(case, flight=flight)
     row = gate.score(mine, truth(case, 0.1), motor(case))
-    assert row["synthetic"] is synthetic
-    assert row["reason"].count(word) == 2
+    assert row.synthetic is synthetic
+    assert row.reason.count(word) == 2
     path = np.column_stack([case.time_s, truth(case, 0.1)]).tolist()
     (shown,) = gate.pictured([row], [mine], {flight.name: path})
-    assert shown["synthetic"] is synthetic
+    assert shown.synthetic is synthetic
 
 
 def test_what_the_planner_asks_has_a_velocity_and_what_is_streamed_has_none(case):
@@ -142,11 +146,11 @@ def test_a_practice_flight_whose_vehicle_is_known_passes(crowd, name):
     flight = crowd.flight(name)
     cases, _ = gate.select([flight], {flight.name: audit(flight)})
     found = fly_cases(cases, simulator())
-    (row,) = found["rows"]
-    assert row["reason"] == ""
-    assert row["ratio"] == pytest.approx(1.0, abs=0.05)
-    assert abs(row["z_bias_sim_m"] - row["z_bias_real_m"]) < 0.03
-    assert len(found["paths"][flight.name][0]) == 8
+    (row,) = found.rows
+    assert row.reason == ""
+    assert row.ratio == pytest.approx(1.0, abs=0.05)
+    assert abs(row.z_bias_sim_m - row.z_bias_real_m) < 0.03
+    assert len(found.paths[flight.name][0]) == 8
 
 
 def test_paths_begin_at_rest_and_are_scored_after_they_settled():
@@ -176,10 +180,11 @@ def test_a_flight_on_its_path_scores_zero_and_a_late_one_its_lag():
     assert late["rmse_m"] == pytest.approx(2 * np.sin(0.1), rel=1e-3)
     assert late["contour_rmse_m"] < 1e-3
     assert on["deadline_missed_percent"] == pytest.approx(1.0)
-    (row,) = tabulate([{"controller": "c", "information": "preview", "runs": [[on, late]]}], paths.specs,
-                      {"rmse_share": 0.04})
-    assert row["metrics"]["worst_decile_m"] == late["rmse_m"]
-    assert row["error_bar"] == {"rmse_share": 0.04}
+    (row,) = tabulate([Runs("c", "preview", [[on, late]])], paths.specs, ErrorBar(0.04, 0.1, 0.02, 5, "a gate"))
+    assert row.metrics["worst_decile_m"] == late["rmse_m"]
+    assert row.error_bar.rmse_share == 0.04
+    assert "gust" not in to_json(row)
+    assert len(repr(row)) < 400
 
 
 def test_recovery_is_when_it_stays_back():
@@ -189,8 +194,8 @@ def test_recovery_is_when_it_stays_back():
     bent[100:250, 0, 1] = 0.3
     bent[100:, 1, 1] = 0.2
     first, second = recovery(bent, calm, t, 1.0)
-    assert first == {"most_m": 0.3, "back_s": pytest.approx(1.49)}
-    assert np.isnan(second["back_s"])
+    assert (first.most_m, first.back_s) == (0.3, pytest.approx(1.49))
+    assert np.isnan(second.back_s)
 
 
 def test_control_flies_the_gate_and_simulated_rows(crowd, tmp_path, capsys):

@@ -37,16 +37,16 @@ class Turns(Naive):
 @pytest.mark.parametrize("information", ["state", "past"])
 def test_sign_and_size_are_what_was_put_in(information):
     found = response.command_response(cases(), Turns(30.0, -20.0, 0.0, lift=5.0, information=information))
-    step = found["step"]
-    after = {name: found[name]["after_s"]["0.2"]["answer"] for name in response.MIX}
+    step = found.step
+    after = {name: getattr(found, name).after_s["0.2"].answer for name in response.MIX}
     assert after["roll"] == pytest.approx(30.0 * 4 * step * 0.2)
     assert after["pitch"] == pytest.approx(-20.0 * 4 * step * 0.2)
     assert after["yaw"] == pytest.approx(0.0, abs=1e-12)
     assert after["thrust"] == pytest.approx(5.0 * 4 * step * 0.2, rel=0.01)  # along a body z that is nearly up
-    assert [found[name]["sign"] for name in response.MIX] == ["right", "wrong", "none", "right"]
-    assert found["vehicle"] == "no vehicle: answers pitch with the wrong sign; does not answer yaw"
-    assert (found["roll"]["right_share"], found["pitch"]["right_share"]) == (1.0, 0.0)
-    assert found["windows"] == 3 * response.PER_FLIGHT
+    assert [getattr(found, name).sign for name in response.MIX] == ["right", "wrong", "none", "right"]
+    assert found.vehicle == "no vehicle: answers pitch with the wrong sign; does not answer yaw"
+    assert (found.roll.right_share, found.pitch.right_share) == (1.0, 0.0)
+    assert found.windows == 3 * response.PER_FLIGHT
 
 
 class Late(Turns):
@@ -59,8 +59,8 @@ class Late(Turns):
 
 
 def test_an_answer_that_turns_round_within_the_window_is_wrong():
-    assert response.command_response(cases(), Turns(9.0, 9.0, 9.0))["vehicle"] == ""
-    assert response.command_response(cases(), Late(9.0, 9.0, 9.0))["vehicle"] == (
+    assert response.command_response(cases(), Turns(9.0, 9.0, 9.0)).vehicle == ""
+    assert response.command_response(cases(), Late(9.0, 9.0, 9.0)).vehicle == (
         "no vehicle: answers roll, pitch, yaw with the wrong sign")
 
 
@@ -77,13 +77,13 @@ def test_the_physics_it_is_measured_by_is_that_of_the_vehicle():
     grown = t - tau * (1 - np.exp(-t / tau))
     for name, moment, inertia in (("roll", 4 * 0.0325 * push, 1.8e-5), ("pitch", 4 * 0.0325 * push, 1.8e-5),
                                   ("yaw", 4 * 0.0069928948992470565 * push, 3.1e-5)):
-        assert made[name]["after_s"]["0.2"]["physics"] == pytest.approx(moment / inertia * grown, rel=0.03)
-    assert made["thrust"]["after_s"]["0.2"]["physics"] == pytest.approx(4 * push / 0.04085 * grown, rel=0.03)
+        assert getattr(made, name).after_s["0.2"].physics == pytest.approx(moment / inertia * grown, rel=0.03)
+    assert made.thrust.after_s["0.2"].physics == pytest.approx(4 * push / 0.04085 * grown, rel=0.03)
 
 
 def test_a_model_that_stands_still_answers_nothing():
     found = response.command_response(cases(1), Naive())
-    assert found["vehicle"] == "no vehicle: does not answer roll, pitch, yaw, thrust"
+    assert found.vehicle == "no vehicle: does not answer roll, pitch, yaw, thrust"
     with pytest.raises(InputError, match="no window"):
         response.command_response([], Naive())
 

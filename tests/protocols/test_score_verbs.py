@@ -10,6 +10,7 @@ from nanobench_tools.cli.control import _show
 from nanobench_tools.cli.main import main
 from nanobench_tools.cli.options import Options
 from nanobench_tools.protocols import task2
+from nanobench_tools.protocols.sessions import Drawn
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 
@@ -137,8 +138,8 @@ def fails(case):
 
 
 def test_names_of_dropped_flights_are_text(capsys):
-    row = {"reference": "as-published", "speed": None, "controller": "pid", "n": 1, "statistics": {},
-           "dropped": ["a[bold]b", "c\nd[/red]"]}
+    row = task2.TrackingRow("real", "as-published", "pid", "as-published", None, None, "as flown", 1, [],
+                            ["a[bold]b", "c\nd[/red]"], Drawn(1, {}), {}, {})
     _show(Options(), [row])
     assert "as was published: a[bold]b, c d[/red]\n" in capsys.readouterr().out
 

@@ -9,12 +9,13 @@ from nanobench_tools.metrics.statistics import UNKNOWN
 from nanobench_tools.protocols.score_tables import summaries
 from nanobench_tools.protocols.sessions import (
     SESSION_GAP_S,
+    Drawn,
     Sessions,
     interval_note,
     labels_of,
     parameters_note,
-    row_keys,
 )
+from nanobench_tools.result import to_json
 
 HOUR, DAY, DATE = 3600.0, 86400.0, 1.7e9
 
@@ -58,7 +59,7 @@ def test_what_has_no_stamp_has_no_session():
 
 def row_of(values, labels):
     found = summaries([{"ate_rmse_m": v} for v in values], 0, labels)
-    return {"n": len(values), "metrics": found, **row_keys(np.asarray(labels), found)}
+    return {"n": len(values), "metrics": found, **to_json(Drawn.of(np.asarray(labels), found))}
 
 
 def test_a_table_says_how_far_to_trust_its_intervals():

@@ -13,7 +13,7 @@ from nanobench_tools.flight import Span
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.least_sum import STEP_S, least_sum
-from nanobench_tools.protocols.published import beside, published
+from nanobench_tools.protocols.published import MeanStd, beside, published
 from nanobench_tools.protocols.windows import EVERY, HORIZON, cut_windows, rows_at_100_hz
 
 
@@ -48,8 +48,8 @@ def test_a_perfect_predictor_scores_exactly_zero(truth):
     flight = made_flight()
     case = task1.Case(flight, (Span(5.0, 15.0),), ("all",))
     value = task1.score(case, Perfect(flight, case.spans, truth), truth)
-    assert value["windows"] > 90
-    assert all(np.all(np.array(sums) == 0.0) for sums in value["sums"].values())
+    assert value.windows > 90
+    assert all(np.all(np.array(sums) == 0.0) for sums in value.sums.values())
 
 
 def test_windows_do_not_cross_a_lost_frame():
@@ -78,7 +78,7 @@ def test_naive_stands_still():
     flight = made_flight(lag_s=0.0)
     case = task1.Case(flight, (Span(7.0, 15.0),), ("all",))
     value = task1.score(case, Naive(), "mocap")
-    mean = np.array(value["sums"]["position_mae_m"]) / value["windows"]
+    mean = np.array(value.sums["position_mae_m"]) / value.windows
     chord = 2 * np.sin(0.25 * 0.01 * np.arange(1, HORIZON + 1))  # of a circle of 1 m at 0.5 rad/s
     assert mean == pytest.approx(chord, abs=5e-5)
 
@@ -210,16 +210,16 @@ def test_rows_pool_windows_and_draw_flights():
     cases = [task1.Case(f, (Span(5.0, 6.0 + 2 * k),), ("all",)) for k, f in enumerate(flights)]
     scored = [(case, task1.score(case, Naive(), "onboard")) for case in cases]
     row = task1.tabulate(Naive(), "onboard", scored)[0]
-    assert row["n_windows"] == sum(v["windows"] for _, v in scored)
-    assert row["n_flights"] == 3
+    assert row.n_windows == sum(v.windows for _, v in scored)
+    assert row.n_flights == 3
     for name in QUANTITIES:
-        total = np.sum([v["sums"][name] for _, v in scored], axis=0) / row["n_windows"]
-        assert row["metrics"][name]["50"] == pytest.approx(total[49])
-        assert row["metrics"][name]["sum"] == pytest.approx(total.sum())
-        low, high = row["ci95"][name]["sum"]
-        assert low <= row["metrics"][name]["sum"] <= high
-    assert row["published"]["position_mae_m"]["50"] == 0.2866
-    assert task1.tabulate(Naive(), "onboard", scored[:1])[0]["ci95"]["rate_mae_rad_s"]["1"] is None
+        total = np.sum([v.sums[name] for _, v in scored], axis=0) / row.n_windows
+        assert row.metrics[name]["50"] == pytest.approx(total[49])
+        assert row.metrics[name]["sum"] == pytest.approx(total.sum())
+        low, high = row.ci95[name]["sum"]
+        assert low <= row.metrics[name]["sum"] <= high
+    assert row.published.published["position_mae_m"]["50"] == 0.2866
+    assert task1.tabulate(Naive(), "onboard", scored[:1])[0].ci95["rate_mae_rad_s"]["1"] is None
 
 
 @pytest.mark.real
@@ -233,7 +233,7 @@ def test_the_real_rows(real):
     for model in (Naive(), PublishedPhysics()):
         for truth in task1.TRUTHS:
             scored = [(case, task1.score(case, model, truth)) for case in split.test]
-            found[model.name, truth] = task1.tabulate(model, truth, scored)[0]["metrics"]
+            found[model.name, truth] = task1.tabulate(model, truth, scored)[0].metrics
     naive, physics = found["naive", "onboard"], found["published_physics", "onboard"]
     assert naive["position_mae_m"]["50"] == pytest.approx(0.36, rel=0.15)
     assert physics["rate_mae_rad_s"] == naive["rate_mae_rad_s"]  # the rate is held in both
@@ -248,13 +248,14 @@ def test_published_rows_say_the_least_their_sums_can_be():
     models = published()["task1"]["models"]
     physics = models["published_physics"]["velocity_mae_m_s"]
     assert least_sum(physics) == pytest.approx(9 * 0.0511 + 40 * 0.5085 + 2.5673)
-    row = beside({}, "task1", "models", "naive")
-    held = row["published"]["velocity_mae_m_s"]["sum_at_least"]
+    row = beside("task1", "models", "naive").published
+    held = row["velocity_mae_m_s"]["sum_at_least"]
     # e(h) + e(50 - h) is at least e(50) in 49 of the 50 steps, but for the margin
     assert 0.3542 + 24.5 * 0.3542 / 1.05 <= held < 25.5 * 0.3542
-    assert "sum" not in row["published"]["position_mae_m"]
-    assert "holds" not in row["published"]
-    assert "sum_at_least" not in beside({}, "task3", "groups", "Slow")["published"]["ate_rmse_m"]
+    assert "sum" not in row["position_mae_m"]
+    assert "holds" not in row
+    assert beside("task3", "groups", "Slow").published["ate_rmse_m"] == MeanStd(0.0211, 0.0033)
+    assert beside("task3", "groups", "no such") is None
 
 
 @pytest.mark.parametrize("held", [True, False])

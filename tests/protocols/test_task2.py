@@ -21,12 +21,12 @@ def rows_of(flights, audits, protocol):
 
 def test_a_vehicle_that_only_lags():
     value = task2.score(one_case(made_flight(lag_s=0.4)))
-    found = value["metrics"]
+    found = value.metrics
     assert found["lag_s"] == pytest.approx(0.4, abs=0.005)
     assert found["contour_rmse_m"] < 0.2  # it is on the path but for its way there: 1 m away for 0.4 of 15.6 s
     assert found["divergence_percent"] < 3.0  # the jump to the start of the circle
     assert found["saturated_percent"] == 0.0
-    assert value["reference_speed_m_s"] == pytest.approx(0.5, abs=0.01)
+    assert value.reference_speed_m_s == pytest.approx(0.5, abs=0.01)
     assert found["heading_deg"] == pytest.approx(np.degrees(0.02 * 12.8), rel=0.05)
 
 
@@ -36,19 +36,19 @@ def test_a_stopped_log_is_cut():
     wrong = setpoint.values.copy()
     wrong[1500:, :2] += np.arange(len(wrong) - 1500)[:, None] * 0.02
     broken = flight.with_streams(setpoint=replace(setpoint, values=wrong))
-    good = task2.score(one_case(broken, dead("setpoint", 14.99)))["metrics"]["rmse_m"]
-    assert good < 0.4 < task2.score(one_case(broken))["metrics"]["rmse_m"]
+    good = task2.score(one_case(broken, dead("setpoint", 14.99))).metrics["rmse_m"]
+    assert good < 0.4 < task2.score(one_case(broken)).metrics["rmse_m"]
 
 
 def test_rows_are_by_family_speed_and_controller():
     flights = [made_flight("a"), made_flight("b", seed=1, epoch_s=2e9), made_flight("c", seed=2, epoch_s=3e9)]
     audits = {f.name: verdict(f, controller="mellinger" if f.name == "c" else "pid") for f in flights}
     rows = rows_of([*flights, replace(flights[0], name="copy")], {**audits, "copy": audits["a"]}, "clean")
-    assert [(r["reference"], r["speed"], r["controller"], r["n"]) for r in rows] == [
+    assert [(r.reference, r.speed, r.controller, r.n) for r in rows] == [
         ("circle", "slow", "pid", 2), ("circle", "slow", "mellinger", 1)]
-    assert rows[0]["metrics"]["rmse_m"] == rows[0]["statistics"]["rmse_m"]["mean"]
-    assert rows[1]["statistics"]["rmse_m"]["ci95"] is None
-    assert {r["information"] for r in rows} == {"as flown"}
+    assert rows[0].metrics["rmse_m"] == rows[0].statistics["rmse_m"].mean
+    assert rows[1].statistics["rmse_m"].ci95 is None
+    assert {r.information for r in rows} == {"as flown"}
 
 
 def test_nothing_to_score_and_unknown_names():
@@ -84,7 +84,7 @@ PER_RUN = {
 
 @pytest.mark.real
 def test_the_published_runs_to_all_digits(real):
-    found = {(case.controller, case.flight.name): task2.score(case)["metrics"]
+    found = {(case.controller, case.flight.name): task2.score(case).metrics
              for case in task2.select(*real, "as-published")}
     for (controller, rmse_m), others in PER_RUN.items():
         near = [m for (c, _), m in found.items() if c == controller and abs(m["rmse_m"] - rmse_m) < 1e-9]
@@ -96,16 +96,16 @@ def test_the_published_runs_to_all_digits(real):
 
 @pytest.mark.real
 def test_the_published_rows_to_every_printed_digit(real):
-    rows = {row["controller"]: row for row in rows_of(*real, "as-published")}
+    rows = {row.controller: row for row in rows_of(*real, "as-published")}
     digits = {"rmse_m": 4, "ade_m": 4, "velocity_rmse_m_s": 4, "heading_deg": 3, "divergence_percent": 3}
     for controller, printed in published()["task2"]["controllers"].items():
         row = rows[controller]
-        assert (row["n"], row["reference"], row["plant"]) == (printed["n"], "as-published", "real")
+        assert (row.n, row.reference, row.plant) == (printed["n"], "as-published", "real")
         for metric, places in digits.items():
             for key in ("mean", "std"):
-                assert f"{row['statistics'][metric][key]:.{places}f}" == f"{printed[metric][key]:.{places}f}"
-    assert len(rows["pid"]["dropped"]) == 1
-    assert not rows["mellinger"]["dropped"]
+                assert f"{getattr(row.statistics[metric], key):.{places}f}" == f"{printed[metric][key]:.{places}f}"
+    assert len(rows["pid"].dropped) == 1
+    assert not rows["mellinger"].dropped
 
 
 CORRECTED = {  # speed, controller: n, RMSE mean and SD, ADE, velocity RMSE, heading deg, mean z error; m and m/s
@@ -121,13 +121,13 @@ CORRECTED = {  # speed, controller: n, RMSE mean and SD, ADE, velocity RMSE, hea
 def test_the_corrected_table(real):
     flights, audits = real
     trefoils = [f for f in flights if f.metadata.get("family") == "trefoil"]
-    rows = {(r["speed"], r["controller"]): r for r in rows_of(trefoils, audits, "clean")}
+    rows = {(r.speed, r.controller): r for r in rows_of(trefoils, audits, "clean")}
     assert set(rows) == set(CORRECTED)
     for key, (n, rmse, std, ade, velocity, heading, z) in CORRECTED.items():
-        row, m = rows[key], rows[key]["metrics"]
-        assert row["n"] == n
+        row, m = rows[key], rows[key].metrics
+        assert row.n == n
         assert (m["rmse_m"], m["ade_m"], m["z_bias_m"]) == pytest.approx((rmse, ade, z), abs=0.0015), key
-        assert row["statistics"]["rmse_m"]["std"] == pytest.approx(std, abs=0.001)
+        assert row.statistics["rmse_m"].std == pytest.approx(std, abs=0.001)
         assert m["heading_deg"] == pytest.approx(heading, abs=0.015)
         # How the start of the path enters is not written down for the reference figure; it moves it by some percent.
         assert m["velocity_rmse_m_s"] == pytest.approx(velocity, rel=0.05)

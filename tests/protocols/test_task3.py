@@ -17,6 +17,7 @@ from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
 from nanobench_tools.protocols.published import published
 from nanobench_tools.protocols.trajectories import write_tum
+from nanobench_tools.result import to_json
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.sources.trajectory_file import TrajectoryFile
 
@@ -30,13 +31,13 @@ def one_case(flight, *faults, protocol="clean"):
 def table(flights, audits, protocol, method=EKF):
     """Rows by group."""
     cases = task3.select(flights, audits, protocol)
-    return {row["group"]: row for row in task3.tabulate(protocol, method, [
+    return {row.group: row for row in task3.tabulate(protocol, method, [
         (case, task3.score(case, method, protocol)) for case in cases])}
 
 
 def test_a_late_estimate_scores_what_it_should():
     flight = made_flight(late_s=0.03)
-    metrics = task3.score(one_case(flight), EKF, "clean")["metrics"]
+    metrics = task3.score(one_case(flight), EKF, "clean").metrics
     assert metrics["delay_s"] == pytest.approx(0.03, abs=5e-4)
     assert metrics["across_track_delay_removed_rmse_m"] < 1e-3
     assert metrics["ate_delay_removed_rmse_m"] < 0.05 * metrics["ate_unaligned_rmse_m"]
@@ -55,7 +56,7 @@ def test_a_perfect_estimator_scores_zero():
             m = flight["mocap"]
             return Estimate(m.time_s, m["px", "py", "pz"], -m["qx", "qy", "qz", "qw"], m["vx", "vy", "vz"])
 
-    metrics = task3.score(one_case(flight), Perfect(), "clean")["metrics"]
+    metrics = task3.score(one_case(flight), Perfect(), "clean").metrics
     for name in ("ate_unaligned_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "drift_percent", "along_track_rmse_m"):
         assert metrics[name] == 0.0, name
     for name in ("ate_rmse_m", "rte_1m_start_frame_m", "attitude_geodesic_rmse_deg"):
@@ -74,11 +75,11 @@ def test_own_stamps_are_scored_and_outside_ones_counted():
             return Estimate(t, circle(t - 0.5), q)
 
     value = task3.score(one_case(flight), Slow(), "clean")
-    assert value["metrics"]["ate_unaligned_rmse_m"] < 3e-3
-    assert np.isnan(value["metrics"]["velocity_rmse_m_s"])
-    assert value["rows"] == pytest.approx(20.1 / 0.0137, abs=3)  # without the 0.5 s given
-    assert value["dropped"] == 0  # those outside the flight are not asked for
-    assert value["trajectory"].shape == (value["rows"], 8)
+    assert value.metrics["ate_unaligned_rmse_m"] < 3e-3
+    assert np.isnan(value.metrics["velocity_rmse_m_s"])
+    assert value.rows == pytest.approx(20.1 / 0.0137, abs=3)  # without the 0.5 s given
+    assert value.dropped == 0  # those outside the flight are not asked for
+    assert value.trajectory.shape == (value.rows, 8)
 
 
 def test_a_stopped_log_is_cut():
@@ -87,11 +88,11 @@ def test_a_stopped_log_is_cut():
     broken = m.values.copy()
     broken[1500:] += np.arange(len(m) - 1500)[:, None] * 0.01
     wrong = flight.with_streams(estimator=replace(m, values=broken))
-    assert task3.score(one_case(wrong), EKF, "clean")["metrics"]["ate_unaligned_rmse_m"] > 1.0
+    assert task3.score(one_case(wrong), EKF, "clean").metrics["ate_unaligned_rmse_m"] > 1.0
     case = one_case(wrong, dead("estimator", 14.99))
     value = task3.score(case, EKF, "clean")
-    assert value["metrics"]["ate_unaligned_rmse_m"] < 0.04
-    assert value["trajectory"][-1, 0] <= 15.0
+    assert value.metrics["ate_unaligned_rmse_m"] < 0.04
+    assert value.trajectory[-1, 0] <= 15.0
 
 
 def test_faults_of_the_estimate_itself_are_not_cut():
@@ -165,7 +166,7 @@ def test_an_estimate_covers_the_flight(protocol, until_s, every, enough):
     case = one_case(flight, protocol=protocol)
     method = From(lambda given: poses(mocap, np.flatnonzero(mocap.time_s < until_s)[::every]))
     if enough:
-        assert task3.score(case, method, protocol)["rows"] > 90
+        assert task3.score(case, method, protocol).rows > 90
     else:
         with pytest.raises(InputError, match=r"covers \d\d\.\d % of it"):
             task3.score(case, method, protocol)
@@ -176,7 +177,7 @@ def test_a_hole_in_the_truth_is_not_asked_for():
     case = one_case(flight, replace(dead("mocap", 8.0, 14.0), kind="mocap_occlusion"))
     mocap = flight["mocap"]
     rows = np.flatnonzero((mocap.time_s < 8.0) | (mocap.time_s > 14.0))
-    assert task3.score(case, From(lambda given: poses(mocap, rows)), "clean")["rows"] > 1000
+    assert task3.score(case, From(lambda given: poses(mocap, rows)), "clean").rows > 1000
 
 
 def test_peeking_at_the_given_poses_brings_nothing():
@@ -193,19 +194,19 @@ def test_peeking_at_the_given_poses_brings_nothing():
 
     values = [task3.score(case, From(lambda given, off_m=off_m: peeking(given, off_m)), "clean")
               for off_m in (0.0, 1.0)]
-    assert values[0]["trajectory"][0, 0] > start
-    assert values[0]["metrics"] == pytest.approx(values[1]["metrics"], nan_ok=True)
+    assert values[0].trajectory[0, 0] > start
+    assert values[0].metrics == pytest.approx(values[1].metrics, nan_ok=True)
 
 
 def test_a_short_trajectory_file_fails_and_the_logged_one_is_scored_from_its_first_row(tmp_path):
     flight = made_flight()
     case = one_case(flight)
     value = task3.score(case, EKF, "clean")
-    assert value["trajectory"][0, 0] == pytest.approx(case.spans[0].start_s, abs=0.01)
+    assert value.trajectory[0, 0] == pytest.approx(case.spans[0].start_s, abs=0.01)
     path = tmp_path / "made.tum"
-    write_tum(path, flight, value["trajectory"])
-    assert task3.score(case, TrajectoryFile(path), "clean")["rows"] == value["rows"]
-    write_tum(path, flight, value["trajectory"][:40])
+    write_tum(path, flight, value.trajectory)
+    assert task3.score(case, TrajectoryFile(path), "clean").rows == value.rows
+    write_tum(path, flight, value.trajectory[:40])
     with pytest.raises(InputError, match=r"covers 0\.0 % of it"):
         task3.score(case, TrajectoryFile(path), "clean")
 
@@ -248,7 +249,7 @@ def test_who_calls_itself_logged_sees_no_more_than_others(protocol):
     mocap = flight["mocap"]
     cheat.estimate = lambda given: poses(mocap)
     row = task3.tabulate(protocol, cheat, [(case, task3.score(case, cheat, protocol))])[0]
-    assert row["given"].startswith(task3.GIVEN)
+    assert row.given.startswith(task3.GIVEN)
     assert "published" not in row
 
 
@@ -258,8 +259,8 @@ def test_what_was_logged_is_scored_without_any_motion_capture(protocol, monkeypa
     expected = task3.score(case, EKF, protocol)
     monkeypatch.setattr(task3, "OnboardEkf", Watched)
     found = task3.score(case, Watched(), protocol)
-    assert found["metrics"] == pytest.approx(expected["metrics"], nan_ok=True)
-    assert found["rows"] == expected["rows"]
+    assert found.metrics == pytest.approx(expected.metrics, nan_ok=True)
+    assert found.rows == expected.rows
 
 
 @pytest.mark.parametrize(("found", "says"), [
@@ -306,10 +307,10 @@ def test_slices_count_once_in_clean_and_alone_when_alone():
     piece = cut(whole, 2.5, 15.0)
     audits = {f.name: verdict(f) for f in (whole, piece)}
     rows = table([whole, piece], audits, "clean")
-    assert rows["all"]["flights"] == ["whole"]
-    assert "1 copies and slices left out" in rows["all"]["given"]
+    assert rows["all"].flights == ["whole"]
+    assert "1 copies and slices left out" in rows["all"].given
     alone = table([piece], audits, "clean")
-    assert alone["all"]["flights"] == ["piece"]
+    assert alone["all"].flights == ["piece"]
     assert set(alone) == {"all", "slow", "circle", "slow/circle"}
 
 
@@ -317,8 +318,8 @@ def test_as_published_without_cut_pieces_says_so():
     whole = made_flight("whole")
     rows = table([whole], {"whole": verdict(whole)}, "as-published")
     assert set(rows) == {"Slow"}
-    assert "motor 1 above 1000 of all recordings" in rows["Slow"]["given"]
-    assert "published" not in rows["Slow"]
+    assert "motor 1 above 1000 of all recordings" in rows["Slow"].given
+    assert rows["Slow"].published is None
 
 
 def test_streams_with_other_stamps_are_interpolated():
@@ -326,7 +327,7 @@ def test_streams_with_other_stamps_are_interpolated():
     q = flight["attitude_qw"]
     shifted = flight.with_streams(attitude_qw=make_stream("attitude_qw", q.time_s[::2] + 0.003, q.values[::2],
                                                           q.quantities))
-    metrics = task3.score(one_case(shifted), EKF, "clean")["metrics"]
+    metrics = task3.score(one_case(shifted), EKF, "clean").metrics
     assert metrics["attitude_geodesic_rmse_deg"] < 0.05
 
 
@@ -343,20 +344,20 @@ def assert_published(rows):
     digits = {"ate_rmse_m": 4, "ate_mean_m": 4, "rte_1m_m": 4, "velocity_rmse_m_s": 3, "attitude_rmse_deg": 2}
     assert list(rows) == ["Slow", "Medium", "Fast"]
     for group, row in rows.items():
-        assert row["n"] == printed[group]["n"]
+        assert row.n == printed[group]["n"]
         for metric, places in digits.items():
             for key in ("mean", "std"):
                 assert f"{row['metrics'][metric][key]:.{places}f}" == f"{printed[group][metric][key]:.{places}f}"
-        assert row["published"]["ate_rmse_m"] == printed[group]["ate_rmse_m"]
+        assert to_json(row.published.published["ate_rmse_m"]) == printed[group]["ate_rmse_m"]
 
 
 def assert_corrected(rows):
     for group, (n, *values) in CORRECTED.items():
-        assert rows[group]["n"] == n
+        assert rows[group].n == n
         for (metric, factor, tolerance), (mean, std) in zip(METRICS, values, strict=True):
-            found = rows[group]["metrics"][metric]
-            assert factor * found["mean"] == pytest.approx(mean, abs=tolerance), (group, metric)
-            assert factor * found["std"] == pytest.approx(std, abs=tolerance), (group, metric)
+            found = rows[group].metrics[metric]
+            assert factor * found.mean == pytest.approx(mean, abs=tolerance), (group, metric)
+            assert factor * found.std == pytest.approx(std, abs=tolerance), (group, metric)
 
 
 @pytest.mark.real
@@ -390,13 +391,13 @@ def test_the_clean_protocol_on_trefoils(real):
     for group, n, ate_mm, attitude_deg in (("slow/trefoil", 12, 20.1, 1.04), ("medium/trefoil", 8, 21.0, 0.99),
                                            ("fast/trefoil", 9, 39.4, 1.75)):
         # The reference is for rows with motor 1 above 1000; airborne rows leave the ground out, where errors are small.
-        assert rows[group]["n"] == n
-        assert 1e3 * rows[group]["metrics"]["ate_rmse_m"]["mean"] == pytest.approx(ate_mm, rel=0.04)
-        assert rows[group]["metrics"]["attitude_rmse_deg"]["mean"] == pytest.approx(attitude_deg, rel=0.04)
-    everything = rows["all"]["metrics"]
-    assert everything["delay_s"]["median"] == pytest.approx(0.0205, abs=0.006)
-    assert everything["across_track_delay_removed_rmse_m"]["median"] < 1.5e-3
-    assert everything["along_track_delay_removed_rmse_m"]["median"] > 0.015
+        assert rows[group].n == n
+        assert 1e3 * rows[group].metrics["ate_rmse_m"].mean == pytest.approx(ate_mm, rel=0.04)
+        assert rows[group].metrics["attitude_rmse_deg"].mean == pytest.approx(attitude_deg, rel=0.04)
+    everything = rows["all"].metrics
+    assert everything["delay_s"].median == pytest.approx(0.0205, abs=0.006)
+    assert everything["across_track_delay_removed_rmse_m"].median < 1.5e-3
+    assert everything["along_track_delay_removed_rmse_m"].median > 0.015
 
 
 @pytest.mark.real
@@ -408,7 +409,7 @@ def test_scores_agree_with_evo_on_a_real_flight(real):
     flight = next(f for f in flights if f.metadata.get("family") == "lissajous")
     case = task3.select([flight], audits, "clean")[0]
     value = task3.score(case, EKF, "clean")
-    t, p, q = value["trajectory"][:, 0], value["trajectory"][:, 1:4], value["trajectory"][:, 4:]
+    t, p, q = value.trajectory[:, 0], value.trajectory[:, 1:4], value.trajectory[:, 4:]
     mocap = flight["mocap"]
     rows = np.searchsorted(mocap.time_s, t)
     truth = PoseTrajectory3D(mocap["px", "py", "pz"][rows], np.roll(mocap["qx", "qy", "qz", "qw"][rows], 1, axis=1), t)
@@ -416,8 +417,8 @@ def test_scores_agree_with_evo_on_a_real_flight(real):
     estimate.align(truth)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, estimate))
-    assert value["metrics"]["ate_rmse_m"] == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
-    assert value["metrics"]["ate_unaligned_rmse_m"] == pytest.approx(
+    assert value.metrics["ate_rmse_m"] == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
+    assert value.metrics["ate_unaligned_rmse_m"] == pytest.approx(
         trajectory.ate(p, mocap["px", "py", "pz"][rows], "none").rmse_m)
 
 

@@ -21,12 +21,12 @@ def spoiled(flight, stream, rows, column=0, value=np.nan):
 
 def score_all(flight):
     audits = {flight.name: verdict(flight)}
-    estimate = task3.score(task3.select([flight], audits, "clean")[0], OnboardEkf(), "clean")["metrics"]
-    control = task2.score(task2.select([flight], audits, "clean")[0])["metrics"]
+    estimate = task3.score(task3.select([flight], audits, "clean")[0], OnboardEkf(), "clean").metrics
+    control = task2.score(task2.select([flight], audits, "clean")[0]).metrics
     other = made_flight("first", epoch_s=1e8, seed=9)
     case = task1.split([other, flight], {**audits, "first": verdict(other)}).test[0]
     predicted = task1.score(case, Naive(), "onboard")
-    return estimate["ate_unaligned_rmse_m"], control["rmse_m"], np.sum(predicted["sums"]["position_mae_m"])
+    return estimate["ate_unaligned_rmse_m"], control["rmse_m"], np.sum(predicted.sums["position_mae_m"])
 
 
 @pytest.mark.parametrize("stream", ["mocap", "estimator", "attitude_qw", "setpoint", "motor", "imu", "battery"])

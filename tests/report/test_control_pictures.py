@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.protocols.simulated import call_counts, solve_times
+from nanobench_tools.protocols.simulated import Runs, call_counts, solve_times
 from nanobench_tools.report import control_pictures
+from nanobench_tools.result import to_json
 
 TIMES = (0.05 * np.arange(40)).tolist()
 GOAL = np.column_stack([np.cos(TIMES), np.sin(TIMES), np.ones(40)])
@@ -67,7 +68,8 @@ def test_the_gap_of_a_real_flight_is_its_distance():
 
 def test_solver_times_are_shares_of_all_commands_and_lose_none():
     calls = np.array([2e-5, 2e-5, 3e-4, 9.0])
-    times = solve_times([{"controller": "quick", "call_counts": call_counts(calls)}] * 2 + [{"controller": "silent"}])
+    quick = Runs("quick", "lead", [], call_counts=call_counts(calls))
+    times = to_json(solve_times([quick, quick, Runs("silent", "lead", [])]))
     assert sum(times[0]["counts"]) == 8
     assert times[0]["counts"][-1] == 2  # nine seconds are beyond
     line, = control_pictures.pictures({"solve_times": times})["solver"]["lines"]
