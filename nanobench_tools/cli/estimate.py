@@ -270,6 +270,7 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     from ..harness import make_item
     from ..labels import speed_of
     from ..protocols import task3, whole_flight
+    from ..protocols.result_rows import FlightScore
     from ..protocols.trajectories import score_and_write, write_missing, write_truths
 
     folder = None if out is None else out / "trajectories"
@@ -328,6 +329,7 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Se
     """The rows of the protocol, shown, its windows, and what is drawn of one of them."""
     from ..harness import make_item
     from ..protocols import blackout
+    from ..protocols.result_rows import WindowScore
 
     items = [make_item(blackout.score, {"case": case, "method": method}, f"blackout {method.name} {case.flight.name}",
                        file=case.flight.provenance.path) for method, case in work]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .rows import AS_RECORDED, clock_of
+from .row_cells import AS_RECORDED, clock_of
 from .tables import Score
 
 

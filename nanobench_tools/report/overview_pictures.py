@@ -9,8 +9,9 @@ import numpy as np
 
 from .audit_entry import CLOCK_STREAMS, fault_counts, share_clean, share_valid, streams_of, total
 from .quantities import number, shown
-from .rows import AS_RECORDED, CORRECTED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock, one_truth
+from .row_cells import AS_RECORDED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock, one_truth
 from .tables import Score
+from .task3_tables import CORRECTED
 
 STEP_S = 0.01
 """One step of a Task 1 horizon."""

@@ -19,7 +19,7 @@ from .clock_error import typical
 from .environment import environment
 from .quantities import DASH
 from .recording import payload
-from .rows import tables_of
+from .result_tables import tables_of
 from .tables import Column, Score, Table, score_text, write_tables
 
 SECTIONS = (("overview", "Overview"), ("task1", "Task 1"), ("task2", "Task 2"), ("task3", "Task 3"),

@@ -10,7 +10,8 @@ from ..protocols.compare import verdict
 from ..retiming.votes import CLOCKS
 from .audit_entry import fault_counts, lost_in_the_air, total
 from .quantities import format_duration, format_number, number, shown
-from .rows import AS_RECORDED, BLACKOUT, CORRECTED, PUBLISHED, clock_of, logged_method, of_one_clock, one_truth
+from .row_cells import AS_RECORDED, PUBLISHED, clock_of, of_one_clock, one_truth
+from .task3_tables import BLACKOUT, CORRECTED, logged_method
 
 Results = Mapping[str, Mapping[str, Any]]
 Words = list[str | list[str]]

@@ -46,12 +46,12 @@ def test_dead_logs_are_told_from_live_rows():
     audits = {flight.name: verdict(flight, dead("estimator", 15.0))}
     cases = task3.select([flight], audits, "as-published")
     found = dead_logs(cases, audits)
-    assert [one["flight"] for one in found] == [flight.name]
+    assert [one.flight for one in found] == [flight.name]
     one = found[0]
-    assert one["all_rmse_m"] > 50.0 * one["live_rmse_m"]
-    assert one["dead"][0][0] == 15.0
-    assert one["dead"][0][1] <= END_S
-    assert len(one["t_s"]) == len(one["error_m"]) <= 300
+    assert one.all_rmse_m > 50.0 * one.live_rmse_m
+    assert one.dead[0][0] == 15.0
+    assert one.dead[0][1] <= END_S
+    assert len(one.t_s) == len(one.error_m) <= 300
     assert dead_logs(cases, {flight.name: verdict(flight)}) == []
 
 

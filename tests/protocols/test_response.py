@@ -67,8 +67,8 @@ def test_an_answer_that_turns_round_within_the_window_is_wrong():
 def test_the_physics_it_is_measured_by_is_that_of_the_vehicle():
     """Rate of a rigid body behind a first-order lag: a (t - tau (1 - exp(-t / tau))), a = moment / inertia."""
     made = response.command_response(cases(), response.reference())
-    assert all(made[name]["ratio"] == pytest.approx(1.0) for name in response.MIX)
-    assert made["vehicle"] == ""
+    assert all(getattr(made, name).ratio == pytest.approx(1.0) for name in response.MIX)
+    assert made.vehicle == ""
     windows = response.probed(cases(), False)
     volts, u, step = windows.battery_V.mean(), windows.motor.mean(), response.STEP
     slope = 0.06523793527519485 - 2 * 0.026792504967750107 * volts * u + 3 * 0.006776789303971145 * (volts * u) ** 2

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from nanobench_tools.report import quantities
 from nanobench_tools.report.quantities import DASH, MINUS, format_duration, format_number
-from nanobench_tools.report.rows import tables_of
+from nanobench_tools.report.result_tables import tables_of
 from nanobench_tools.report.tables import Column, Score, Table, latex_escape, score_text, to_csv, to_latex, write_tables
 
 METRES = Column("error_m", "Error", "score", "mm", 1e3, 1)

@@ -1,0 +1,171 @@
+"""Tables of Task 1 from sysid.json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from .quantities import shown
+from .row_cells import (
+    AS_RECORDED,
+    CLOCK,
+    DATA,
+    RATIO_NOTE,
+    RATIOS,
+    SESSIONS,
+    SYSID_METRICS,
+    WHY,
+    clock_in_place,
+    clock_of,
+    count_of,
+    data_label,
+    drop_blank,
+    noted,
+    of_one_clock,
+    one_truth,
+    rank_of,
+    reason_of,
+    score_column,
+    session_cells,
+    text_of,
+)
+from .tables import Cell, Column, Score, Table
+
+TASK1_GROUPS = ("all", "seen", "unseen")
+
+
+def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Rows of ``sysid``: error after h steps of 10 ms and their sum, with the published row under ours."""
+    rows = sysid.get("rows", [])
+    horizons = _horizons(rows)
+    scores = []
+    for metric in SYSID_METRICS:
+        how = shown(metric)
+        for h in horizons:
+            title = f"{how.title} Σ" if h == "sum" else f"{how.title} h={h}"
+            scores.append(Column(f"{metric} h={h}", title, "score", how.unit, how.factor, how.decimals))
+    columns = (Column("model", "Model"), Column("group", "Group"), Column("truth", "Truth"),
+               Column("start", "Start"), CLOCK, *scores, Column("n_windows", "Windows", "count"),
+               Column("n_flights", "Flights", "count"), SESSIONS, WHY,
+               Column("information", "Given"), DATA)
+    groups = [text_of(row.get("group")) for row in rows]
+    rank = {group: (rank_of(group, TASK1_GROUPS), groups.index(group)) for group in groups}
+    first = clock_of(of_one_clock(rows)[0]) if rows else AS_RECORDED
+    rows = sorted(rows, key=lambda row: (clock_of(row) != first, rank[text_of(row.get("group"))],
+                                         text_of(row.get("truth")) != "onboard", row.get("start") == "past"))
+    lines: list[tuple[Cell, ...]] = []
+    main = 0
+    for row in rows:
+        model, group, truth = (text_of(row.get(key)) for key in ("model", "group", "truth"))
+        information = text_of(row.get("information"))
+        if (published := row.get("published")) and clock_of(row) == first:
+            lines.append((f"{model} (published)", "published table", truth, "", "",
+                          *_horizon_scores(published, {}, horizons, exact=True), None, None, None, "", information,
+                          "published"))
+        lines.append((model, group, truth, text_of(row.get("start")), text_of(row.get("clock")),
+                      *_horizon_scores(row.get("metrics"), row, horizons),
+                      count_of(row.get("n_windows")), count_of(row.get("n_flights")), *session_cells(row), information,
+                      data_label(synthetic)))
+        main = len(lines) if group in ("", *TASK1_GROUPS) and clock_of(row) == first else main
+    note = noted("Mean over windows with its 95 % interval; Σ is the sum over all steps.", rows)
+    if main < len(lines):
+        further = "groups and clocks" if any(clock_of(row) != first for row in rows) else "groups"
+        note += f" Further {further} are in the CSV file."
+    table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
+                  note, main).without_empty_columns()
+    return clock_in_place(drop_blank(table, "start"))
+
+
+def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """What every model answers to a command put into its inputs, and whether that is a vehicle."""
+    rows = [row for row in one_truth(sysid.get("rows", [])) if row.get("command_response")]
+    names = ("roll", "pitch", "yaw", "thrust")
+    columns = (Column("model", "Model"), CLOCK, *(Column(name, f"{name} / physics", "score", decimals=3)
+                                                  for name in names),
+               Column("vehicle", "Is it a vehicle?"), Column("windows", "Windows", "count"), DATA)
+    lines = tuple((text_of(row.get("model")), clock_of(row),
+                   *(Score.of(row["command_response"][name]["ratio"]) for name in names),
+                   row["command_response"]["vehicle"] or "signs are right",
+                   count_of(row["command_response"]["windows"]), data_label(synthetic)) for row in rows)
+    return clock_in_place(Table(
+        "table_task1_commands", "Task 1: answer to a roll, pitch, yaw and thrust command put into the inputs", columns,
+        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, as a share of rigid-body physics of "
+               "numbers from firmware, scale and ruler; 1 is the physics', below 0 turns the other way."))
+
+
+def task1_clocks(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Every model on each clock, error at the last horizon over all test windows; empty unless there are several."""
+    rows = [r for r in one_truth(sysid.get("rows", [])) if r.get("group", "all") == "all"]
+    last = [h for h in _horizons(rows) if h.isdigit()][-1:]
+    columns = (Column("model", "Model"), CLOCK, *(score_column(metric) for metric in SYSID_METRICS),
+               Column("n_windows", "Windows", "count"), Column("information", "Given"), DATA)
+    order = list(dict.fromkeys(text_of(row.get("model")) for row in rows))
+    several = len({clock_of(row) for row in rows}) > 1 and last
+    lines: tuple[tuple[Cell, ...], ...] = tuple(
+        (text_of(row.get("model")), clock_of(row), *_horizon_scores(row.get("metrics"), row, last),
+         count_of(row.get("n_windows")), text_of(row.get("information")), data_label(synthetic))
+        for row in sorted(rows, key=lambda row: order.index(text_of(row.get("model")))) if several)
+    return Table("table_task1_clocks", f"Task 1, before and after re-timing: error after {''.join(last)} steps",
+                 columns, lines,
+                 "Mean over windows with its 95 % interval. Fitted models were fitted to the training flights on the "
+                 "same clock. Re-timed: the moving error of the clock is taken out of the vehicle's streams, off-line, "
+                 "from the motion capture of the whole flight.").without_empty_columns()
+
+
+def task1_ratios(sysid: Mapping[str, Any], synthetic: bool) -> Table:
+    """Models over all test windows against the chosen one, and against themselves as recorded."""
+    rows = [row for row in sysid.get("rows", []) if row.get("group", "all") == "all"]
+    horizons = _horizons(rows)
+    scores = tuple(Column(f"{metric} h={h}", f"{shown(metric).title} {'Σ' if h == 'sum' else f'h={h}'}", "score",
+                          decimals=3, aside=h not in horizons[-2:]) for metric in SYSID_METRICS for h in horizons)
+    columns = (Column("model", "Model"), Column("truth", "Truth"), CLOCK, Column("over", "Over"), *scores,
+               Column("n_flights", "Flights", "count"), SESSIONS, WHY, DATA)
+    lines = tuple((text_of(row.get("model")), text_of(row.get("truth")), text_of(row.get("clock")), text_of(row[to]),
+                   *_horizon_scores(row[key], {"ci95": row[f"{key}_ci95"]}, horizons), count_of(row.get("n_flights")),
+                   *session_cells(row), data_label(synthetic)) for key, to in RATIOS for row in rows if row.get(to))
+    return Table("table_task1_ratios", "Task 1: errors against those of another row", columns, lines,
+                 RATIO_NOTE).without_empty_columns()
+
+
+def _horizons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    found = {str(h) for row in rows for metric in SYSID_METRICS for h in ((row.get("metrics") or {}).get(metric) or {})}
+    return sorted(found, key=lambda h: (not h.isdigit(), int(h) if h.isdigit() else 0))
+
+
+def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str], exact: bool = False) -> list[Score]:
+    metrics, intervals = metrics or {}, row.get("ci95") or {}
+    return [Score.of((metrics.get(m) or {}).get(h), (intervals.get(m) or {}).get(h), reason_of(row, m), exact)
+            for m in SYSID_METRICS for h in horizons]
+
+
+def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """Fitted or stated parameters with their intervals, if there are any."""
+    columns = (Column("model", "Model"), Column("parameter", "Parameter"), Column("unit", "Unit"), CLOCK, DATA,
+               Column("value", "Value", "score", decimals=4))
+
+    def rows(clock: str, models: Mapping[str, Any]) -> list[tuple[Cell, ...]]:
+        return [(model, name, text_of(body.get("unit")), clock, data_label(synthetic), Score.of(body))
+                for model, parameters in models.items() for name, body in _scalars(parameters)]
+
+    lines = rows(text_of(sysid.get("clock")), sysid.get("parameters") or {})
+    others = [line for clock, found in (sysid.get("by_clock") or {}).items()
+              for line in rows(clock, found.get("parameters") or {})]
+    if not lines:
+        return []
+    note = text_of(sysid.get("parameters_note"))
+    note += " Those fitted on another clock are in the CSV file." if others else ""
+    table = Table("table_task1_parameters", "Task 1: parameters of the models", columns, (*lines, *others),
+                  note.strip(), len(lines))
+    return [clock_in_place(table)]
+
+
+def _scalars(parameters: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[str, Mapping[str, Any]]]:
+    """A vector parameter as one row per element."""
+    for name, body in parameters.items():
+        value, interval = body.get("value"), body.get("ci95")
+        if not isinstance(value, (list, tuple)):
+            yield name, body
+            continue
+        for i, element in enumerate(value):
+            pair = interval[i] if isinstance(interval, (list, tuple)) and i < len(interval) else None
+            yield f"{name}[{i}]", {**body, "value": element, "ci95": pair if isinstance(pair, (list, tuple)) else None}

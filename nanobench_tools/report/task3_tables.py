@@ -1,0 +1,177 @@
+"""Tables of Task 3 from estimate.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ..labels import OTHER_FAMILIES
+from .quantities import shown
+from .row_cells import (
+    AS_RECORDED,
+    CLOCK,
+    DATA,
+    PUBLISHED,
+    RATIO_NOTE,
+    RATIOS,
+    SESSIONS,
+    SPEEDS,
+    WHY,
+    clock_in_place,
+    clock_of,
+    count_of,
+    data_label,
+    metrics_of,
+    noted,
+    of_one_clock,
+    rank_of,
+    score_column,
+    scores_of,
+    session_cells,
+    text_of,
+)
+from .tables import Cell, Column, Table
+
+CORRECTED = "as-published-corrected"
+PUBLISHED_METRICS = ("ate_rmse_m", "ate_mean_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg")
+ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_geodesic_rmse_deg",
+                    "attitude_frame_removed_rmse_deg", "delay_s", "across_track_delay_removed_rmse_m",
+                    "end_error_1s_m", "end_error_5s_m", "end_error_10s_m", "end_error_20s_m", "drift_percent", "nees",
+                    "nis")
+"""What the page shows of an estimate; everything else is in the CSV files."""
+BLACKOUT = "blackout"
+TITLES = {"clean": "Task 3: every distinct recording, clean and airborne",
+          BLACKOUT: "Task 3: dead reckoning after the last pose"}
+VOTES = Column("clock_evidence", "Clock set by")
+CLOCK_METRICS = ("ate_rmse_m", "along_track_rmse_m", "along_track_delay_removed_rmse_m", "across_track_rmse_m",
+                 "delay_s")
+STEPS = (("clean", AS_RECORDED, "cleaned"), ("clean", "offset", "constant offset removed"),
+         ("clean", "retimed", "re-timed"))
+"""(protocol, clock, its name) after the published row."""
+NO_SUCH = "the published protocol has no such metric"
+
+
+def task3_ratios(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
+    """Methods over all flights against another one, and against themselves as recorded."""
+    mine = [(row, key, to) for key, to in RATIOS for row in rows if row.get("group") == "all" and row.get(to)]
+    names = metrics_of([{"metrics": row[key]} for row, key, _ in mine], ESTIMATE_METRICS)
+    scores = tuple(Column(name, shown(name).title, "score", decimals=3, aside=name not in ESTIMATE_METRICS)
+                   for name in names)
+    columns = (Column("protocol", "Protocol"), Column("method", "Method"), CLOCK, Column("over", "Over"), *scores,
+               Column("n", "n", "count"), SESSIONS, WHY, DATA)
+    lines = tuple((*(text_of(row.get(name)) for name in ("protocol", "method", "clock", to)),
+                   *scores_of(row[key], {"ci95": row[f"{key}_ci95"]}, scores), count_of(row.get("n")),
+                   *session_cells(row), data_label(synthetic)) for row, key, to in mine)
+    return Table("table_task3_ratios", "Task 3: errors against those of another row", columns, lines,
+                 RATIO_NOTE).without_empty_columns()
+
+
+def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """Rows of ``estimate``: the published recordings, as published and corrected, in one table, every other protocol
+    in its own."""
+    rows = estimate.get("rows", [])
+    protocols = list(dict.fromkeys(str(row.get("protocol")) for row in rows))
+    sets = [(name, title, chosen, known) for name, title, chosen, known in (
+        ("table_task3", "Task 3: the published protocol, and the same recordings corrected",
+         [p for p in (PUBLISHED, CORRECTED) if p in protocols], PUBLISHED_METRICS),
+        *((f"table_task3_{p.replace('-', '_')}", TITLES.get(p, f"Task 3: {p}"), [p], ESTIMATE_METRICS)
+          for p in protocols if p not in (PUBLISHED, CORRECTED))) if chosen]
+    tables = [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
+              for name, title, chosen, known in sets]
+    return [task3_clocks(rows, synthetic), *tables, task3_ratios(rows, synthetic)]
+
+
+def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """The method the published table is about, else the first that was scored on a moved clock."""
+    found = [row for row in rows if row.get("protocol") == PUBLISHED]
+    found += [row for row in rows if clock_of(row) != AS_RECORDED]
+    return str(found[0].get("method")) if found else None
+
+
+def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
+    """What is a clock and what is the estimator: one method as published, cleaned, with the constant offset removed,
+    and re-timed; empty unless rows of more than one clock are there."""
+    method = logged_method(rows)
+    mine = [row for row in rows if str(row.get("method")) == method]
+    found = {(row.get("protocol"), clock_of(row), _place(row)): row for row in mine}
+    scores = tuple(score_column(metric) for metric in CLOCK_METRICS)
+    columns = (Column("group", "Flights"), Column("step", "Position estimate"), Column("n", "n", "count"), SESSIONS,
+               WHY, *scores,
+               Column("n_moving", "Moving error", "count"), CLOCK, VOTES, DATA)
+    steps = ((PUBLISHED, AS_RECORDED, "by the published protocol" if synthetic else "as published"), *STEPS)
+    lines: list[tuple[Cell, ...]] = []
+    for group in ("all", *(f"{speed}/trefoil" for speed in SPEEDS)):
+        here = [(step, clock, row) for protocol, clock, step in steps if (row := found.get((protocol, clock, group)))]
+        if len({clock for _, clock, _ in here}) < 2:
+            continue
+        name = "all" if group == "all" else f"trefoil, {group.partition('/')[0]}"
+        for step, clock, row in here:
+            why = {**row, "reason": NO_SUCH} if row.get("protocol") == PUBLISHED else row
+            moving = count_of(row.get("n_moving")) if clock == "retimed" else None
+            lines.append((name, step, count_of(row.get("n")), *session_cells(row),
+                          *scores_of(row.get("metrics"), why, scores),
+                          moving, clock, ", ".join(row.get("clock_evidence") or []), data_label(synthetic)))
+    who = "the onboard EKF" if method == "onboard_ekf" else method
+    first = "by the published protocol" if synthetic else "as published"
+    note = ("Mean ± SD over flights and 95 % interval of the mean. Moving error: flights in which one was shown; "
+            "of the others the constant was removed, or nothing where not even that shows. Delay: the one that fits "
+            "the estimated positions best; with it removed, along track holds what moves. Offset and re-timed use the "
+            "motion capture of the whole flight.")
+    note = noted(note, mine)
+    return Table("table_task3_clocks", f"Task 3, {who}: {first}, cleaned, constant offset removed, re-timed", columns,
+                 tuple(lines), note).without_empty_columns()
+
+
+def _place(row: Mapping[str, Any]) -> str:
+    """The group of a row in the names of the clean protocol: the published one has speeds of the trefoil alone."""
+    group = _group(row)
+    return f"{group}/trefoil" if row.get("protocol") == PUBLISHED and group in SPEEDS else group
+
+
+def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Sequence[str], synthetic: bool) -> Table:
+    """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
+    scores = tuple(replace(score_column(metric), aside=metric not in known) for metric in metrics_of(rows, known))
+    one = len({row.get("protocol") for row in rows}) == 1
+    columns = (Column("group", "Group"), Column("protocol", "Protocol", aside=one), CLOCK, Column("method", "Method"),
+               Column("n", "n", "count"), SESSIONS, WHY, *scores, Column("causal", "Causal"),
+               Column("given", "Given", noted=True),
+               DATA)
+    order = {_group(row): _group_rank(_group(row)) for row in rows}
+    lines: list[tuple[Cell, ...]] = []
+    main = 0
+    first, named = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
+    # what the clock does to dead reckoning is the point of its table: both stand on the page, group by group
+    together = any(row.get("protocol") == BLACKOUT for row in rows)
+
+    def place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+        other = clock_of(row) != first
+        return (order[_group(row)], text_of(row.get("method")), other) if together else (other, order[_group(row)])
+
+    for row in sorted(rows, key=place):
+        causal, method = row.get("causal"), text_of(row.get("method"))
+        if published := row.get("published"):
+            lines.append((_group(row), "published table", "", method, count_of(row.get("published_n")), None, "",
+                          *scores_of(published, {}, scores, exact=True), "", "", "published"))
+        lines.append((_group(row), text_of(row.get("protocol")), clock_of(row) if named else "", method,
+                      count_of(row.get("n")), *session_cells(row), *scores_of(row.get("metrics"), row, scores),
+                      "" if causal is None else "yes" if causal else "no",
+                      text_of(row.get("given")), data_label(synthetic)))
+        main = len(lines) if "/" not in _group(row) and (together or clock_of(row) == first) else main
+    note = noted("Mean ± SD over flights and 95 % interval of the mean.", rows, known)
+    if any(c.aside for c in scores) or main < len(lines):
+        further = "metrics, groups and clocks" if len({clock_of(r) for r in rows}) > 1 else "metrics and groups"
+        note += f" Further {further} are in the CSV file."
+    return clock_in_place(Table(name, title, columns, tuple(lines), note, main).without_empty_columns())
+
+
+def _group(row: Mapping[str, Any]) -> str:
+    """The group as shown: the published protocol writes speeds with a capital, the others do not."""
+    group = text_of(row.get("group"))
+    return group.lower() if group.lower() in SPEEDS else group
+
+
+def _group_rank(group: str) -> tuple[int, str]:
+    """``all``, the speeds, the families, then speed and family together."""
+    first = ("all", OTHER_FAMILIES, *SPEEDS)
+    return (rank_of(group, first), "") if group in first else (len(first) + group.count("/"), group)
