@@ -23,6 +23,7 @@ NO_SCRIPTS = ("bench", "kept")
 
 SMALL = {
     "compiled_rollout": ("--repeats", "1"),
+    "compiled_rollout": ("--repeats", "1"),
     "diagnose_speed": ("--flights", "5", "10", "--seconds", "20"),
     "filters_speed": ("--seconds", "20"),
     "mpc_speed": ("--steps", "600"),
@@ -63,7 +64,7 @@ def main() -> int:
     scripts = [p for p in sorted(SPEED.glob("*.py")) if p.stem not in NO_SCRIPTS]
     if unknown := set(options.scripts) - {p.stem for p in scripts}:
         parser.error(f"no script {', '.join(sorted(unknown))}; there are {', '.join(p.stem for p in scripts)}")
-    begun, rows, failed = time.monotonic(), [], []
+    begun, rows, failed, before = time.monotonic(), [], [], kept.read()
     for script in scripts:
         if options.scripts and script.stem not in options.scripts:
             continue
@@ -71,12 +72,13 @@ def main() -> int:
         start = time.monotonic()
         code, text = run(script)
         failed += [script.stem] if code else []
-        rows += [kept.Kept(script.stem, *found, date.today().isoformat(), kept.machine(), commit())
-                 for found in kept.found_in(text)]
+        mine = [kept.Kept(script.stem, *found, date.today().isoformat(), kept.machine(), commit())
+                for found in kept.found_in(text)]
+        rows += mine
+        if not options.no_keep:
+            kept.add(mine)
         print(f"   {time.monotonic() - start:.0f} s", flush=True)
-    lost = kept.worse(rows, kept.read())
-    if not options.no_keep:
-        kept.add(rows)
+    lost = kept.worse(rows, before)
     print(f"{len(rows)} ratios in {time.monotonic() - begun:.0f} s"
           + ("" if options.no_keep else f", kept in {kept.TABLE.relative_to(SPEED.parents[1])}"))
     for line in lost:
