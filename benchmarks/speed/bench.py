@@ -23,7 +23,6 @@ NO_SCRIPTS = ("bench", "kept")
 
 SMALL = {
     "compiled_rollout": ("--repeats", "1"),
-    "compiled_rollout": ("--repeats", "1"),
     "diagnose_speed": ("--flights", "5", "10", "--seconds", "20"),
     "filters_speed": ("--seconds", "20"),
     "mpc_speed": ("--steps", "600"),
@@ -64,7 +63,8 @@ def main() -> int:
     scripts = [p for p in sorted(SPEED.glob("*.py")) if p.stem not in NO_SCRIPTS]
     if unknown := set(options.scripts) - {p.stem for p in scripts}:
         parser.error(f"no script {', '.join(sorted(unknown))}; there are {', '.join(p.stem for p in scripts)}")
-    begun, rows, failed, before = time.monotonic(), [], [], kept.read()
+    begun, rows, failed = time.monotonic(), [], []
+    before, of_commit = kept.read(), commit()
     for script in scripts:
         if options.scripts and script.stem not in options.scripts:
             continue
@@ -72,7 +72,7 @@ def main() -> int:
         start = time.monotonic()
         code, text = run(script)
         failed += [script.stem] if code else []
-        mine = [kept.Kept(script.stem, *found, date.today().isoformat(), kept.machine(), commit())
+        mine = [kept.Kept(script.stem, *found, date.today().isoformat(), kept.machine(), of_commit)
                 for found in kept.found_in(text)]
         rows += mine
         if not options.no_keep:
