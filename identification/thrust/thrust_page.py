@@ -72,7 +72,7 @@ def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow])
         text.append(f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} "
                     f"of {len(pairs)} held-out files, than the closer of these scaled as it is on "
                     f"{sum(p.scaled_beaten or False for p in pairs)}.")
-    note = interval_note(to_json([row for row in rows if row.split == split]))
+    note = interval_note([row for row in rows if row.split == split])
     return [*text, note] if note else text
 
 

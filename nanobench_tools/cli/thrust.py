@@ -213,7 +213,7 @@ def _show(options: Options, part: Part) -> None:
                  one_line(row.status)]
         table.add_row(*cells)
     options.show(table)
-    options.show(interval_note(to_json(part.rows)))
+    options.show(interval_note(part.rows))
     _show_chosen(options, part)
     _show_firmware(options, part.result)
 
