@@ -30,7 +30,7 @@ class UnderWay:
     @property
     def last(self) -> np.ndarray:
         """The last command (n, 4)."""
-        return self._given[-1]
+        return np.asarray(self._given[-1])
 
     @property
     def before(self) -> np.ndarray:

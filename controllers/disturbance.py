@@ -41,7 +41,7 @@ class Tuning:
 
 
 @nb.njit(cache=True)
-def _turn(q, v):
+def _turn(q: np.ndarray, v: np.ndarray) -> None:
     """q times the quaternion of the small rotation vector v (3), normalised, in place."""
     x, y, z, w = q[0], q[1], q[2], q[3]
     a, b, c = 0.5 * v[0], 0.5 * v[1], 0.5 * v[2]
@@ -51,7 +51,7 @@ def _turn(q, v):
 
 
 @nb.njit(cache=True)
-def _between(q, p):
+def _between(q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """2 vec(q^-1 p) of the shorter way (3)."""
     x, y, z, w = -q[0], -q[1], -q[2], q[3]
     out = np.empty(3)
@@ -62,7 +62,8 @@ def _between(q, p):
 
 
 @nb.njit(cache=True)
-def _correct(past, head, ages, share, pull, learn, most, measured, new_pose, good, d):
+def _correct(past: np.ndarray, head: int, ages: np.ndarray, share: np.ndarray, pull: np.ndarray, learn: np.ndarray,
+             most: np.ndarray, measured: np.ndarray, new_pose: np.ndarray, good: np.ndarray, d: np.ndarray) -> None:
     """past (K, n, 17) is a ring with the present at ``head``; measured (n, 13); ages in steps; pull: of velocity and
     force by a gap of position."""
     count = past.shape[0]

@@ -118,7 +118,7 @@ class Ensemble:
         """(ticks, 3, n) N: unrest of the air every 10 ms."""
         mass = self.parameters[:, self.model.index("mass.m")]
         drawn = [correlated_noise(rng, ticks, 3, GUST_S) for rng in self.rngs(1)]
-        return np.stack(drawn, axis=-1) * (self.push_m_s2 * mass)
+        return np.asarray(np.stack(drawn, axis=-1) * (self.push_m_s2 * mass))
 
 
 def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np.ndarray] | None = None,

@@ -64,7 +64,7 @@ class Weights:
         mix = Equations4(model).mixing()
         mix[1:] *= np.array(model.vehicle.inertia_kg_m2)[:, None]
         cost = mix / np.array([self.thrust_N, self.moment_N_m[0], self.moment_N_m[0], self.moment_N_m[1]])[:, None]
-        return cost.T @ cost
+        return np.asarray(cost.T @ cost)
 
 
 TUNABLE = {
@@ -96,8 +96,9 @@ def _ahead_of(held: Reference) -> Callable[[np.ndarray], Reference]:
 
 
 @nb.njit(cache=True)
-def _judged(place, speed, attitude, rate, good, passed_s, late, state, known, pose, same_s, way_m, measured, fresh,
-            begin):
+def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np.ndarray, good: np.ndarray,
+            passed_s: float, late: bool, state: np.ndarray, known: np.ndarray, pose: np.ndarray, same_s: np.ndarray,
+            way_m: np.ndarray, measured: np.ndarray, fresh: np.ndarray, begin: np.ndarray) -> tuple[int, int]:
     """Measurements of n vehicles, passed_s after the last, against states (n, 17): side by side in ``measured`` (n,
     13), whether a pose is a new one in ``fresh`` (n,), and in ``begin`` (n,) who starts from it, all of ``late`` if
     they can. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and what came since it. Counts both."""

@@ -15,7 +15,9 @@ UNIT_N = 0.1
 
 
 @nb.njit(cache=True, fastmath=True)
-def condense(a, b, c, start, residual, q, p, r, offset, h, g, turns, fixed):
+def condense(a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, residual: np.ndarray, q: np.ndarray,
+             p: np.ndarray, r: np.ndarray, offset: np.ndarray, h: np.ndarray, g: np.ndarray, turns: np.ndarray,
+             fixed: np.ndarray) -> None:
     """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,) dx_0, residual (N + 1, S), q (S,) diagonal, p (S, S),
     r (4, 4), offset (N, 4) input minus its target [N] -> writes h (4 N, 4 N) and g (4 N); the
     errors of the attitude of stages 1.. are fixed (N, 3) + turns (N, 3, 4 N) z."""
@@ -81,7 +83,10 @@ def condense(a, b, c, start, residual, q, p, r, offset, h, g, turns, fixed):
 
 
 @nb.njit(cache=True)
-def condensed(a, b, c, start, residual, q, p, yaw, turned, r, goals, about, least, most, h, g, turns, fixed, bounds):
+def condensed(a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, residual: np.ndarray, q: np.ndarray,
+              p: np.ndarray, yaw: float, turned: np.ndarray, r: np.ndarray, goals: np.ndarray, about: np.ndarray,
+              least: np.ndarray, most: np.ndarray, h: np.ndarray, g: np.ndarray, turns: np.ndarray, fixed: np.ndarray,
+              bounds: np.ndarray) -> None:
     """The program about inputs ``about`` (N, 4) N whose targets are ``goals`` (>= N, 4), of a vehicle that looks along
     ``yaw``: ``condense``, with motors between least and most (4,) N as bounds (2, 4 N) of z. ``turned`` (S, S) takes
     the terminal weight."""
@@ -96,7 +101,7 @@ def condensed(a, b, c, start, residual, q, p, yaw, turned, r, goals, about, leas
 
 
 @nb.njit(cache=True)
-def headed(p, yaw, out):
+def headed(p: np.ndarray, yaw: float, out: np.ndarray) -> None:
     """p (S, S), the terminal weight of a vehicle that looks along x, for one that looks along ``yaw``, into out:
     position and velocity are of the world, everything else of the body."""
     c, s = np.cos(yaw), np.sin(yaw)

@@ -89,7 +89,7 @@ class Horizon:
 
 
 @nb.njit(cache=True)
-def _unsound(rows, good):
+def _unsound(rows: np.ndarray, good: np.ndarray) -> int:
     """Whether all of a vehicle's rows (n, k, WIDTH) are below LARGEST, into good (n,); how many are not."""
     bad = 0
     for i in range(rows.shape[0]):
@@ -102,7 +102,7 @@ def _unsound(rows, good):
 
 
 @nb.njit(cache=True)
-def without_jumps(rows, seconds):
+def without_jumps(rows: np.ndarray, seconds: np.ndarray) -> None:
     """rows (n, k, WIDTH) at ``seconds`` (k,), those behind a jump moved back to where the path would have gone on, in
     place."""
     gap, back = np.empty(3), np.empty(3)
@@ -119,14 +119,16 @@ def without_jumps(rows, seconds):
 
 
 @nb.njit(cache=True)
-def most_tilt(lift_ratio):
+def most_tilt(lift_ratio: np.ndarray) -> np.ndarray:
     """Tilt [rad] (n,) at which a vehicle still carries its weight, lift_ratio (n,) being what carries over weight."""
     tilt = np.arccos(np.minimum(1.0 / np.maximum(lift_ratio, 1.0), 1.0))
-    return np.minimum(np.maximum(tilt, LEAST_TILT_RAD), MOST_TILT_RAD)
+    within: np.ndarray = np.minimum(np.maximum(tilt, LEAST_TILT_RAD), MOST_TILT_RAD)
+    return within
 
 
 @nb.njit(cache=True)
-def flyable(rows, seconds, x, gains, most_N, hover_N, gravity, pushed_m_s2, tilt_rad, near_m):
+def flyable(rows: np.ndarray, seconds: np.ndarray, x: np.ndarray, gains: np.ndarray, most_N: np.ndarray,
+            hover_N: float, gravity: float, pushed_m_s2: np.ndarray, tilt_rad: float, near_m: float) -> None:
     """Both of the following, from the thrust that motors can give, most_N (n, 4), and hover_N, a motor's share of the
     weight; targets tip no further than tilt_rad. gains (2, 3): ``Gains``."""
     n = rows.shape[0]
@@ -142,7 +144,8 @@ def flyable(rows, seconds, x, gains, most_N, hover_N, gravity, pushed_m_s2, tilt
 
 
 @nb.njit(cache=True)
-def within_reach(rows, x, position_1_s2, velocity_1_s, level_m_s2, up_m_s2, pushed_m_s2, near_m):
+def within_reach(rows: np.ndarray, x: np.ndarray, position_1_s2: np.ndarray, velocity_1_s: np.ndarray,
+                 level_m_s2: np.ndarray, up_m_s2: np.ndarray, pushed_m_s2: np.ndarray, near_m: float) -> None:
     """Changes rows (n, k, WIDTH) to ask for no more level acceleration than level_m_s2 (n,) and upward one than up_m_s2
     (n,), beside what pushes already, pushed_m_s2 (n, >= 3): accelerations along the path are cut, and all points of a
     vehicle moved so that its lag x (n, 17) behind the first, answered by ``Gains``, does not ask for more.

@@ -38,7 +38,7 @@ class Linearised(Mpc):
 
 
 @nb.njit(cache=True)
-def error(x, target):
+def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
     """(16): ``mpc_model.error`` of numbers."""
     (ax, ay, az, aw), (bx, by, bz, bw) = target[6:10], x[6:10]
     w = aw * bw + ax * bx + ay * by + az * bz
@@ -99,9 +99,11 @@ class MpcDaqp(Linearised):
         z = self._solver(self.h, self.g, low, high, start=self._multipliers[i])
         given = self._solver.multipliers
         self._multipliers[i] = given if given is not None and given.any() else None
+        if z is None:
+            return None
         radius = math.sin(self.tilt_rad)
         self._bound[:] = np.nan
-        for _ in range(ROUNDS if z is not None else 0):
+        for _ in range(ROUNDS):
             if not left(self._turns, self._fixed, z, targets, stages, radius, self._turned, self._normal, self._bound):
                 return z
             count = rows_of(self._turns, self._fixed, self._normal, self._bound, self._rows, self._most)

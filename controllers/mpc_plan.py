@@ -26,7 +26,7 @@ class Plan:
 
 
 @nb.njit(cache=True)
-def _shifted(thrusts, stages):
+def _shifted(thrusts: np.ndarray, stages: float) -> np.ndarray:
     """Thrusts (N, 4) so many stages later, linear between; the last is held."""
     last, out = thrusts.shape[0] - 1, np.empty_like(thrusts)
     for k in range(last + 1):
@@ -39,7 +39,7 @@ def _shifted(thrusts, stages):
 
 
 @nb.njit(cache=True)
-def _now(thrusts, stages, limits, out):
+def _now(thrusts: np.ndarray, stages: np.ndarray, limits: np.ndarray, out: np.ndarray) -> None:
     for n in range(out.shape[0]):
         out[n] = thrusts[n, 0] if stages[n] == 0.0 else _shifted(thrusts[n], stages[n])[0]
         for i in range(4):
@@ -47,7 +47,7 @@ def _now(thrusts, stages, limits, out):
 
 
 @nb.njit(cache=True)
-def bounded(thrusts, least, most, out):
+def bounded(thrusts: np.ndarray, least: np.ndarray, most: np.ndarray, out: np.ndarray) -> bool:
     """Writes thrusts (N, 4), within least and most (4,), into out; nothing and False if one of them is no number."""
     for k in range(thrusts.shape[0]):
         for i in range(4):

@@ -54,7 +54,7 @@ class Setpoints:
     @property
     def thrust_N(self) -> np.ndarray:
         """Collective (n,)."""
-        return self.motor_thrust_N.sum(axis=1)
+        return np.asarray(self.motor_thrust_N.sum(axis=1))
 
     @property
     def yaw_rate_rad_s(self) -> np.ndarray:

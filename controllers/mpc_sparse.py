@@ -87,7 +87,7 @@ class SparseOsqp:
     def _values(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Of the constraint matrix in the order of its columns."""
         whole = np.concatenate([a.ravel(), b.ravel(), self._normal.ravel(), [-MISSED, -1.0, 1.0]])
-        return whole[self._taken] * self._factor
+        return np.asarray(whole[self._taken] * self._factor)
 
     def __call__(self, a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, yaw: float, low: np.ndarray,
                  high: np.ndarray, targets: np.ndarray, radius: float) -> np.ndarray | None:

@@ -13,7 +13,7 @@ LEAST_V, MOST_V, VOLTAGES, RATIOS = 2.4, 4.6, 89, 257
 
 
 @nb.njit(cache=True)
-def _place(volt):
+def _place(volt: float) -> tuple[int, float]:
     """In rows of the table: the one below, and the share of the next."""
     place = (min(max(volt, LEAST_V), MOST_V) - LEAST_V) * ((VOLTAGES - 1) / (MOST_V - LEAST_V))
     low = min(int(place), VOLTAGES - 2)
@@ -21,13 +21,14 @@ def _place(volt):
 
 
 @nb.njit(cache=True)
-def _thrust(table, low, share, motor, k):
+def _thrust(table: np.ndarray, low: int, share: float, motor: int, k: int) -> float:
     """Of one motor at the k-th ratio."""
-    return table[low, motor, k] + share * (table[low + 1, motor, k] - table[low, motor, k])
+    between: float = table[low, motor, k] + share * (table[low + 1, motor, k] - table[low, motor, k])
+    return between
 
 
 @nb.njit(cache=True)
-def _limits(table, volts, out):
+def _limits(table: np.ndarray, volts: np.ndarray, out: np.ndarray) -> None:
     for n in range(out.shape[1]):
         low, share = _place(volts[n])
         for motor in range(4):
@@ -36,7 +37,7 @@ def _limits(table, volts, out):
 
 
 @nb.njit(cache=True)
-def _ratios(table, volts, thrust, out):
+def _ratios(table: np.ndarray, volts: np.ndarray, thrust: np.ndarray, out: np.ndarray) -> None:
     last = RATIOS - 1
     for n in range(out.shape[0]):
         low, share = _place(volts[n])

@@ -23,7 +23,7 @@ MARGIN_RAD = 0.15
 
 
 @nb.njit(cache=True)
-def halfplanes(targets, turns, radius, normal, bound):
+def halfplanes(targets: np.ndarray, turns: np.ndarray, radius: float, normal: np.ndarray, bound: np.ndarray) -> int:
     """targets (N + 1, 17), turns (N, 3) errors of the attitude against targets 1.., radius the sine of the most tilt ->
     normal (N, 3) and bound (N) of normal . turn <= bound at stages that left the circle; how many
     did. What is there of other stages stays."""
@@ -59,7 +59,7 @@ def halfplanes(targets, turns, radius, normal, bound):
 
 
 @nb.njit(cache=True)
-def turned(turns, fixed, z, out):
+def turned(turns: np.ndarray, fixed: np.ndarray, z: np.ndarray, out: np.ndarray) -> None:
     """Errors of the attitude (N, 3) of an answer z: fixed (N, 3) + turns (N, 3, 4 N) z, into out."""
     for k in range(out.shape[0]):
         for c in range(3):
@@ -70,14 +70,16 @@ def turned(turns, fixed, z, out):
 
 
 @nb.njit(cache=True)
-def left(turns, fixed, z, targets, stages, radius, out, normal, bound):
+def left(turns: np.ndarray, fixed: np.ndarray, z: np.ndarray, targets: np.ndarray, stages: int, radius: float,
+         out: np.ndarray, normal: np.ndarray, bound: np.ndarray) -> int:
     """``turned``, then ``halfplanes`` of the first ``stages``."""
     turned(turns, fixed, z, out)
     return halfplanes(targets, out[:stages], radius, normal, bound)
 
 
 @nb.njit(cache=True)
-def rows_of(turns, fixed, normal, bound, rows, most):
+def rows_of(turns: np.ndarray, fixed: np.ndarray, normal: np.ndarray, bound: np.ndarray, rows: np.ndarray,
+            most: np.ndarray) -> int:
     """Half-planes whose bound is a number as rows . z <= most of the condensed program; how many there are."""
     count = 0
     for k in range(bound.shape[0]):

@@ -26,7 +26,7 @@ NEAR_RAD = 0.5
 
 
 @nb.njit(cache=True)
-def _turned(m, v):
+def _turned(m: np.ndarray, v: np.ndarray) -> None:
     """v (3) becomes m v."""
     x, y, z = v
     for i in range(3):
@@ -34,7 +34,7 @@ def _turned(m, v):
 
 
 @nb.njit(cache=True)
-def against(flown, targets, a, b, residual):
+def against(flown: np.ndarray, targets: np.ndarray, a: np.ndarray, b: np.ndarray, residual: np.ndarray) -> None:
     """Writes the errors (N + 1, S) of states flown (N + 1, 17) against targets, and turns a (N, S, S) and b (N, 4, S),
     made in the charts of the flight, into those of the targets: d(error) = (w 1 + v x) d(turn) for the rotation (v, w)
     between them."""
@@ -66,12 +66,13 @@ def against(flown, targets, a, b, residual):
 
 
 @nb.njit(cache=True)
-def near(residual):
+def near(residual: np.ndarray) -> int:
     """Stages of a flight (N + 1, S) that come before the first whose attitude is beyond NEAR_RAD of its target."""
-    for k in range(1, residual.shape[0]):
+    stages: int = residual.shape[0] - 1
+    for k in range(1, stages + 1):
         if np.sqrt(np.sum(residual[k, 6:9] ** 2)) > NEAR_RAD:
             return k - 1
-    return residual.shape[0] - 1
+    return stages
 
 
 class Nmpc(MpcDaqp):

@@ -54,7 +54,7 @@ class Trace:
         at = min(time_s / self.every_s, len(self.volts_V) - 1.0)
         low = int(at)
         high = min(low + 1, len(self.volts_V) - 1)
-        return self.volts_V[low] + (at - low) * (self.volts_V[high] - self.volts_V[low])
+        return np.asarray(self.volts_V[low] + (at - low) * (self.volts_V[high] - self.volts_V[low]))
 
 
 def closed_loop_model(model: Model) -> Model:

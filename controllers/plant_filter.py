@@ -6,7 +6,7 @@ this comes out of its equations (``nanobench_tools.firmware.kalman``), nothing i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numba as nb
 import numpy as np
@@ -40,9 +40,10 @@ IMU_SIGMA = np.array([VEHICLE[name].value for name in ("acc_noise_m_s2", "acc_vi
 
 
 @kept
-def _run_filters(sources):
+def _run_filters(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def _run_filters(parameters, task, run, measurement, arrived, milliseconds):
+    def _run_filters(parameters: np.ndarray, task: np.ndarray, run: np.ndarray, measurement: np.ndarray,
+                     arrived: np.ndarray, milliseconds: int) -> None:
         """n filters through so many runs with the same sample of the IMU in run (n,) RUN; the first ``arrived`` (n,) of
         measurement (n, QUEUE) MEASUREMENT are taken at the first of them."""
         if not sources:
@@ -57,7 +58,8 @@ def _run_filters(sources):
 
 
 @nb.njit(cache=True, nogil=True)
-def _feel(state, before, motor, step_s, gravity, noise, sigma, acc_g, gyro_deg_s, rate):
+def _feel(state: np.ndarray, before: np.ndarray, motor: np.ndarray, step_s: float, gravity: float, noise: np.ndarray,
+          sigma: np.ndarray, acc_g: np.ndarray, gyro_deg_s: np.ndarray, rate: np.ndarray) -> None:
     """An IMU's sample of states (17, n): the mean specific force since the velocities before (3, n) in g, the rate in
     deg/s and, into rate (n, 3), in rad/s. noise (n, 6) unit normal, sigma (4,): accelerometer at rest, with turning
     motors; gyro at rest, with turning motors."""

@@ -51,7 +51,7 @@ BACK_S = number("control.plant_senses.back_s")
 
 
 @nb.njit(cache=True, nogil=True)
-def _read(ring, newest, lags, out):
+def _read(ring: np.ndarray, newest: int, lags: np.ndarray, out: np.ndarray) -> None:
     """out (17, n) from ring (depth, 17, n): position, velocity, quaternion each as old as lags (3, n) says, in
     steps."""
     depth, _, n = ring.shape
@@ -104,7 +104,7 @@ class Late:
         """(n, 3) rad/s body, now."""
         turning = self._plant.motor.mean(axis=0)
         sigma = VEHICLE["gyro_noise_rad_s"].value + VEHICLE["gyro_vibration_rad_s"].value * turning
-        return self._plant.state[RATE].T + self._noise.next() * sigma[:, None]
+        return np.asarray(self._plant.state[RATE].T + self._noise.next() * sigma[:, None])
 
     def _wander(self, time_s: float) -> None:
         outages = self.sensing.outages
@@ -136,4 +136,4 @@ class Noise:
             self._block = np.stack([r.standard_normal(shape, dtype=np.float32) for r in self._rngs], axis=1)
             self._block *= self._scale
         self._at += 1
-        return self._block[at]
+        return np.asarray(self._block[at])

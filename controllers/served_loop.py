@@ -6,6 +6,8 @@ The model's step is the machine code that ``controllers.plant`` runs, called by 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -14,6 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from nanobench_tools.firmware.kept import kept
+from nanobench_tools.firmware.records import Record
 from nanobench_tools.firmware.stabilizer import FULL, stabilizer_step
 from nanobench_tools.physics.batched import LANES
 from nanobench_tools.practice.rigid_bodies import (
@@ -50,11 +53,11 @@ polynomial, would be negative: a motor gives nothing there."""
 
 
 @intrinsic
-def _model_step(typingctx, address, state, row, parameters):
+def _model_step(typingctx: Any, address: Any, state: Any, row: Any, parameters: Any) -> tuple[Any, Callable[..., Any]]:
     """Calls ``Compiled.machine_code`` for one block of lanes: the state (17, LANES) becomes the next one."""
     signature = types.void(*[types.int64] * 4)
 
-    def codegen(context, builder, signature, arguments):
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence[Any]) -> Any:
         long, pointer = ir.IntType(64), ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer] * 4 + [long] * 5)
         function = builder.inttoptr(arguments[0], kind.as_pointer())
@@ -66,8 +69,8 @@ def _model_step(typingctx, address, state, row, parameters):
     return signature, codegen
 
 
-@nb.njit
-def feel(w, x, noise, acc_g, gyro_deg_s):
+@nb.njit()
+def feel(w: Record, x: np.ndarray, noise: np.ndarray, acc_g: np.ndarray, gyro_deg_s: np.ndarray) -> None:
     """The IMU's raw sample of state x (17, lanes) and of what the velocity did in the last step; noise of unit size."""
     fx = (x[3, 0] - w.before_m_s[0]) / STEP_S
     fy = (x[4, 0] - w.before_m_s[1]) / STEP_S
@@ -83,20 +86,23 @@ def feel(w, x, noise, acc_g, gyro_deg_s):
         gyro_deg_s[k] = (x[10 + k, 0] + turn * noise[3 + k]) * 57.29577951308232
 
 
-@nb.njit
-def _open_circuit(charge):
+@nb.njit()
+def _open_circuit(charge: float) -> float:
     last = len(OPEN_CIRCUIT) - 1
     if charge <= OPEN_CIRCUIT[0, 0]:  # an empty cell gives way quickly
-        return max(OPEN_CIRCUIT[0, 1] + 20.0 * (charge - OPEN_CIRCUIT[0, 0]), 0.5)
+        empty: float = max(OPEN_CIRCUIT[0, 1] + 20.0 * (charge - OPEN_CIRCUIT[0, 0]), 0.5)
+        return empty
     for i in range(last):
         if charge <= OPEN_CIRCUIT[i + 1, 0]:
             share = (charge - OPEN_CIRCUIT[i, 0]) / (OPEN_CIRCUIT[i + 1, 0] - OPEN_CIRCUIT[i, 0])
-            return OPEN_CIRCUIT[i, 1] + share * (OPEN_CIRCUIT[i + 1, 1] - OPEN_CIRCUIT[i, 1])
-    return OPEN_CIRCUIT[last, 1]
+            between: float = OPEN_CIRCUIT[i, 1] + share * (OPEN_CIRCUIT[i + 1, 1] - OPEN_CIRCUIT[i, 1])
+            return between
+    full: float = OPEN_CIRCUIT[last, 1]
+    return full
 
 
-@nb.njit
-def _supply(w, s, noise):
+@nb.njit()
+def _supply(w: Record, s: Record, noise: float) -> None:
     """The cell under the motors' load, its charge, and the voltage as it is measured."""
     load = 0.0
     for i in range(4):
@@ -107,8 +113,8 @@ def _supply(w, s, noise):
         s.vbat_V = ADC_V * math.floor((w.battery_V + w.battery_noise_V * noise) / ADC_V + 0.5)
 
 
-@nb.njit
-def touch(w, x, force):
+@nb.njit()
+def touch(w: Record, x: np.ndarray, force: np.ndarray) -> None:
     """Adds the legs' push (3,) [N] for state x, and turns the body level while it stands: ``practice.plant.legs``."""
     depth = w.ground_z - x[2, 0]
     if not depth > 0.0:
@@ -126,8 +132,8 @@ def touch(w, x, force):
     x[12, 0] += STEP_S * share * -LEVELLING_RAD_S * x[12, 0]
 
 
-@nb.njit
-def _write_row(w, row, waiting):
+@nb.njit()
+def _write_row(w: Record, row: np.ndarray, waiting: np.ndarray) -> None:
     """Inputs of the next step as ``Plant`` writes them: motors now or when the delay began, battery."""
     least = max(w.floor_ratio, w.floor_V / w.battery_V)
     if w.ring == 0:
@@ -142,8 +148,9 @@ def _write_row(w, row, waiting):
     row[4, 0] = w.battery_V
 
 
-@nb.njit
-def world_step(w, s, x, row, parameters, waiting, noise):
+@nb.njit()
+def world_step(w: Record, s: Record, x: np.ndarray, row: np.ndarray, parameters: np.ndarray, waiting: np.ndarray,
+               noise: np.ndarray) -> None:
     """The vehicle a millisecond further with the motors of s; x (17, LANES), row (I, LANES), parameters (P, LANES)."""
     for i in range(4):
         w.motor[i] = min(max(s.motor[i] / FULL, 0.0), 1.0)
@@ -158,14 +165,16 @@ def world_step(w, s, x, row, parameters, waiting, noise):
     touch(w, x, force)
     for k in range(3):
         parameters[w.force + k, 0] = force[k]
-    _model_step(w.address, x.ctypes.data, row.ctypes.data, parameters.ctypes.data)
+    _model_step(w.address, x.ctypes.data, row.ctypes.data, parameters.ctypes.data)  # type: ignore[call-arg]
     w.steps += 1
 
 
-def _made(key):
+def _made(key: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
-    def run(noise, s, setpoint, gains, states, build, kalman, task, runs, measured, waiting_poses, w, x, row,
-            parameters, waiting):
+    def run(noise: np.ndarray, s: np.ndarray, setpoint: np.ndarray, gains: tuple[np.ndarray, ...],
+            states: tuple[np.ndarray, ...], build: np.ndarray, kalman: np.ndarray, task: np.ndarray, runs: np.ndarray,
+            measured: np.ndarray, waiting_poses: int, w: np.ndarray, x: np.ndarray, row: np.ndarray,
+            parameters: np.ndarray, waiting: np.ndarray) -> None:
         """The loop and the vehicle for as many milliseconds as noise (n, NOISES) has rows; records (1,) go on."""
         if not key:
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -152,10 +153,10 @@ def _zero(model: Model, term: str) -> float:
 def _charge(battery_V: float) -> float:
     """Charge left at which a cell at rest has this voltage."""
     if battery_V < OPEN_CIRCUIT[0, 1]:
-        return (battery_V - OPEN_CIRCUIT[0, 1]) / 20.0
+        return float((battery_V - OPEN_CIRCUIT[0, 1]) / 20.0)
     return float(np.interp(battery_V, OPEN_CIRCUIT[:, 1], OPEN_CIRCUIT[:, 0]))
 
 
-def served(simulator: Path | None = None, **settings) -> ServedVehicle:
+def served(simulator: Path | None = None, **settings: Any) -> ServedVehicle:
     """A ServedVehicle of a simulator.toml, by default of the recorded vehicle's; ``settings`` are passed on."""
     return ServedVehicle(loads(shipped_simulator()) if simulator is None else read_simulator(simulator), **settings)

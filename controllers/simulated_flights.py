@@ -51,7 +51,8 @@ def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, floa
     """A controller by name or ``module:Class``, told of the identified vehicle and of its radio if it can be."""
     kind = registry.load("controllers", name)
     if not isinstance(kind, type):
-        return kind
+        ready: Controller = kind
+        return ready
     known = _settings(kind)
     given: dict[str, Any] = {}
     if "model" in known:
@@ -69,7 +70,8 @@ def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, floa
             raise UsageError(f"controller {name} has no gains to set; it flies as it is")
         given["gains"] = dict(gains)
     try:
-        return kind(**given)
+        found: Controller = kind(**given)
+        return found
     except NanobenchError:
         raise
     except Exception as error:  # anybody's code

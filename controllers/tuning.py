@@ -59,7 +59,7 @@ def evaluate(name: str, gains: Mapping[str, float], specs: Sequence[PathSpec], s
 def logs(found: Mapping[str, Any]) -> np.ndarray:
     """(paths, plants) logarithm of the RMSE, LOST_M for a vehicle that is lost."""
     rmse = np.nan_to_num(np.array(found["rmse_m"], float), nan=LOST_M)
-    return np.log(np.clip(np.where(np.array(found["lost"], bool), LOST_M, rmse), 1e-4, LOST_M))
+    return np.asarray(np.log(np.clip(np.where(np.array(found["lost"], bool), LOST_M, rmse), 1e-4, LOST_M)))
 
 
 def objective(found: Mapping[str, Any]) -> float:

@@ -91,7 +91,7 @@ class _Clock:
         begin, end = self.time_s[0], self.time_s[-1]
         outside = np.minimum(time_s - begin, 0.0) + np.maximum(time_s - end, 0.0)
         found = np.interp(time_s, self.time_s, self.rows) + 1000.0 * outside
-        return np.ceil(found - 1e-6).astype(np.int64)
+        return np.asarray(np.ceil(found - 1e-6).astype(np.int64))
 
 
 def _runs(flight: Flight, clock: _Clock, values: np.ndarray, held: bool) -> np.ndarray:
@@ -122,7 +122,7 @@ def _flying(flight: Flight, clock: _Clock, ticks: np.ndarray) -> np.ndarray:
     if not len(on):
         return np.zeros(len(ticks), dtype=bool)
     latest = np.searchsorted(on, ticks, side="right") - 1
-    return (latest >= 0) & (ticks - on[np.maximum(latest, 0)] <= 1000.0 * FLYING_S)
+    return np.asarray((latest >= 0) & (ticks - on[np.maximum(latest, 0)] <= 1000.0 * FLYING_S))
 
 
 def _measurements(pose_s: np.ndarray, poses: np.ndarray, clock: _Clock, sd: tuple[float, float]) -> np.ndarray:

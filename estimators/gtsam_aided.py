@@ -10,7 +10,7 @@ IMU, motors and battery of the time after it too (never a later pose).
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class GtsamAided(GtsamBatch):
             end_s = float(time_s[max(np.searchsorted(time_s, struck[0]) - 1, 0)])
         return max(end_s, float(rows.pose_s[-1]))
 
-    def blocks(self, flight: Flight, problem: Problem, start: State):
+    def blocks(self, flight: Flight, problem: Problem, start: State) -> Callable[[State, Path], Iterable[Linear]]:
         poses = Poses(problem, start)
         force = _means(problem)
         thrust = _thrust(flight, problem.time_s)

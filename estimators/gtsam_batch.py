@@ -7,7 +7,7 @@ uses all of the IMU and every pose that was given, whenever they came. One that 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -110,7 +110,7 @@ class GtsamBatch:
         biases = noise.acc_bias_sd_m_s2 * row, noise.gyro_bias_sd_rad_s * row
         return State(row, row, VELOCITY_SD_M_S * row, *biases, self.slow_sd[None])
 
-    def blocks(self, flight: Flight, problem: Problem, start: State):
+    def blocks(self, flight: Flight, problem: Problem, start: State) -> Callable[[State, Path], Iterable[Linear]]:
         """The measurements besides the IMU, as a function of where they are linearised; ``start`` is where that
         begins."""
         poses = Poses(problem, start)

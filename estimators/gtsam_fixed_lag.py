@@ -256,7 +256,7 @@ class _Run:
         """(3,) mean specific force since the newest state."""
         b = bisect_right(self.time_s, end_s)
         a = min(bisect_right(self.time_s, self.state_s), b - 1)
-        return (self.force_sums[b] - self.force_sums[a]) / (b - a)
+        return np.asarray((self.force_sums[b] - self.force_sums[a]) / (b - a))
 
 
 @nb.njit(cache=True)
@@ -278,7 +278,8 @@ def _at(time_s: np.ndarray, values: np.ndarray, at_s: float) -> np.ndarray:
     """(d,) values at one time."""
     j = min(max(int(np.searchsorted(time_s, at_s, side="right")), 1), len(time_s) - 1)
     share = (at_s - time_s[j - 1]) / (time_s[j] - time_s[j - 1])
-    return values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
+    between: np.ndarray = values[j - 1] + (values[j] - values[j - 1]) * min(max(share, 0.0), 1.0)
+    return between
 
 
 def _sums(values: np.ndarray) -> np.ndarray:
@@ -301,4 +302,4 @@ def _flying(flight: Flight, rows: Rows) -> np.ndarray:
         return np.ones(len(rows.time_s), bool)
     motor = flight["motor"]
     held = np.clip(np.searchsorted(motor.time_s, rows.report_s, side="right") - 1, 0, None)
-    return np.nan_to_num(motor["m1", "m2", "m3", "m4"].mean(axis=1))[held] > FLYING_PWM
+    return np.asarray(np.nan_to_num(motor["m1", "m2", "m3", "m4"].mean(axis=1))[held] > FLYING_PWM)

@@ -52,4 +52,4 @@ class Carried:
         since = np.zeros((n, 9, 9))  # from (turn, way, gain) to (position, velocity, attitude)
         since[:, :3, 3:6] = since[:, 3:6, 6:9] = rotation
         since[:, 6:9, :3] = out
-        return by @ before @ np.swapaxes(by, 1, 2) + since @ own @ np.swapaxes(since, 1, 2)
+        return np.asarray(by @ before @ np.swapaxes(by, 1, 2) + since @ own @ np.swapaxes(since, 1, 2))

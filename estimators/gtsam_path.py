@@ -175,4 +175,4 @@ def small_turn(angle: np.ndarray) -> np.ndarray:
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:
     """(n, 3, 3) rotation matrices -> (n, 4) quaternions."""
-    return Rotation.from_matrix(rotation).as_quat()
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())

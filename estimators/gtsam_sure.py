@@ -59,11 +59,11 @@ def given_out(covariance: np.ndarray, state: State, rate: np.ndarray) -> np.ndar
     by[:, 6:9, :3] = np.swapaxes(so3.matrix(so3.exp(state.slow[:, :3])), 1, 2)
     by[:, 6:9, slow : slow + 3] = np.eye(3)
     by[:, 6:9, slow + LATE] = by[:, 6:9, slow + LATER] = rate
-    return by @ covariance @ np.swapaxes(by, 1, 2)
+    return np.asarray(by @ covariance @ np.swapaxes(by, 1, 2))
 
 
 def between(time_s: np.ndarray, covariance: np.ndarray, at_s: np.ndarray) -> np.ndarray:
     """(m, 9, 9) at times (m,), on straight lines between the states at ``time_s`` (K,)."""
     before = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(time_s) - 2)
     share = ((at_s - time_s[before]) / np.diff(time_s)[before]).clip(0.0, 1.0)[:, None, None]
-    return covariance[before] * (1.0 - share) + covariance[before + 1] * share
+    return np.asarray(covariance[before] * (1.0 - share) + covariance[before + 1] * share)

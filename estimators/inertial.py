@@ -17,9 +17,10 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Stream
 from nanobench_tools.methods import Estimate
 from nanobench_tools.settings import count, number, setting
+from nanobench_tools.signals.radio_gaps import drawn
 
 from . import inertial_core as core
-from .radio_clock import drawn, lateness
+from .radio_clock import lateness
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")

@@ -50,7 +50,7 @@ SETTINGS = {name: DEFAULTS[name] for name in NAMES}
 
 
 @nb.njit(cache=True)
-def rotation(q):
+def rotation(q: np.ndarray) -> np.ndarray:
     x, y, z, w = q[0], q[1], q[2], q[3]
     r = np.empty((3, 3))
     r[0, 0], r[0, 1], r[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
@@ -60,7 +60,7 @@ def rotation(q):
 
 
 @nb.njit(cache=True)
-def turned(q, ax, ay, az):
+def turned(q: np.ndarray, ax: float, ay: float, az: float) -> np.ndarray:
     """q times the rotation by a vector [rad], of unit length."""
     half = 0.5 * np.sqrt(ax * ax + ay * ay + az * az)
     s = 0.5 if half < 1e-9 else 0.5 * np.sin(half) / half
@@ -69,11 +69,12 @@ def turned(q, ax, ay, az):
     r = np.empty(4)
     r[0], r[1] = w * dx + x * dw + y * dz - z * dy, w * dy - x * dz + y * dw + z * dx
     r[2], r[3] = w * dz + x * dy - y * dx + z * dw, w * dw - x * dx - y * dy - z * dz
-    return r / np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
+    unit: np.ndarray = r / np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
+    return unit
 
 
 @nb.njit(cache=True)
-def small_angle(q, w):
+def small_angle(q: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Twice the vector part of conj(q) * w: the rotation from q to w, in the body."""
     sign = 2.0 if w[0] * q[0] + w[1] * q[1] + w[2] * q[2] + w[3] * q[3] >= 0.0 else -2.0
     a = np.empty(3)
@@ -84,7 +85,8 @@ def small_angle(q, w):
 
 
 @nb.njit(cache=True)
-def stamp_noise(time_s, acc, gyro, i, back_row, stamp):
+def stamp_noise(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, i: int, back_row: int,
+                stamp: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Squared densities that stamps' wander ``stamp`` [s per root Hz] makes at row i, of the accelerometer x, y and z
     and of the gyro: a stamp off by d makes an error of d times the slope (here since ``back_row``); white, d being
     quick."""
@@ -97,7 +99,8 @@ def stamp_noise(time_s, acc, gyro, i, back_row, stamp):
 
 
 @nb.njit(cache=True)
-def _transition(c, out, dt, rot, fx, fy, fz, wx, wy, wz, air, wander):
+def _transition(c: np.ndarray, out: np.ndarray, dt: float, rot: np.ndarray, fx: float, fy: float, fz: float, wx: float,
+                wy: float, wz: float, air: float, wander: float) -> None:
     """out = (F c)^T for the transition F of one step."""
     n = ERROR
     for j in range(n):
@@ -121,7 +124,8 @@ def _transition(c, out, dt, rot, fx, fy, fz, wx, wy, wz, air, wander):
 
 
 @nb.njit(cache=True)
-def _scalar(c, x, h, innovation, variance, ph, gain):
+def _scalar(c: np.ndarray, x: np.ndarray, h: np.ndarray, innovation: float, variance: float, ph: np.ndarray,
+            gain: np.ndarray) -> float:
     """One scalar measurement on covariance c (n, n) and error x (n,), in place; its normalised squared innovation."""
     n = ERROR
     for i in range(n):
@@ -149,7 +153,7 @@ def _scalar(c, x, h, innovation, variance, ph, gain):
 
 
 @nb.njit(cache=True)
-def start(pose, settings, state, cov):
+def start(pose: np.ndarray, settings: np.ndarray, state: np.ndarray, cov: np.ndarray) -> None:
     """state (24,) and cov (23, 23), in place, at rest at a pose (7,)."""
     state[:] = 0.0
     state[P:P + 3], state[Q:Q + 4] = pose[:3], pose[3:]
@@ -170,7 +174,7 @@ def start(pose, settings, state, cov):
 
 
 @nb.njit(cache=True)
-def _stated(c, on, v, moves, out):
+def _stated(c: np.ndarray, on: float, v: np.ndarray, moves: np.ndarray, out: np.ndarray) -> None:
     """out (9, 9): covariance of position, velocity and attitude as they are given out, from c (n, n): position is moved
     on by ``on`` seconds with velocity v (3,), and how late the stamps are is not known exactly either."""
     seen = np.empty((3, ERROR))
@@ -186,8 +190,10 @@ def _stated(c, on, v, moves, out):
 
 
 @nb.njit(cache=True)
-def run(stamps_s, time_s, acc, gyro, drawn, flying, measured, pose_of, pose_s, poses, settings, first, state, cov,
-        sums, turns, out, sds):
+def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, drawn: np.ndarray,
+        flying: np.ndarray, measured: np.ndarray, pose_of: np.ndarray, pose_s: np.ndarray, poses: np.ndarray,
+        settings: np.ndarray, first: int, state: np.ndarray, cov: np.ndarray, sums: np.ndarray, turns: np.ndarray,
+        out: np.ndarray, sds: np.ndarray) -> None:
     """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
     stamps_s, time_s (n,): the rows' stamps, and those on which the IMU is integrated. flying (n,) bool: drag counts.

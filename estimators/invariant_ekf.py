@@ -63,7 +63,8 @@ def _skew(v: np.ndarray) -> np.ndarray:
 def _jacobian(angle: np.ndarray) -> np.ndarray:
     """Left Jacobian of SO(3), to the second order in the rotation vector ``angle``."""
     k = _skew(angle)
-    return np.eye(3) + 0.5 * k + k @ k / 6.0
+    found: np.ndarray = np.eye(3) + 0.5 * k + k @ k / 6.0
+    return found
 
 
 @nb.njit(cache=True)

@@ -21,7 +21,7 @@ LATE_S = setting("imu.radio_clock.late_s")
 
 def lateness(flight: Flight) -> np.ndarray:
     """(n,) s at the rows of the IMU; the constant part cannot be told from packets and is left to the filter."""
-    return _forgetting(flight["imu"].time_s, drawn(flight), np.array(FORGET_S)) @ np.array(LATE_S)
+    return np.asarray(_forgetting(flight["imu"].time_s, drawn(flight), np.array(FORGET_S)) @ np.array(LATE_S))
 
 
 @nb.njit(cache=True)

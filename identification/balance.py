@@ -107,7 +107,7 @@ def _of_span(flight: Flight, span: Span, vehicle: Vehicle) -> list[tuple[np.ndar
     sos = butter(2, CUTOFF_HZ * 2.0 * GRID_S, output="sos")
 
     def slow(x: np.ndarray) -> np.ndarray:
-        return sosfiltfilt(sos, x, axis=0)[CUT:-CUT]
+        return np.asarray(sosfiltfilt(sos, x, axis=0)[CUT:-CUT])
 
     thrust, velocity = slow(thrust), slow(velocity)
     rate = slow(flight["imu"].interpolate(("gyro_x", "gyro_y", "gyro_z"), t))

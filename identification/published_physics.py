@@ -14,6 +14,8 @@ mapping decides, and the errors are 1.5 times the published ones. ``published_ph
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nanobench_tools import so3
@@ -33,7 +35,7 @@ class PublishedPhysics:
     thrust_to_weight = 1.5
 
     @property
-    def parameters(self) -> dict[str, dict]:
+    def parameters(self) -> dict[str, dict[str, Any]]:
         """{name: {value, ci95, unit}}; published numbers, so without intervals."""
         values = {"mass": (MASS_KG, "kg"), "k_thrust": (K_THRUST_N_S2, "N s^2/rad^2"),
                   "omega_full": (OMEGA_FULL_RAD_S, "rad/s"), "thrust_to_weight": (self.thrust_to_weight, "1")}
@@ -42,7 +44,7 @@ class PublishedPhysics:
     def specific_thrust(self, motor: np.ndarray) -> np.ndarray:
         """(...) m/s^2: T/m for PWM ratios (..., 4)."""
         thrust_N = K_THRUST_N_S2 * np.sum((OMEGA_FULL_RAD_S * motor) ** 2, axis=-1)
-        return np.minimum(thrust_N / MASS_KG, self.thrust_to_weight * GRAVITY_M_S2)
+        return np.asarray(np.minimum(thrust_N / MASS_KG, self.thrust_to_weight * GRAVITY_M_S2))
 
     def predict(self, windows: Windows) -> Prediction:
         """The rate is held, so the attitude is R_0 Exp(w t) exactly and the acceleration is known at every stage."""

@@ -59,7 +59,7 @@ def commanded(controller: Controller, time_s: float, state: VehicleState, refere
 
 
 @nb.njit(cache=True)
-def _within(values, least, most):
+def _within(values: np.ndarray, least: float, most: float) -> bool:
     """Whether all absolute values lie between; one that is no number does not."""
     good = True
     for value in values:
@@ -68,8 +68,9 @@ def _within(values, least, most):
 
 
 @nb.njit(cache=True)
-def _measured(place, speed, attitude, rate, battery, kept_place, kept_speed, kept_attitude, kept_rate, kept_battery,
-              good):
+def _measured(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np.ndarray, battery: np.ndarray,
+              kept_place: np.ndarray, kept_speed: np.ndarray, kept_attitude: np.ndarray, kept_rate: np.ndarray,
+              kept_battery: np.ndarray, good: np.ndarray) -> tuple[int, int]:
     """Takes the good rows (n, k) into what is kept, and whether they are into good (n,); counts of bad measurements
     and of bad batteries."""
     bad = empty = 0
@@ -90,8 +91,9 @@ def _measured(place, speed, attitude, rate, battery, kept_place, kept_speed, kep
 
 
 @nb.njit(cache=True)
-def _asked(goal, yaw, turn, speed, acceleration, jerk, place, known, kept_goal, kept_yaw, kept_turn, kept_speed,
-           kept_acceleration, kept_jerk):
+def _asked(goal: np.ndarray, yaw: np.ndarray, turn: np.ndarray, speed: np.ndarray, acceleration: np.ndarray,
+           jerk: np.ndarray, place: np.ndarray, known: np.ndarray, kept_goal: np.ndarray, kept_yaw: np.ndarray,
+           kept_turn: np.ndarray, kept_speed: np.ndarray, kept_acceleration: np.ndarray, kept_jerk: np.ndarray) -> int:
     """Takes the good rows of a reference into what is kept; rows that are not rest where the last good one was, or at
     ``place`` while there was none, which ``known`` (n,) says. Counts the bad."""
     bad = 0
@@ -111,7 +113,8 @@ def _asked(goal, yaw, turn, speed, acceleration, jerk, place, known, kept_goal, 
 
 
 @nb.njit(cache=True)
-def _released(command, last, lost, mean, share, out):
+def _released(command: np.ndarray, last: np.ndarray, lost: np.ndarray, mean: np.ndarray, share: float,
+              out: np.ndarray) -> int:
     """Writes what may be sent of command (n, 4) into out and learns from it what carries; counts the bad."""
     bad = 0
     for i in range(command.shape[0]):

@@ -36,7 +36,7 @@ class Costs:
         end = self._step(first, inputs_of(self._model, motor, np.repeat(battery_V, samples)),
                          np.repeat(goal_m.T, samples, axis=1), self._weights, self._model.values, keep="last")[0]
         effort = self._effort * np.sum(motor**2, axis=(0, 1)) if self._effort else 0.0
-        return np.nan_to_num(end[-1] + effort, nan=LOST, posinf=LOST).reshape(n, samples)
+        return np.asarray(np.nan_to_num(end[-1] + effort, nan=LOST, posinf=LOST).reshape(n, samples))
 
 
 def inputs_of(model: Model, motor: np.ndarray, battery_V: np.ndarray) -> np.ndarray:

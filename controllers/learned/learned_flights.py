@@ -60,7 +60,7 @@ def kept_s(found: Flown, paths: Paths, path: int, plants: int) -> np.ndarray:
     rows = paths.scored(path).stop
     mine = found.position_m[:rows, path * plants:(path + 1) * plants]
     off = np.linalg.norm(mine - paths.all[0][:rows, None, path], axis=2)
-    return TICK_S * np.minimum.accumulate(off <= LOST_M, axis=0).sum(axis=0)
+    return np.asarray(TICK_S * np.minimum.accumulate(off <= LOST_M, axis=0).sum(axis=0))
 
 
 class Corrected:

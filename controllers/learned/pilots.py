@@ -65,7 +65,7 @@ def observation(state: VehicleState, reference: Reference) -> np.ndarray:
 
 def sane(command: np.ndarray) -> np.ndarray:
     """Within 0..1; motors of a vehicle whose network says no number stand still."""
-    return np.clip(np.nan_to_num(command), 0.0, 1.0)
+    return np.asarray(np.clip(np.nan_to_num(command), 0.0, 1.0))
 
 
 class Mppi:

@@ -9,7 +9,7 @@ with noise on the commands.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.learned.libraries import libraries
+from identification.learned.libraries import Array, libraries
 from identification.learned.training import Settings, Task, filled, train
 from nanobench_tools.errors import UsageError
 from nanobench_tools.settings import setting
@@ -50,7 +50,7 @@ def modules() -> SimpleNamespace:
     with_jax = libraries()
     jax, jnp, eqx, lax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.lax
 
-    class BcMlp(eqx.Module):  # type: ignore[name-defined]
+    class BcMlp(eqx.Module):  # type: ignore[name-defined, misc]
         """(n, 14) -> (n, 4)."""
 
         mlp: Any
@@ -58,10 +58,10 @@ def modules() -> SimpleNamespace:
         def __init__(self, key: Any) -> None:
             self.mlp = eqx.nn.MLP(OBSERVED, 4, 32, 2, jnp.tanh, key=key)
 
-        def __call__(self, observed):
+        def __call__(self, observed: Array) -> Array:
             return jnp.clip(jax.vmap(self.mlp)(observed) + 0.8, -1.0, 2.0)
 
-    class BcLstm(eqx.Module):  # type: ignore[name-defined]
+    class BcLstm(eqx.Module):  # type: ignore[name-defined, misc]
         """(n, SEEN, 14) -> (n, 4)."""
 
         cell: Any
@@ -72,16 +72,16 @@ def modules() -> SimpleNamespace:
             self.cell = eqx.nn.LSTMCell(OBSERVED, 64, key=first)
             self.head = eqx.nn.MLP(64, 4, 64, 1, jax.nn.relu, key=second)
 
-        def __call__(self, observed):
+        def __call__(self, observed: Array) -> Array:
             zero = jnp.zeros((len(observed), 64))
 
-            def step(state, seen):
+            def step(state: Array, seen: Array) -> tuple[Array, None]:
                 return jax.vmap(self.cell)(seen, state), None
 
             (hidden, _), _ = lax.scan(step, (zero, zero), observed.swapaxes(0, 1))
             return jax.nn.sigmoid(jax.vmap(self.head)(hidden))
 
-    class Dynamics(eqx.Module):  # type: ignore[name-defined]
+    class Dynamics(eqx.Module):  # type: ignore[name-defined, misc]
         """(n, 14), (n, 4) -> change (n, STATE) of the scaled observation in 10 ms."""
 
         mlp: Any
@@ -89,7 +89,7 @@ def modules() -> SimpleNamespace:
         def __init__(self, key: Any) -> None:
             self.mlp = eqx.nn.MLP(OBSERVED + 4, STATE, 256, 3, jax.nn.relu, key=key)
 
-        def __call__(self, observed, action):
+        def __call__(self, observed: Array, action: Array) -> Array:
             return jax.vmap(self.mlp)(jnp.concatenate([observed, action], axis=1)) * 0.1
 
     return SimpleNamespace(bc_mlp=BcMlp, bc_lstm=BcLstm, dynamics=Dynamics)
@@ -126,15 +126,15 @@ def task_of(kind: str, shown: Shown, seed: int, mean: np.ndarray, spread: np.nda
     data = {"x": jnp.asarray((observed - mean) / spread, jnp.float32),
             "u": jnp.asarray(np.concatenate([d.action for d in flights]))}
 
-    def clone(net, data, rows):
+    def clone(net: Any, data: Mapping[str, Array], rows: Array) -> Array:
         seen = data["x"][rows] if kind == "bc_mlp" else data["x"][rows[:, None] + jnp.arange(-before, 1)]
         return jnp.mean((net(seen) - data["u"][rows]) ** 2)
 
-    def change(net, data, rows, noise=0.0):
+    def change(net: Any, data: Mapping[str, Array], rows: Array, noise: Array | float = 0.0) -> Array:
         error = net(data["x"][rows], jnp.clip(data["u"][rows] + noise, 0.0, 1.0))
         return jnp.mean((error - (data["x"][rows + 1] - data["x"][rows])[:, :STATE]) ** 2)
 
-    def noisy(net, data, rows):
+    def noisy(net: Any, data: Mapping[str, Array], rows: Array) -> Array:
         key = jax.random.fold_in(jax.random.key(seed), jnp.sum(rows))
         return change(net, data, rows, COMMAND_NOISE * jax.random.normal(key, (len(rows), 4)))
 
@@ -171,4 +171,5 @@ def commands(network: Network, flight: Demonstration) -> np.ndarray:
         rows = np.maximum(np.arange(len(seen))[:, None] + np.arange(1 - SEEN, 1), 0)
         seen = seen[rows]
     made = restored(network)
-    return np.clip(np.asarray(libraries().jax.jit(lambda rows: made(rows))(seen.astype(np.float32))), 0.0, 1.0)
+    ratios = np.asarray(libraries().jax.jit(lambda rows: made(rows))(seen.astype(np.float32)))
+    return np.asarray(np.clip(ratios, 0.0, 1.0))

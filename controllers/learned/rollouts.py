@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.learned.libraries import libraries
+from identification.learned.libraries import Array, libraries
 from nanobench_tools import so3
 from nanobench_tools.metrics import tracking
 from nanobench_tools.metrics.trajectory import rms
@@ -49,10 +49,10 @@ def dynamics_step(known: Network) -> tuple[Any, Any]:
     jnp = libraries().jnp
     dynamics, mean, spread = restored(known), jnp.asarray(known.mean), jnp.asarray(known.spread)
 
-    def scaled(observed):
+    def scaled(observed: Array) -> Array:
         return (observed - mean) / spread
 
-    def after(observed, action, log):
+    def after(observed: Array, action: Array, log: Array) -> Array:
         moved = (scaled(observed)[:, :STATE] + dynamics(scaled(observed), action)) * spread[:STATE] + mean[:STATE]
         turned = moved[:, 6:STATE]
         length = jnp.sqrt(jnp.sum(turned**2, axis=1, keepdims=True))
@@ -70,12 +70,12 @@ def planner(networks: dict[str, Network], settings: MppiSettings) -> Any:
     scaled, after = dynamics_step(networks["dynamics"])
     policy = restored(networks["bc_mlp"])
 
-    def plan_once(plan, observed, tick):
+    def plan_once(plan: Array, observed: Array, tick: Array) -> tuple[Array, Array]:
         noise = settings.noise * jax.random.normal(jax.random.fold_in(jax.random.key(settings.seed), tick),
                                                    (settings.samples, *plan.shape))
 
-        def cost(tried):
-            def step(state, action):
+        def cost(tried: Array) -> Array:
+            def step(state: Array, action: Array) -> tuple[Array, Array]:
                 cloned = jnp.clip(policy(scaled(state)), 0.0, 1.0)
                 off = jnp.sum((state[:, :3] - state[:, STATE:STATE + 3]) ** 2, axis=1)
                 fast = jnp.sum(state[:, 3:6] ** 2, axis=1)
@@ -98,12 +98,12 @@ def _runner(pilot: str, networks: dict[str, Network], settings: MppiSettings) ->
     jax, jnp, lax = with_jax.jax, with_jax.jnp, with_jax.lax
     scaled, after = dynamics_step(networks["dynamics"])
     policy = restored(networks["bc_mlp" if pilot == "mppi" else pilot])
-    plan_once = planner(networks, settings) if pilot == "mppi" else None
+    plan_once: Any = planner(networks, settings) if pilot == "mppi" else None
 
-    def mlp(memory, observed, _):
+    def mlp(memory: Array, observed: Array, _: Array) -> tuple[Array, Array]:
         return memory, jnp.clip(policy(scaled(observed)[None])[0], 0.0, 1.0)
 
-    def lstm(memory, observed, tick):
+    def lstm(memory: Array, observed: Array, tick: Array) -> tuple[Array, Array]:
         now = scaled(observed)
         memory = jnp.where(tick == 0, jnp.broadcast_to(now, memory.shape), jnp.concatenate([memory[1:], now[None]]))
         return memory, policy(memory[None])[0]
@@ -112,9 +112,8 @@ def _runner(pilot: str, networks: dict[str, Network], settings: MppiSettings) ->
               "mppi": (plan_once, jnp.full((settings.horizon, 4), settings.first))}
     command, first = pilots[pilot]
 
-    @jax.jit
-    def run(log):
-        def step(carry, row):
+    def run(log: Array) -> Array:
+        def step(carry: Array, row: Array) -> tuple[Array, Array]:
             observed, memory = carry
             tick, later = row
             memory, action = command(memory, observed, tick)
@@ -123,7 +122,7 @@ def _runner(pilot: str, networks: dict[str, Network], settings: MppiSettings) ->
         rows = (jnp.arange(len(log)), jnp.concatenate([log[1:], log[-1:]]))
         return lax.scan(step, (log[0], first), rows)[1]
 
-    return run
+    return jax.jit(run)
 
 
 def score(states: np.ndarray, flight: Demonstration) -> dict[str, float]:

@@ -21,8 +21,9 @@ from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.settings import number
 
+from .arrays import FitWindows
 from .fit_result import FitResult
-from .fit_windows import Cut, FitWindows, cases_of, cut, gather
+from .fit_windows import Cut, cases_of, cut, gather
 from .fitted_predictor import GreyBoxPredictor
 from .flyability import Flight as Flown
 from .flyability import flies
@@ -215,7 +216,7 @@ def tidy(model: Model) -> Model:
 
 
 def _held_rate(model: Model) -> bool:
-    return model.values_of("inertia").get("inertia_kg_m2", (0.0,))[0] == HEAVY
+    return bool(model.values_of("inertia").get("inertia_kg_m2", (0.0,))[0] == HEAVY)
 
 
 def _share(cuts: Sequence[Cut]) -> float:

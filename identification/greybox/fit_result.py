@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from identification.fitted_values import Estimate
 from nanobench_tools.result import Result
@@ -52,7 +53,7 @@ class FitResult(Result):
             lines.append(f"  NO RESULT: {self.trouble}")
         return "\n".join(lines)
 
-    def plot(self):
+    def plot(self) -> Any:
         """A plotly figure: every parameter in units of the half-width of its interval around its value."""
         import plotly.graph_objects as go
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from nanobench_tools.settings import count, number
 
 from .arrays import FitWindows
 from .fitted_predictor import past_inputs, start_of
+
+T = TypeVar("T", Windows, Past, Prediction)
 
 STILL = number("greybox.fit_windows.still")
 """PWM ratios that vary by less (standard deviation over all windows) are constant."""
@@ -52,9 +55,9 @@ def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin:
             for number, (case, (windows, came)) in enumerate(whole)]
 
 
-def _rows(batch, keep: slice):
+def _rows(batch: T, keep: slice) -> T:
     """Some windows of a Windows, Past or Prediction."""
-    changed = {}
+    changed: dict[str, Any] = {}
     for field in fields(batch):
         value = getattr(batch, field.name)
         if isinstance(value, np.ndarray):

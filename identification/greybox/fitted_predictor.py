@@ -68,7 +68,7 @@ class GreyBoxPredictor:
         """Values (n, N) of what differs, per window."""
         features = self.features(windows).matrix()
         gains = cast("np.ndarray", self.gains)
-        return features @ gains[:, :-1].T + gains[:, -1]
+        return np.asarray(features @ gains[:, :-1].T + gains[:, -1])
 
     def adapted(self, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
         """Starts (n, 17) with rotors, and parameters (n, P)."""

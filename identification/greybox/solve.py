@@ -8,7 +8,7 @@ times as long, ends .4 % above this cost, and does not eliminate the flights' ef
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -175,11 +175,11 @@ def usual_errors(problem: Problem, shared: np.ndarray, own: np.ndarray) -> np.nd
     """(K, 4) mean norms of the errors: the scale each is measured in."""
     none = np.zeros((len(shared), 0))
     found = np.concatenate([e for _, e, _ in flown_errors(problem, shared, own, none)])
-    return np.maximum(np.mean(np.linalg.norm(found, axis=-1), axis=0), LEAST_ERROR)
+    return np.asarray(np.maximum(np.mean(np.linalg.norm(found, axis=-1), axis=0), LEAST_ERROR))
 
 
 def flown_errors(problem: Problem, shared: np.ndarray, own: np.ndarray, directions: np.ndarray,
-                 starts: np.ndarray | None = None):
+                 starts: np.ndarray | None = None) -> Iterator[tuple[FitWindows, np.ndarray, np.ndarray]]:
     """(windows, errors, derivatives) by chunks; ``starts`` (7, F): what the directions do to the starts."""
     for low in range(0, len(problem.data), CHUNK):
         chunk = slice(low, low + CHUNK)
@@ -211,7 +211,8 @@ def solve(problem: Problem, scale: np.ndarray | None = None) -> Solution:
     return Solution(problem, model.with_values(shared), own, normal, scale, cost, steps, names, trouble)
 
 
-def _descend(problem: Problem, shared: np.ndarray, own: np.ndarray, scale: np.ndarray):
+def _descend(problem: Problem, shared: np.ndarray, own: np.ndarray,
+             scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, Normal, float, int, str]:
     """One search at fixed scales: (shared, own, normal equations, cost, steps, trouble)."""
     matrix, target = problem.prior_rows()
     inverse_sd = np.array([1.0 / n.sd for n in problem.nuisances])
@@ -245,7 +246,8 @@ def _descend(problem: Problem, shared: np.ndarray, own: np.ndarray, scale: np.nd
     return shared, own, normal, cost, MOST_STEPS, f"not converged in {MOST_STEPS} steps"
 
 
-def _move(problem, normal, shared, own, matrix, target, inverse_sd, damping):
+def _move(problem: Problem, normal: Normal, shared: np.ndarray, own: np.ndarray, matrix: np.ndarray,
+          target: np.ndarray, inverse_sd: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
     """A damped step inside the bounds (shared, own), and by how much the quadratic model says it lowers the cost.
 
     Nuisances of flights only meet the shared parameters, so they are eliminated first (Schur complement).
@@ -276,7 +278,8 @@ def _move(problem, normal, shared, own, matrix, target, inverse_sd, damping):
     return move, moved, -float(lowered)
 
 
-def _inside(hessian, gradient, held, values, lower, upper):
+def _inside(hessian: np.ndarray, gradient: np.ndarray, held: np.ndarray, values: np.ndarray, lower: np.ndarray,
+            upper: np.ndarray) -> np.ndarray:
     """Minimum of the quadratic with bounds: what would leave them is put on them, and the rest solved again."""
     move = np.zeros(len(values))
     held = held.copy()

@@ -25,7 +25,7 @@ class Features:
     views: dict[str, list[tuple[int, float]]] = field(default_factory=lambda: {side: [] for side in SIDES})
 
     def _add(self, array: np.ndarray) -> int:
-        at = sum(a.shape[1] for a in self.arrays)
+        at: int = sum(a.shape[1] for a in self.arrays)
         self.arrays.append(array)
         return at
 

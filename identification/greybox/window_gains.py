@@ -116,7 +116,7 @@ def _added(equations: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
 def _solved(matrix: np.ndarray, right: np.ndarray, ridge: float) -> np.ndarray:
     """Positive definite by the ridge, however little the features tell."""
     held = matrix + ridge * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
-    return -cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), right, check_finite=False)
+    return np.asarray(-cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), right, check_finite=False))
 
 
 def _held_out(by_flight: Sequence[tuple[np.ndarray, np.ndarray]], ridge: float) -> float:

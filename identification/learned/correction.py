@@ -17,7 +17,7 @@ from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.settings import count, setting
 
-from .libraries import libraries
+from .libraries import Array, libraries
 
 WIDTH = count("learned.correction.width")
 UNITS = setting("learned.correction.units")
@@ -31,7 +31,7 @@ def modules() -> SimpleNamespace:
     with_jax = libraries()
     jax, jnp, eqx, lax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.lax
 
-    class Correction(eqx.Module):  # type: ignore[name-defined]
+    class Correction(eqx.Module):  # type: ignore[name-defined, misc]
         """context (n, C), steps (n, H, S), both scaled -> errors of the physics along the window."""
 
         first: Any
@@ -45,14 +45,15 @@ def modules() -> SimpleNamespace:
             out = eqx.nn.Linear(width, 6, key=keys[2])
             self.out = eqx.tree_at(lambda m: (m.weight, m.bias), out, (0.01 * out.weight, 0.0 * out.bias))
 
-        def __call__(self, context, steps, thrust, rate, attitude, dt, back=None):
+        def __call__(self, context: Array, steps: Array, thrust: Array, rate: Array, attitude: Array, dt: float,
+                     back: Array | None = None) -> Array:
             """thrust, rate (n, H, 3) of the physics, body; attitude (n, H, 3, 3) at the starts of the steps; back
             (n, 6, 6): what turns the network's accelerations into those of the vehicle where it was shown the vehicle
             turned. Errors (n, H, 12): position, velocity (world), attitude (body), rate."""
             hidden = jnp.tanh(jax.vmap(self.first)(context))
             zero = jnp.zeros((len(context), 3))
 
-            def step(carry, given):
+            def step(carry: Array, given: Array) -> tuple[Array, Array]:
                 hidden, position, velocity, angle, turning = carry
                 now, force, spin, matrix = given
                 hidden = jax.vmap(self.cell)(now, hidden)

@@ -6,9 +6,12 @@ import functools
 import os
 import sys
 from types import SimpleNamespace
+from typing import Any
 
 from nanobench_tools.errors import MissingExtraError
 
+Array = Any
+"""An array, or a tree of arrays, of JAX, which is loaded late."""
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 

@@ -18,7 +18,7 @@ from identification.published_physics import K_THRUST_N_S2, MASS_KG, OMEGA_FULL_
 from nanobench_tools.errors import UsageError
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .libraries import libraries
+from .libraries import Array, libraries
 
 KINDS = ("residual_mlp", "physics_residual", "lstm")
 WIDTH, DEPTH = 64, 5
@@ -33,7 +33,7 @@ def modules() -> SimpleNamespace:
     with_jax = libraries()
     jax, jnp, eqx, lax = with_jax.jax, with_jax.jnp, with_jax.eqx, with_jax.lax
 
-    class ResidualMlp(eqx.Module):  # type: ignore[name-defined]
+    class ResidualMlp(eqx.Module):  # type: ignore[name-defined, misc]
         """x + MLP(x, u)."""
 
         mlp: Any
@@ -41,27 +41,28 @@ def modules() -> SimpleNamespace:
         def __init__(self, inputs: int, key: Any, width: int = WIDTH, depth: int = DEPTH) -> None:
             self.mlp = small(eqx.nn.MLP(STATES + inputs, STATES, width, depth, jax.nn.relu, key=key))
 
-        def roll(self, start, inputs):
-            def step(x, u):
+        def roll(self, start: Array, inputs: Array) -> Array:
+            def step(x: Array, u: Array) -> tuple[Array, Array]:
                 x = x + jax.vmap(self.mlp)(jnp.concatenate([x, u], axis=1))
                 return x, x
 
             return lax.scan(step, start, inputs.swapaxes(0, 1))[1].swapaxes(0, 1)
 
-    class PhysicsResidual(eqx.Module):  # type: ignore[name-defined]
+    class PhysicsResidual(eqx.Module):  # type: ignore[name-defined, misc]
         """The published physics rolled out; the network corrects it in the normalised space."""
 
         mlp: Any
-        scaling: tuple = eqx.field(static=True)
+        scaling: tuple[Any, ...] = eqx.field(static=True)
 
-        def __init__(self, inputs: int, key: Any, scaling: tuple, width: int = WIDTH, depth: int = DEPTH) -> None:
+        def __init__(self, inputs: int, key: Any, scaling: tuple[Any, ...], width: int = WIDTH,
+                     depth: int = DEPTH) -> None:
             self.mlp = small(eqx.nn.MLP(STATES + inputs, STATES, width, depth, jax.nn.relu, key=key))
             self.scaling = scaling
 
-        def roll(self, start, inputs):
+        def roll(self, start: Array, inputs: Array) -> Array:
             mean, spread, u_mean, u_spread = (jnp.array(v, jnp.float32) for v in self.scaling)
 
-            def step(x, u):
+            def step(x: Array, u: Array) -> tuple[Array, Array]:
                 motor = u[:, :4] * u_spread[:4] + u_mean[:4]
                 after = (physics_step(jnp, x * spread + mean, motor) - mean) / spread
                 x = after + jax.vmap(self.mlp)(jnp.concatenate([x, u], axis=1))
@@ -69,7 +70,7 @@ def modules() -> SimpleNamespace:
 
             return lax.scan(step, start, inputs.swapaxes(0, 1))[1].swapaxes(0, 1)
 
-    class Lstm(eqx.Module):  # type: ignore[name-defined]
+    class Lstm(eqx.Module):  # type: ignore[name-defined, misc]
         """Start state -> first memory; commands -> increments, accumulated."""
 
         cell: Any
@@ -84,8 +85,8 @@ def modules() -> SimpleNamespace:
             self.memory = eqx.nn.Linear(STATES, width, key=keys[2])
             self.out = small(eqx.nn.Linear(width, STATES, key=keys[3]))
 
-        def roll(self, start, inputs):
-            def step(carry, u):
+        def roll(self, start: Array, inputs: Array) -> Array:
+            def step(carry: Array, u: Array) -> tuple[Array, Array]:
                 x, state = carry
                 state = jax.vmap(self.cell)(u, state)
                 x = x + jax.vmap(self.out)(state[0])
@@ -94,7 +95,7 @@ def modules() -> SimpleNamespace:
             first = (jnp.tanh(jax.vmap(self.hidden)(start)), jnp.tanh(jax.vmap(self.memory)(start)))
             return lax.scan(step, (start, first), inputs.swapaxes(0, 1))[1].swapaxes(0, 1)
 
-    def small(layer):
+    def small(layer: Any) -> Any:
         """The last layer starts near nothing: an untrained network says that the state stays (or obeys physics)."""
         last = layer.layers[-1] if hasattr(layer, "layers") else layer
         where = (lambda m: (m.layers[-1].weight, m.layers[-1].bias)) if last is not layer else (
@@ -133,7 +134,7 @@ def physics_step(xp: Any, x: Any, motor: Any) -> Any:
     return xp.stack([*moved, *faster, *rotation_vector(xp, last), *rate], axis=1)
 
 
-def quaternion(xp: Any, vector: Any) -> tuple:
+def quaternion(xp: Any, vector: Any) -> tuple[Any, ...]:
     """Components x, y, z, w of a rotation vector's; smooth at zero, so that gradients are finite."""
     square = sum(v * v for v in vector)
     little = square < 1e-8
@@ -142,7 +143,7 @@ def quaternion(xp: Any, vector: Any) -> tuple:
     return (*(half * v for v in vector), xp.where(little, 1.0 - square / 8.0, xp.cos(0.5 * angle)))
 
 
-def rotation_vector(xp: Any, q: tuple) -> tuple:
+def rotation_vector(xp: Any, q: tuple[Any, ...]) -> tuple[Any, ...]:
     """Components of a unit quaternion's, length at most pi."""
     sign = xp.where(q[3] < 0.0, -1.0, 1.0)
     square = sum(v * v for v in q[:3])
@@ -152,14 +153,14 @@ def rotation_vector(xp: Any, q: tuple) -> tuple:
     return tuple(factor * v for v in q[:3])
 
 
-def multiply(a: tuple, b: tuple) -> tuple:
+def multiply(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
     """Hamilton product."""
     (ax, ay, az, aw), (bx, by, bz, bw) = a, b
     return (aw * bx + ax * bw + ay * bz - az * by, aw * by - ax * bz + ay * bw + az * bx,
             aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
 
 
-def up(q: tuple) -> tuple:
+def up(q: tuple[Any, ...]) -> tuple[Any, ...]:
     """The body's z axis in the world."""
     x, y, z, w = q
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)

@@ -30,7 +30,7 @@ from nanobench_tools.settings import count, setting
 from .bar import Step
 from .correction import WIDTH, corrected, modules, starts, wanted
 from .features import POSITIONS, Seen, position_matrices, seen
-from .libraries import libraries
+from .libraries import Array, libraries
 from .published_networks import chunked
 from .together import Work
 from .training import Settings, Task, Trained, filled, train
@@ -138,7 +138,7 @@ def _network(context: int, steps: int, seed: int) -> Any:
     return modules().Correction(context, steps, libraries().jax.random.key(seed))
 
 
-_KEPT: dict[tuple, Callable[..., Any]] = {}
+_KEPT: dict[tuple[int, int, float], Callable[..., Any]] = {}
 
 
 def _all_of(context: int, steps: int, dt: float) -> Callable[..., Any]:
@@ -146,7 +146,7 @@ def _all_of(context: int, steps: int, dt: float) -> Callable[..., Any]:
     if (context, steps, dt) not in _KEPT:
         shape = _network(context, steps, 0)
 
-        def run(networks, *arrays):
+        def run(networks: Sequence[Any], *arrays: Array) -> Array:
             return sum(filled(shape, leaves)(*arrays, dt) for leaves in networks) / len(networks)
 
         _KEPT[context, steps, dt] = libraries().jax.jit(run)
@@ -271,18 +271,18 @@ def _task(label: str, arrays: Sequence[np.ndarray], target: np.ndarray, number: 
     views = [jnp.asarray(position_matrices(k), jnp.float32) for k in (*kinds, "tm")]
     data = {"arrays": [jnp.asarray(a) for a in arrays], "target": jnp.asarray(target)}
 
-    def relative(errors, target):
+    def relative(errors: Array, target: Array) -> Array:
         left = (target - errors).reshape(*errors.shape[:2], 4, 3)
         return jnp.mean(jnp.sqrt(jnp.sum(left**2, axis=3) + 1e-12) / usual)
 
-    def loss(net, data, at):
+    def loss(net: Any, data: Mapping[str, Array], at: Array) -> Array:
         context, steps, *rest = (a[at] for a in data["arrays"])
         shown = (7 * at + jnp.sum(at)) % POSITIONS  # another position every time a window comes up
         turned = (jnp.einsum("nij,nj->ni", views[0][shown], context),
                   jnp.einsum("nij,nhj->nhi", views[1][shown], steps))
         return relative(net(*turned, *rest, 1.0 / rate_hz, views[2][shown].swapaxes(1, 2)), data["target"][at])
 
-    def judge(net, data, at):
+    def judge(net: Any, data: Mapping[str, Array], at: Array) -> Array:
         return relative(net(*(a[at] for a in data["arrays"]), 1.0 / rate_hz), data["target"][at])
 
     rows = np.arange(len(target), dtype=np.int32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from nanobench_tools.protocols.windows import HORIZON
 from nanobench_tools.result import Result
 
 from .bar import Step
-from .libraries import libraries
+from .libraries import Array, libraries
 from .networks import DEPTH, KINDS, WIDTH, network
 from .training import Settings, Task, Trained, filled, train
 from .training_rows import Rows, rows_of
@@ -109,7 +109,7 @@ def task_of(kind: str, voltage: bool, rows: Rows, seed: int) -> tuple[Task, tupl
     weights = np.exp(-FADING * np.arange(1, HORIZON + 1)).astype(np.float32)
     weights = jnp.asarray(weights / weights.sum())
 
-    def loss(net, data, starts):
+    def loss(net: Any, data: Mapping[str, Array], starts: Array) -> Array:
         at = starts[:, None] + jnp.arange(HORIZON)
         error = net.roll(data["x"][starts], data["u"][at]) - data["x"][at + 1]
         return jnp.mean(jnp.mean(error**2, axis=2) @ weights)

@@ -18,7 +18,7 @@ from nanobench_tools.errors import InputError, UsageError
 
 from . import checkpoints
 from .bar import Step, bar
-from .libraries import libraries, platform
+from .libraries import Array, libraries, platform
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,12 @@ def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool 
     state = optimiser.init(weights)
     identity = {**task.identity, "settings": asdict(settings)}
 
-    def loss_of(weights, data, starts):
+    def loss_of(weights: Any, data: Mapping[str, Array], starts: Array) -> Array:
         return task.loss(eqx.combine(weights, fixed), data, starts)
 
-    @jax.jit
-    def epoch_of(weights, state, data, batches):
-        def step(carry, starts):
+    @jax.jit  # type: ignore[untyped-decorator]
+    def epoch_of(weights: Any, state: Any, data: Mapping[str, Array], batches: Array) -> tuple[Any, Any, Array]:
+        def step(carry: Array, starts: Array) -> tuple[Array, Array]:
             weights, state = carry
             loss, slope = jax.value_and_grad(loss_of)(weights, data, starts)
             change, state = optimiser.update(slope, state, weights)

@@ -90,4 +90,4 @@ def turning(quaternion: np.ndarray, row_s: float) -> np.ndarray:
     """(n, 3) rad/s, body: how fast an attitude (n, 4) turns."""
     steps = so3.log(so3.multiply(so3.conjugate(quaternion[:-1]), quaternion[1:])) / row_s
     rate = np.concatenate([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]])
-    return gaussian_filter1d(rate, TURNING_S / row_s, axis=0, mode="nearest")
+    return np.asarray(gaussian_filter1d(rate, TURNING_S / row_s, axis=0, mode="nearest"))

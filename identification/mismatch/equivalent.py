@@ -71,7 +71,7 @@ class Equivalent:
 
     @property
     def alike(self) -> bool:
-        return self.shares[0] <= ALIKE[0] and self.shares[1] <= ALIKE[1]
+        return bool(self.shares[0] <= ALIKE[0] and self.shares[1] <= ALIKE[1])
 
     @property
     def sentence(self) -> str:
@@ -219,7 +219,7 @@ def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
     wanted = np.concatenate([part.ravel() for part in target])
 
     def left(values: np.ndarray) -> np.ndarray:
-        return (wanted - np.concatenate([p.ravel() for p in wrench.model(space.model, values)])) / scale
+        return np.asarray((wanted - np.concatenate([p.ravel() for p in wrench.model(space.model, values)])) / scale)
 
     values, cost = _least(left, space, space.model.values, held)
     while cost > 2.0 and len(held) < len(start.terms) + 1 + MOST:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
@@ -74,8 +75,8 @@ class Slopes:
             wrench = moments.wrench
             mine = np.isin(wrench.flight, flights)
             self._mask = mine[wrench.force_at], mine[wrench.torque_at]
-        self._known: dict[tuple, np.ndarray] = {}
-        self._left: dict[tuple, np.ndarray] = {}
+        self._known: dict[tuple[Any, ...], np.ndarray] = {}
+        self._left: dict[tuple[Any, ...], np.ndarray] = {}
 
     def _project(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
         if self._mask is not None:
@@ -101,7 +102,7 @@ class Slopes:
     def directions(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
         """(K, D) ``columns`` along which parameters may move: a list keeps its sum."""
         which = np.asarray(which, int)
-        return self.columns(model, which) @ _ways(model, which)
+        return np.asarray(self.columns(model, which) @ _ways(model, which))
 
     def of_flights(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
         """(K, F * flights): what each parameter does in each flight alone, parameter by parameter, at the anchor."""
@@ -160,7 +161,8 @@ class Slopes:
     def cleaned(self, model: Model, columns: np.ndarray) -> np.ndarray:
         """(K, F) ``columns`` less what the nuisances of a fit of nothing take of them."""
         extra = self.nuisances(model, [])[0]
-        return columns - extra @ np.linalg.solve(np.eye(extra.shape[1]) + extra.T @ extra, extra.T @ columns)
+        taken = np.linalg.solve(np.eye(extra.shape[1]) + extra.T @ extra, extra.T @ columns)
+        return np.asarray(columns - extra @ taken)
 
     def left(self, model: Model) -> np.ndarray:
         """(K,) projection of the residual of a model."""
@@ -291,7 +293,7 @@ def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), dra
         else:
             clean = here
         found[k] = ways @ np.linalg.solve(ways.T @ (here.T @ clean + prior) @ ways, ways.T @ (clean.T @ what))
-    return found.std(axis=0) * sizes * np.sqrt(many / (many - 1.0))
+    return np.asarray(found.std(axis=0) * sizes * np.sqrt(many / (many - 1.0)))
 
 
 def force_left(known: Slopes, fit: Fit) -> np.ndarray:

@@ -15,7 +15,8 @@ from nanobench_tools import so3
 from nanobench_tools.settings import count, number, setting
 
 from .moments import Moments
-from .wrench import FORCE_ROWS, ROW_S, Wrench
+from .track import ROW_S
+from .wrench import FORCE_ROWS, Wrench
 
 PLACES = count("mismatch.leftover.places")
 """Blobs that cover where the flights went."""
@@ -71,7 +72,7 @@ class Structure:
     @property
     def rms_m_s2(self) -> float:
         """Over all of the time."""
-        return self.size_m_s2 * self.share**0.5
+        return float(self.size_m_s2 * self.share**0.5)
 
 
 def structures(moments: Moments, force: np.ndarray) -> list[Structure]:
@@ -248,7 +249,7 @@ def _around(wrench: Wrench, far: np.ndarray) -> np.ndarray:
     """Rows within BURST_ROWS of the samples of force that are far off."""
     hit = np.zeros(len(wrench.track))
     hit[wrench.force_at[far]] = 1.0
-    return maximum_filter1d(hit, 2 * BURST_ROWS + 1) > 0.0
+    return np.asarray(maximum_filter1d(hit, 2 * BURST_ROWS + 1) > 0.0)
 
 
 def gusts(moments: Moments, force: np.ndarray) -> Structure | None:

@@ -90,7 +90,7 @@ def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
     found = _slopes(wrench, at)
 
     def before(rows: int) -> np.ndarray:
-        return np.maximum(at - rows, begin)
+        return np.asarray(np.maximum(at - rows, begin))
 
     w = rate[before(2 * 2)]
     for i, axis in enumerate("xyz"):

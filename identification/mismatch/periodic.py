@@ -115,7 +115,7 @@ def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarr
     window /= np.sqrt((window**2).sum())
 
     def wave(at_hz: np.ndarray) -> np.ndarray:
-        return np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left)
+        return np.asarray(np.exp(-2j * np.pi * np.outer(at_hz, t)) @ (window * left))
 
     broad = np.abs(wave(np.arange(LOWEST_HZ, BROAD_HZ, 1.0 / (t[-1] - t[0])))) ** 2
     return wave(frequencies()), max(float(np.median(broad) / np.log(2.0)), 1e-30), float(window.sum()) ** 2 / 4.0
@@ -145,7 +145,7 @@ def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] |
 
 def usual_level(usual: Sequence[Swing]) -> np.ndarray:
     """(FREQUENCIES, 2) power of normal flights."""
-    return uniform_filter1d(np.mean([s.power for s in usual], axis=0), NEIGHBOURS, axis=0, mode="nearest")
+    return np.asarray(uniform_filter1d(np.mean([s.power for s in usual], axis=0), NEIGHBOURS, axis=0, mode="nearest"))
 
 
 def freedom_of(mine: Sequence[Swing], usual: Sequence[Swing]) -> tuple[int, int]:
@@ -182,6 +182,8 @@ def spectra(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any]:
         seen = [s.power for s in part if s.runs]
         if not seen or np.isnan(seen).all():
             return None
-        return np.nanmax(np.mean(seen, axis=0)[:, ~np.isnan(np.mean(seen, axis=0)).all(axis=0)], axis=1).tolist()
+        power = np.mean(seen, axis=0)
+        found: list[float] = np.nanmax(power[:, ~np.isnan(power).all(axis=0)], axis=1).tolist()
+        return found
 
     return {"frequency_hz": frequencies().tolist(), "here": mean(here), "normal": mean(normal)}

@@ -69,7 +69,7 @@ class Proof:
 
     def _change(self, quantities: slice) -> np.ndarray:
         change = 1.0 - self.after.mean(0)[1:, quantities] / np.maximum(self.before.mean(0)[1:, quantities], 1e-12)
-        return change[np.isfinite(change)]
+        return np.asarray(change[np.isfinite(change)])
 
     def _better_in(self, quantities: slice) -> bool:
         change = self._change(quantities)
@@ -191,7 +191,7 @@ def relative_intervals(before: np.ndarray, after: np.ndarray, seed: int) -> dict
 
 
 def _drawn_means(values: np.ndarray, seed: int) -> np.ndarray:
-    return draws(tuple(range(len(values))), seed) @ values / len(values)
+    return np.asarray(draws(tuple(range(len(values))), seed) @ values / len(values))
 
 
 def _noise(track: Track, rng: np.random.Generator) -> np.ndarray:
@@ -199,7 +199,7 @@ def _noise(track: Track, rng: np.random.Generator) -> np.ndarray:
     noise is read from third differences (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73); velocity is the slope
     of a spline through noisy positions."""
     def white(values: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.median(np.diff(values, 3, axis=0) ** 2, axis=0) / (THIRD * MEDIAN_OF_CHI2))
+        return np.asarray(np.sqrt(np.median(np.diff(values, 3, axis=0) ** 2, axis=0) / (THIRD * MEDIAN_OF_CHI2)))
 
     turned = so3.log(so3.multiply(so3.conjugate(track.quaternion[:-1]), track.quaternion[1:]))
     position = rng.normal(size=track.position_m.shape) * white(track.position_m)

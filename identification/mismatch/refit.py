@@ -120,7 +120,7 @@ def misses(model: Model, track: Track) -> np.ndarray:
         parts += [state[:, 0:3] - track.position_m[end], state[:, 3:6] - track.velocity_m_s[end],
                   so3.log(so3.multiply(so3.conjugate(state[:, 6:10]), track.quaternion[end])),
                   state[:, 10:13] - track.rate_rad_s[end]]
-    return np.clip(np.concatenate(parts, axis=1), -CLIP, CLIP)
+    return np.asarray(np.clip(np.concatenate(parts, axis=1), -CLIP, CLIP))
 
 
 @dataclass
@@ -177,8 +177,8 @@ class _Refit:
             return np.stack([((errors(change + STEP * e) - errors(change - STEP * e)) * weight / (2.0 * STEP)).ravel()
                              for e in np.eye(len(change))], axis=1)
 
-        return least_squares(lambda c: (errors(c) * weight).ravel(), np.zeros(len(self.names)), jac=slopes,
-                             loss="soft_l1", max_nfev=EVALUATIONS).x
+        return np.asarray(least_squares(lambda c: (errors(c) * weight).ravel(), np.zeros(len(self.names)), jac=slopes,
+                                        loss="soft_l1", max_nfev=EVALUATIONS).x)
 
     def held_out(self) -> np.ndarray:
         """(flights, H, 4) errors as of ``Proof.after``, refitted."""

@@ -72,7 +72,7 @@ def _smallest(power: np.ndarray, usual: np.ndarray, unit: np.ndarray, run_s: np.
     def with_swing(at: int, away_hz: float) -> np.ndarray:
         """(sizes, phases, flights)"""
         height = np.sqrt(unit) * _window(away_hz * run_s)
-        return np.abs(np.sqrt(power[:, at]) + SIZES_M_S2[:, None, None] * height * phase) ** 2
+        return np.asarray(np.abs(np.sqrt(power[:, at]) + SIZES_M_S2[:, None, None] * height * phase) ** 2)
 
     top = with_swing(k, 0.5 * step)
     ratio = top.mean(axis=2) / usual[k]

@@ -116,7 +116,7 @@ def passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: 
     wrench = moments.wrench
 
     def turned(other: Hypothesis) -> np.ndarray:
-        return wrench.model(named.fit.model)[1] - wrench.model(rested_in(named, [other.term], home))[1]
+        return np.asarray(wrench.model(named.fit.model)[1] - wrench.model(rested_in(named, [other.term], home))[1])
 
     mine = turned(h)
     size = np.linalg.norm(mine)
@@ -166,7 +166,7 @@ def left_without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit, home: 
     model = rested(fitted.model, [h.term], here, home)
     if h.own:
         return fit(known, model, [], own=named.own(h.term)).left
-    return known.left(model) - fitted.beside
+    return np.asarray(known.left(model) - fitted.beside)
 
 
 def rested_in(named: Named, terms: Sequence[str], home: Space) -> Model:

@@ -139,8 +139,8 @@ def _apart(trims: Sequence[Trim], normal: Normal) -> dict[str, str]:
     return {trims[worst].name: why}
 
 
-def _body(outcome: str, text: str, findings: list, unknown: Any, left_out: Mapping[str, str], flights: Flights,
-          power: Mapping[str, Any], improvement: Any, started: float) -> dict[str, Any]:
+def _body(outcome: str, text: str, findings: list[dict[str, Any]], unknown: Any, left_out: Mapping[str, str],
+          flights: Flights, power: Mapping[str, Any], improvement: Any, started: float) -> dict[str, Any]:
     faults: list[dict[str, Any]] = [
               {"flight": name, "kind": kind, "stream": "motor", "columns": [], "start_s": None, "end_s": None,
                "size": None, "unit": "", "evidence": reason}

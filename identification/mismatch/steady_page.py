@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -158,7 +158,7 @@ def _proof(improvement: Mapping[str, Any] | None) -> list[tuple[str, float, str]
         ("from normal flights", "before"), ("with what was named", "after"), ("a normal flight", "floor"))]
 
 
-def _scale(low: float, high: float):
+def _scale(low: float, high: float) -> Callable[[float], float]:
     return lambda v: 8.0 + (high - v) / (high - low) * (HEIGHT - BOTTOM - 8.0)
 
 

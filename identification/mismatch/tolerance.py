@@ -134,8 +134,9 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
         value = abs(before.parameters[name])
         return (ASKED if told else 1.0) * min(feigns.size * max(share, LEAST_SHAKING), MOST_GAIN) * value
     inertia = before.values_of("inertia").get("inertia_kg_m2", before.vehicle.inertia_kg_m2)
-    return ((ASKED_DAMPING if told else 1.0) * min(feigns.size * max(share, LEAST_SHAKING), MOST_DAMPING_1_S)
-            * inertia[_axis(name)])
+    found: float = ((ASKED_DAMPING if told else 1.0) * min(feigns.size * max(share, LEAST_SHAKING), MOST_DAMPING_1_S)
+                    * inertia[_axis(name)])
+    return found
 
 
 def _told(moments: Moments, share: float, name: str) -> bool:
@@ -158,7 +159,7 @@ def unexplained_share(model: Model, moments: Moments) -> np.ndarray:
     """(3,) RMS of the turning that a model leaves, over the RMS of the turning."""
     wrench = moments.wrench
     left = wrench.residual(model)[1]
-    return np.sqrt(left.var(axis=0) / np.maximum(wrench.measured[1].var(axis=0), 1e-12))
+    return np.asarray(np.sqrt(left.var(axis=0) / np.maximum(wrench.measured[1].var(axis=0), 1e-12)))
 
 
 def effect(fit: Fit, before: Model, moments: Moments) -> tuple[float, float]:

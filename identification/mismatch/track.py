@@ -203,7 +203,7 @@ def _asked(flight: Flight, time_s: np.ndarray) -> np.ndarray:
     path = np.nan_to_num(_at(stream, ("x", "y"), grid))
     snap = gaussian_filter1d(path, ASKED_S / ROW_S, axis=0, order=4, mode="nearest",
                              truncate=REACH) / ROW_S**4
-    return np.clip(snap[len(ahead):-len(ahead)] / 9.81, -MOST_ASKED_RAD_S2, MOST_ASKED_RAD_S2)
+    return np.asarray(np.clip(snap[len(ahead):-len(ahead)] / 9.81, -MOST_ASKED_RAD_S2, MOST_ASKED_RAD_S2))
 
 
 def steadied(battery_V: np.ndarray, motor: np.ndarray) -> np.ndarray:
@@ -217,11 +217,11 @@ def steadied(battery_V: np.ndarray, motor: np.ndarray) -> np.ndarray:
 
     def quick(x: np.ndarray) -> np.ndarray:
         near = gaussian_filter1d(x, PACKET_S / ROW_S, mode="nearest")
-        return near - gaussian_filter1d(x, STEADY_S / ROW_S, mode="nearest")
+        return np.asarray(near - gaussian_filter1d(x, STEADY_S / ROW_S, mode="nearest"))
 
     cells = max(float(np.median(battery_V)) / FULL_V, 1.0)
     sag = np.clip(-(quick(battery_V) @ quick(load)) / max(quick(load) @ quick(load), 1e-12), 0.0, cells * MOST_SAG_V)
-    return gaussian_filter1d(battery_V + sag * load, STEADY_S / ROW_S, mode="nearest") - sag * load
+    return np.asarray(gaussian_filter1d(battery_V + sag * load, STEADY_S / ROW_S, mode="nearest") - sag * load)
 
 
 def framed(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -240,7 +240,7 @@ def framed(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     late = stamps - (start + period * number)
     if np.abs(late).max() > MOST_LATE * period:
         return stamps
-    beat = start + period * number
+    beat: np.ndarray = start + period * number
     if _rough(beat, position) < SMOOTHER * _rough(stamps, position):
         return beat
     return stamps
@@ -267,7 +267,7 @@ def _over_row(stream: Stream, names: Sequence[str], time_s: np.ndarray) -> np.nd
     area = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * steps, axis=0)])
     edges = np.stack([np.interp(np.append(time_s, time_s[-1] + ROW_S), stamps, column) for column in area.T], axis=1)
     inside = np.clip(np.minimum(time_s + ROW_S, stamps[-1]) - np.maximum(time_s, stamps[0]), 1e-6, None)
-    return np.diff(edges, axis=0) / inside[:, None]
+    return np.asarray(np.diff(edges, axis=0) / inside[:, None])
 
 
 def _at(stream: Stream, names: Sequence[str], time_s: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ class Arm:
 
     @property
     def counts(self) -> bool:
-        return self.explains_m_s2 > LEAST_M_S2 and float(np.linalg.norm(self.r_m)) < MOST_M * self.wider
+        return bool(self.explains_m_s2 > LEAST_M_S2 and float(np.linalg.norm(self.r_m)) < MOST_M * self.wider)
 
 
 def arm_of(tracks: Sequence[Track], wider: float = 1.0) -> Arm | None:
@@ -84,7 +84,7 @@ def _sideways(wrench: Wrench) -> np.ndarray:
         thrust = np.sum(measured * up, axis=1, keepdims=True)
         other = measured - convolve1d(thrust * up, kernel(SMOOTH_S, 0), axis=0, mode="nearest")
         found.append(so3.rotate_inverse(t.quaternion, other)[:, :2])
-    return np.concatenate(found)[wrench.force_at]
+    return np.asarray(np.concatenate(found)[wrench.force_at])
 
 
 def _beyond_drag(values: np.ndarray, velocity: np.ndarray, flight: np.ndarray) -> np.ndarray:

@@ -162,7 +162,7 @@ def _thrust(motor_V: np.ndarray) -> np.ndarray:
     """[N] of motors at these voltages by the firmware's curve; below its lowest useful point a parabola through it."""
     low = 1.0
     curve = np.polynomial.polynomial.polyval(np.maximum(motor_V, low), PLUS.c)
-    return np.where(motor_V < low, curve * (motor_V / low) ** 2, curve)
+    return np.asarray(np.where(motor_V < low, curve * (motor_V / low) ** 2, curve))
 
 
 def _at_rest(states: States, thrust: np.ndarray, runs: list[Span]

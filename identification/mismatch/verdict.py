@@ -61,7 +61,8 @@ class Verdict(Result):
 
     @property
     def paragraph(self) -> str:
-        return self.body["paragraph"]
+        found: str = self.body["paragraph"]
+        return found
 
     @classmethod
     def insufficient(cls, recordings: Recordings, simulator: Model, elapsed_s: float) -> Verdict:
@@ -205,7 +206,7 @@ def _least(known: Slopes, model: Model, free: np.ndarray, needed: float, feigned
     strength = np.sqrt(np.maximum(np.diag(normal), 0.0))
     sd = np.sqrt(np.diag(np.linalg.inv(normal + np.eye(len(free)) / PRIOR_SD**2))) * sizes
     gained = np.where(strength > UNSEEN, needed / np.maximum(strength, UNSEEN), np.inf) * sizes
-    return np.maximum(gained, np.where(feigned > 0.0, feigned + (2.0 + NINE_OF_TEN) * sd, 0.0))
+    return np.asarray(np.maximum(gained, np.where(feigned > 0.0, feigned + (2.0 + NINE_OF_TEN) * sd, 0.0)))
 
 
 def _least_of(known: Slopes, model: Model, begun: Model, which: int, needed: float, feigned: float) -> float:

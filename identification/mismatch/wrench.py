@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import convolve1d
@@ -62,9 +63,9 @@ class Wrench:
     """Tracks, and where on them force and torque are compared."""
 
     tracks: Sequence[Track]
-    slopes: dict[tuple, tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
+    slopes: dict[tuple[Any, ...], tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
     """Known effects of parameters, see ``fitting.slopes``."""
-    _known: dict[tuple, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+    _known: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def unasked(self) -> tuple[str, ...]:
@@ -87,7 +88,7 @@ class Wrench:
     @cached_property
     def flight(self) -> np.ndarray:
         """(rows,) number of the flight."""
-        return np.array([t.flight for t in self.tracks])[self.track]
+        return np.asarray(np.array([t.flight for t in self.tracks])[self.track])
 
     @cached_property
     def force_at(self) -> np.ndarray:
@@ -105,7 +106,7 @@ class Wrench:
         starts = np.flatnonzero(self._judged & (row % TORQUE_ROWS == 0))
         starts = starts[starts + TORQUE_ROWS < len(self.track)]
         whole = (self.track[starts + TORQUE_ROWS] == self.track[starts]) & self._judged[starts + TORQUE_ROWS]
-        return starts[whole]
+        return np.asarray(starts[whole])
 
     @cached_property
     def quaternion(self) -> np.ndarray:
@@ -114,11 +115,11 @@ class Wrench:
     @cached_property
     def battery_V(self) -> np.ndarray:
         """Wherever the residual is judged."""
-        return joined(self.tracks, "battery_V")[self._judged]
+        return np.asarray(joined(self.tracks, "battery_V")[self._judged])
 
     def of(self, field: str, at: np.ndarray) -> np.ndarray:
         """A field of the tracks at some rows."""
-        return joined(self.tracks, field)[at]
+        return np.asarray(joined(self.tracks, field)[at])
 
     def _smooth(self, values: np.ndarray, order: int) -> np.ndarray:
         """Every track by itself, all rows."""
@@ -171,7 +172,7 @@ class Wrench:
         """(M, 3) mean over each stretch of (rows, 3)."""
         steps = np.arange(TORQUE_ROWS + 1)
         weight = np.where((steps == 0) | (steps == TORQUE_ROWS), 0.5, 1.0) / TORQUE_ROWS
-        return np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps])
+        return np.asarray(np.einsum("k,nkc->nc", weight, turning[self.torque_at[:, None] + steps]))
 
     def _inputs(self, model: Model, values: np.ndarray) -> list[np.ndarray]:
         """Rows of inputs of every track; they change with the delay only."""

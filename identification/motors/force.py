@@ -56,4 +56,4 @@ def fit_force(logs: Sequence[Log], seed: int = 0) -> Force:
 
 def errors(log: Log, specific_thrust: np.ndarray) -> np.ndarray:
     """(blocks,) m/s^2: specific thrust (n,) minus measured body-z specific force."""
-    return averaged(log, specific_thrust) - averaged(log, log.force_z)
+    return np.asarray(averaged(log, specific_thrust) - averaged(log, log.force_z))

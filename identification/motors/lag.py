@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -60,7 +61,7 @@ class Windows:
 
 def windows_of(logs: Sequence[Log]) -> Windows:
     """Windows laid end to end over all flying rows."""
-    parts: list[tuple] = []
+    parts: list[tuple[Any, ...]] = []
     for number, log in enumerate(logs):
         length, before = round(WINDOW_S / log.row_s), round(BEFORE_S / log.row_s)
         for first in log.windows(length, length, before):
@@ -138,13 +139,13 @@ def simulate(model: Model, data: Windows, values: np.ndarray, row_s: float) -> n
 
 def centred(speed: np.ndarray) -> np.ndarray:
     """(..., H, 4) without the mean over the window."""
-    return speed - speed.mean(axis=-2, keepdims=True)
+    return np.asarray(speed - speed.mean(axis=-2, keepdims=True))
 
 
 def gains(simulated: np.ndarray, measured: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(m, 4) measured over simulated, by least squares over all windows; centred (m, n, H, 4) and (n, H, 4)."""
     top = np.einsum("mnhk,nhk,n->mk", simulated, measured, weights)
-    return top / np.einsum("mnhk,mnhk,n->mk", simulated, simulated, weights)
+    return np.asarray(top / np.einsum("mnhk,mnhk,n->mk", simulated, simulated, weights))
 
 
 def part_of(data: Windows, keep: np.ndarray) -> Windows:
@@ -182,7 +183,7 @@ def _fit(model: Model, used: Windows, row_s: float, name: str, first: Lag | None
 
     def jacobian(free: np.ndarray) -> np.ndarray:
         left = residuals(np.vstack([free, free + STEP_S * np.eye(len(free))]))[0].reshape(1 + len(free), -1)
-        return (left[1:] - left[0]).T / STEP_S
+        return np.asarray((left[1:] - left[0]).T / STEP_S)
 
     low = np.array([0.0 if w == "delay" else LOWER for w in wanted])
     start = np.array([0.004 if w == "delay" else 0.035 for w in wanted])

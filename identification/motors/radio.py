@@ -39,17 +39,17 @@ def thinned(log: Log, first: np.ndarray, rng: np.random.Generator, rate_hz: floa
         arrives[[0, -1]] = True
         row = np.minimum((sent[arrives] / log.row_s).astype(int), b - 1)
         found[inside] = resample(sent[arrives], log.u[row], time_s[first[inside]])
-    return np.clip(found, 0.0, 1.0)
+    return np.asarray(np.clip(found, 0.0, 1.0))
 
 
 def sampled(log: Log, first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(m, 4) PWM as it is at the rows, nothing lost: sampled every 10 ms."""
-    return log.u[first]
+    return np.asarray(log.u[first])
 
 
 def averaged_rows(log: Log, first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(m, 4) mean PWM over each row of 10 ms."""
-    return log.u[first[:, None] + np.arange(coarse_rows(log.row_s))].mean(axis=1)
+    return np.asarray(log.u[first[:, None] + np.arange(coarse_rows(log.row_s))].mean(axis=1))
 
 
 COARSE: Mapping[str, Callable[[Log, np.ndarray, np.random.Generator], np.ndarray]] = {

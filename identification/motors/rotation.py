@@ -112,7 +112,7 @@ class Batch:
 
     @property
     def trim_rows(self) -> int:
-        return self.rate.shape[1] - SCORED_ROWS
+        return int(self.rate.shape[1] - SCORED_ROWS)
 
     @property
     def later(self) -> np.ndarray:
@@ -224,11 +224,11 @@ def fit_rotation(model: Model, data: Batch, own_lag: bool = False) -> Rotation:
         return found[..., RATE].reshape(len(points), n, FIT_ROWS, 3)
 
     def residuals(point: np.ndarray) -> np.ndarray:
-        return (rates(point[None])[0] - truth).ravel()
+        return np.asarray((rates(point[None])[0] - truth).ravel())
 
     def jacobian(point: np.ndarray) -> np.ndarray:
         found = rates(np.vstack([point, point + STEP * np.eye(len(point))])).reshape(1 + len(point), -1)
-        return (found[1:] - found[0]).T / STEP
+        return np.asarray((found[1:] - found[0]).T / STEP)
 
     start = np.clip(model.values[index] / size, low + 1e-6, high - 1e-6)
     found = least_squares(residuals, start, jacobian, bounds=(low, high), loss="soft_l1", f_scale=LOSS_RAD_S,

@@ -171,7 +171,7 @@ def _flying(speed: np.ndarray, row_s: float) -> np.ndarray:
     """(n,) bool: all rotors at a good share of the speed they fly with."""
     squares = uniform_filter1d(np.sum(speed**2, axis=1), max(round(SMOOTH_S / row_s), 1))
     usual = np.quantile(squares[squares > 4.0 * SPINNING_RAD_S**2], USUAL)
-    return (squares > SHARE_OF_FLYING * usual) & (speed > SPINNING_RAD_S).all(axis=1)
+    return np.asarray((squares > SHARE_OF_FLYING * usual) & (speed > SPINNING_RAD_S).all(axis=1))
 
 
 def _informs(log: Log) -> None:

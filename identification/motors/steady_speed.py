@@ -41,7 +41,8 @@ class Steady:
     def speed(self, u: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
         """(n, 4) rad/s at PWM ratios (n, 4) and voltage (n,)."""
         thrust = self.fit.predict(u, np.asarray(battery_V)[:, None])
-        return np.sqrt(np.maximum(thrust * self.gain / self.k_f, 0.0))
+        found: np.ndarray = np.sqrt(np.maximum(thrust * self.gain / self.k_f, 0.0))
+        return found
 
 
 @dataclass(frozen=True)

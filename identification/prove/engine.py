@@ -34,11 +34,11 @@ Acting = tuple[np.ndarray, Effect]
 
 def _turned(columns: np.ndarray, body: np.ndarray) -> np.ndarray:
     """Body vectors (3, n) -> world, columns[j] (3, n) the body axis j seen in the world."""
-    return columns[0] * body[0] + columns[1] * body[1] + columns[2] * body[2]
+    return np.asarray(columns[0] * body[0] + columns[1] * body[1] + columns[2] * body[2])
 
 
 def _in_body(columns: np.ndarray, world: np.ndarray) -> np.ndarray:
-    return columns[:, 0] * world[0] + columns[:, 1] * world[1] + columns[:, 2] * world[2]
+    return np.asarray(columns[:, 0] * world[0] + columns[:, 1] * world[1] + columns[:, 2] * world[2])
 
 
 class Engine(Plant):
@@ -63,7 +63,7 @@ class Engine(Plant):
         for rows, effect in self._with["wind"]:
             self._wind[:, rows] = effect.wind()
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple]:
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
         """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
         columns = np.array(rotation_columns(s[QUATERNION]))
         v, rotor_N = s[VELOCITY], s[THRUST]
@@ -135,7 +135,7 @@ class _Part:
         self._air, self._rows = air, rows
 
     def __getattr__(self, name: str) -> np.ndarray:
-        return getattr(self._air, name)[:, self._rows]
+        return np.asarray(getattr(self._air, name)[:, self._rows])
 
 
 def _of(air: Air, rows: np.ndarray | slice) -> Any:

@@ -77,7 +77,7 @@ def on_rotorpy(spec: CaseSpec) -> CaseSpec | None:
     return replace(spec, airframe=airframe, flights=spec.flights[:few], concealed=concealed, known=known, faults=faults)
 
 
-def import_multirotor() -> type:
+def import_multirotor() -> Any:
     """RotorPy's Multirotor; raises MissingExtraError when the extra is not installed."""
     try:
         from rotorpy.vehicles.multirotor import Multirotor
@@ -98,7 +98,8 @@ def implied_damping(airframe: Airframe, rotor_drag: Sequence[float]) -> list[flo
     return [float(f"{arm * k:.5g}") for k in (k_z, k_z, 2.0 * k_d)]
 
 
-def quad_params(true: Airframe, believed: Airframe, rotor_drag: Sequence[float], com_m: Sequence[float]) -> dict:
+def quad_params(true: Airframe, believed: Airframe, rotor_drag: Sequence[float], com_m: Sequence[float],
+                ) -> dict[str, Any]:
     """RotorPy's dictionary of a vehicle; ``believed`` says at which hover speed the flapping is meant."""
     jx, jy, jz = true.inertia_kg_m2
     rotors = {f"r{i + 1}": np.array([x - com_m[0], y - com_m[1], 0.0]) for i, (x, y) in enumerate(POSITIONS_M)}
@@ -161,7 +162,7 @@ class RotorPyEngine(Engine):
         out[RATE] += moment / self._inertia
         return out
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple]:
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
         """Specific force in the world (3, n) m/s^2, moment (not used by any sensor, zero), columns of R."""
         force = self._first(s)[VELOCITY].copy()
         force[2] += self.gravity

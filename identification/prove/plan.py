@@ -52,7 +52,7 @@ def plan_cases(n: int, seed: int = 0) -> list[CaseSpec]:
     """n cases, the same for the same arguments. Names say nothing: ``case_000`` ... in an order that is shuffled."""
     rng = np.random.default_rng([seed, 101])
     kinds = _kinds(n, rng)
-    decks: dict[str, list] = {}
+    decks: dict[str, list[Any]] = {}
     specs = []
     for index, kind in enumerate(kinds):
         case_rng = np.random.default_rng([seed, 102, index])
@@ -70,7 +70,7 @@ def _kinds(n: int, rng: np.random.Generator) -> list[str]:
     return [kinds[i] for i in rng.permutation(len(kinds))]
 
 
-def _deal(decks: dict[str, list], name: str, cards: Callable[[], Sequence], rng: np.random.Generator) -> Any:
+def _deal(decks: dict[str, list[Any]], name: str, cards: Callable[[], Sequence[Any]], rng: np.random.Generator) -> Any:
     """The next card of a shuffled deck, which is made anew when it is empty: everything comes before anything twice."""
     if not decks.get(name):
         fresh = list(cards())
@@ -119,7 +119,7 @@ def _size(kind: str, rng: np.random.Generator) -> str:
     return SIZES[int(rng.choice(3, p=SIZE_SHARES[kind]))]
 
 
-def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator, decks: dict[str, list],
+def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator, decks: dict[str, list[Any]],
           deal_rng: np.random.Generator) -> CaseSpec:
     airframe = draw_airframe(rng)
     wants: list[str] = []

@@ -48,4 +48,5 @@ def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: flo
 
 def map_of(fit: Any) -> Map:
     """The map of a fit to stands or to flights."""
-    return fit.map if hasattr(fit, "map") else fit.model.map
+    found: Map = fit.map if hasattr(fit, "map") else fit.model.map
+    return found

@@ -45,7 +45,8 @@ def motor_voltage(thrust_N: np.ndarray, c: Sequence[float] | np.ndarray, kind: t
     q = p**3 + (c2 * c1 - kind(3) * c3 * (c0 - np.asarray(thrust_N, kind))) / (kind(6) * c3**2)
     inside = q**2 + (r - p**2) ** 3
     root = np.sqrt(np.where(inside >= 0.0, inside, np.nan))
-    return np.cbrt(q + root) + np.cbrt(q - root) + p
+    found: np.ndarray = np.cbrt(q + root) + np.cbrt(q - root) + p
+    return found
 
 
 def constants(c: Sequence[float] | np.ndarray, thrust_min_N: float, thrust_max_N: float, comment: str) -> str:

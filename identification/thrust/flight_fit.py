@@ -121,14 +121,14 @@ class FlightFit:
 
     def predict(self, flown: Flown) -> np.ndarray:
         """Specific force along body z (n,) m/s^2."""
-        found = np.array([self.values[n] for n in self.model.names]) @ self.model.design(self.shape, flown)
+        found: np.ndarray = np.array([self.values[n] for n in self.model.names]) @ self.model.design(self.shape, flown)
         if not self.model.balanced:
             return found
-        return found * balance(self.carried(flown.lift[:, :4], flown.lift[:, 4]), flown.lift[:, 5])
+        return np.asarray(found * balance(self.carried(flown.lift[:, :4], flown.lift[:, 4]), flown.lift[:, 5]))
 
     def carried(self, u: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
         """Specific force (n,) m/s^2 of four motors at PWM ratios (n, 4) and voltages (n,), by the map alone."""
-        return self.fit.predict(u, battery_V[:, None]).sum(axis=1) / self.model.mass_kg
+        return np.asarray(self.fit.predict(u, battery_V[:, None]).sum(axis=1) / self.model.mass_kg)
 
 
 def effect_columns(flown: Flown) -> np.ndarray:

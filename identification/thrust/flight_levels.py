@@ -63,7 +63,7 @@ def weight_row(files: Sequence[Flown], split: str) -> Scored:
 def later(missed: np.ndarray, time_s: np.ndarray, share: float) -> np.ndarray:
     """Errors after the first seconds, less ``share`` of the mean error of these."""
     first = time_s - time_s[0] < FIRST_S
-    return missed[~first] - share * missed[first].mean()
+    return np.asarray(missed[~first] - share * missed[first].mean())
 
 
 def trust(held: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:

@@ -143,7 +143,7 @@ def _height(flight: Flight, grid: np.ndarray) -> np.ndarray | None:
     for stream, quantity in (("mocap", "pz"), ("estimator", "z")):
         if stream in flight and quantity in flight[stream] and np.isfinite(flight[stream][quantity]).all():
             z = flight[stream][quantity]
-            return np.interp(grid, flight[stream].time_s, z - resting_height_m(z))
+            return np.asarray(np.interp(grid, flight[stream].time_s, z - resting_height_m(z)))
     return None
 
 
@@ -187,4 +187,4 @@ def _carried(grid: np.ndarray, spans: Sequence[Span], motor: np.ndarray, voltage
 
 def _low_pass(values: np.ndarray, constant_s: float) -> np.ndarray:
     keep = float(np.exp(-1.0 / (RATE_HZ * constant_s)))
-    return lfilter([1.0 - keep], [1.0, -keep], values, zi=[values[0] * keep])[0]
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values, zi=[values[0] * keep])[0])

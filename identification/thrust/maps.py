@@ -90,7 +90,7 @@ def _term_columns(term: Any, count: int) -> Columns:
     """Columns of a polynomial term: the term itself with unit coefficients."""
     expression = term.acts[Stage.THRUST_MAP]
 
-    def columns(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+    def columns(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
         at = SimpleNamespace(battery_V=voltage)
         return [expression([u], SimpleNamespace(c=tuple(float(i == k) for i in range(k + 1))), at, ops)[0]
                 for k in range(count)]
@@ -109,7 +109,7 @@ MONOMIALS = ((1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (3, 3))
 the motor voltage. No constant: a motor that is off pulls nothing."""
 
 
-def _general(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+def _general(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
     return [u**a * voltage**b if b else u**a + 0.0 * voltage for a, b in MONOMIALS]
 
 
@@ -119,17 +119,17 @@ def speed_voltage(drive: Any, rho: Any, ops: Ops) -> Any:
     return 2.0 * drive / (1.0 + ops.sqrt(1.0 + 4.0 * rho * drive))
 
 
-def _dc_motor(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+def _dc_motor(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
     rho, offset = shape
     return [speed_voltage(u * voltage + offset, rho, ops) ** 2]
 
 
-def _switched_motor(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+def _switched_motor(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
     offset, drop = shape
     return [speed_voltage(u * (voltage + drop) + offset, 0.0, ops) ** 2]
 
 
-def _power(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+def _power(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
     of_u, of_v = shape
     return [ops.fmax(u, 1e-9) ** of_u * voltage**of_v]
 
@@ -137,7 +137,7 @@ def _power(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
 def _scaled(propellers: PropellerSet) -> Columns:
     polynomial = _term_columns(THRUST_VOLTAGE, len(propellers.c))
 
-    def columns(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list:
+    def columns(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:
         return [sum(c * x for c, x in zip(propellers.c, polynomial(shape, u, voltage, ops), strict=True))]
 
     return columns

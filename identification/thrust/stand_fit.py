@@ -101,7 +101,9 @@ def fit_stands(candidate: Map, stands: Sequence[Stand], weights: Numbers | None 
 
 def prior_cost(candidate: Map, shape: Numbers) -> float:
     """Minus twice the log of the priors of the shape, up to a constant."""
-    return sum(((x - s.prior[0]) / s.prior[1]) ** 2 for s, x in zip(candidate.shape, shape, strict=True) if s.prior)
+    found: float = sum(((x - s.prior[0]) / s.prior[1]) ** 2
+                       for s, x in zip(candidate.shape, shape, strict=True) if s.prior)
+    return found
 
 
 def search(candidate: Map, cost: Callable[[np.ndarray], float],

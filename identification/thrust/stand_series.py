@@ -115,10 +115,10 @@ def read_stand(flight: Flight) -> Stand:
 
 def _spins(thrust: np.ndarray, at_zero: np.ndarray, rotor: np.ndarray | None) -> np.ndarray:
     if rotor is not None:
-        return rotor.mean(axis=1) > SPINNING_RAD_S
+        return np.asarray(rotor.mean(axis=1) > SPINNING_RAD_S)
     largest = np.nanmax(thrust, initial=0.0)
     noise = NOISE_FACTOR * float(np.std(thrust[at_zero])) if at_zero.sum() > 2 else 0.0
-    return thrust > max(noise, SHARE_OF_LARGEST * largest)
+    return np.asarray(thrust > max(noise, SHARE_OF_LARGEST * largest))
 
 
 def check(stand: Stand) -> None:

@@ -64,7 +64,7 @@ def predicted(fit: AnyFit, file: File) -> np.ndarray:
 
 def errors(fit: AnyFit, file: File) -> np.ndarray:
     """(n,) prediction minus measurement."""
-    return predicted(fit, file) - target(file)
+    return np.asarray(predicted(fit, file) - target(file))
 
 
 def fit_any(candidate: Map | FlightModel, files: Sequence[File], weights: Numbers | None = None,

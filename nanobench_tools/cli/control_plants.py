@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, UsageError
-from ..retiming.votes import evidence_of
+from ..retiming.votes import AS_RECORDED, evidence_of
 from .control_tables import show_mismatch, show_simulated
-from .options import AS_RECORDED, Options, one_line
+from .options import Options, one_line
 from .show import data_word
 
 if TYPE_CHECKING:

@@ -80,7 +80,7 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()]})
 
 
-def convert_item(flight: Flight, out_dir: Path, to: str) -> dict:
+def convert_item(flight: Flight, out_dir: Path, to: str) -> dict[str, Any]:
     """Writes one recording."""
     from ..export import export
 

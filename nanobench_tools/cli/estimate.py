@@ -11,10 +11,10 @@ import click
 
 from ..errors import InputError, UsageError
 from ..result import Result
-from ..retiming.votes import voters, votes
+from ..retiming.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .named_methods import load_methods
-from .options import AS_RECORDED, PATH, FiniteRange, Options, one_line, shared_options
+from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..metrics.statistics import Summary
 from ..result import INLINE, Result
-from .options import AS_RECORDED, Options
+from ..retiming.votes import AS_RECORDED
+from .options import Options
 from .show import data_word
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ import os
 import sys
 import traceback
 import warnings
+from typing import TextIO
 
 import click
 
@@ -63,11 +64,12 @@ class Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        command = getattr(importlib.import_module(f"nanobench_tools.cli.{cmd_name}"), cmd_name)
+        command: click.Command = getattr(importlib.import_module(f"nanobench_tools.cli.{cmd_name}"), cmd_name)
         command.epilog = command.epilog or f"Example: {VERBS[cmd_name][1]}"
         return command
 
-    def resolve_command(self, ctx: click.Context, args: list[str]):
+    def resolve_command(self, ctx: click.Context, args: list[str],
+                        ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in VERBS:
             near = difflib.get_close_matches(args[0], VERBS, n=1, cutoff=0.4)
             hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(VERBS)}"
@@ -143,7 +145,8 @@ def _complain(text: str, code: int) -> int:
     return code
 
 
-def _warn(message, category, filename, lineno, file=None, line=None) -> None:
+def _warn(message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None,
+          line: str | None = None) -> None:
     """Warnings as one line, without source."""
     print(" ".join(f"nanobench: warning: {message}".split()), file=file or sys.stderr)
 

@@ -290,7 +290,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-OPTIONS: dict[str, Callable] = {
+OPTIONS: dict[str, Callable[..., Any]] = {
     "data": click.option("--data", multiple=True, type=PATH, metavar="PATH",
                          help="Folder (read recursively) or file; may repeat. Default: $NANOBENCH_DATA, ./data, "
                               "../shared/data/nanobench."),
@@ -314,10 +314,10 @@ OPTIONS: dict[str, Callable] = {
 }
 
 
-def shared_options(*leave_out: str) -> Callable[[Callable], Callable]:
+def shared_options(*leave_out: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Gives a verb the shared options (all but ``leave_out``) as one argument ``options: Options``."""
 
-    def decorate(function: Callable) -> Callable:
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def with_options(**kwargs: Any) -> Any:
             from ..harness.pool import shared_workers

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from ..errors import InputError, UsageError
@@ -39,7 +41,7 @@ def report(options: Options) -> int:
     return options.exit_code()
 
 
-def recordings(options: Options, results: dict) -> list:
+def recordings(options: Options, results: dict[str, Any]) -> list[Any]:
     """The recordings that audit.json names, found by content hash; none when there are no recordings to look at.
 
     A name is only a label, so it is the audit's: the same file may be called differently beside other files.

@@ -10,8 +10,9 @@ from typing import Any
 import click
 
 from ..errors import NanobenchError
+from ..retiming.votes import CLOCKS
 from .audit import audit_body, show_audits
-from .options import CLOCKS, Options, shared_options
+from .options import Options, shared_options
 
 OUT = Path("results")
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24

@@ -8,7 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .options import AS_RECORDED, Options
+from ..retiming.votes import AS_RECORDED
+from .options import Options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -132,7 +133,8 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     from ..protocols import compare
     from ..protocols.selection import distinct
     from ..protocols.task1 import JUDGED
-    from .sysid import SIMULATOR, sysid_body
+    from .sysid import sysid_body
+    from .sysid_models import SIMULATOR
 
     alone = given.clock is not None
     found: dict[str, dict[str, Any]] = {}

@@ -52,7 +52,7 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     unknown = [name for name in families if name not in FAMILIES]
     if unknown:
         raise UsageError(f"--family: unknown name {unknown[0]!r}; known: {', '.join(FAMILIES)}")
-    how: dict = {"families": families or None, "duration_s": duration_s}
+    how: dict[str, Any] = {"families": families or None, "duration_s": duration_s}
     if speeds:
         how["speeds"] = speeds
     if controller in CONTROLLERS:

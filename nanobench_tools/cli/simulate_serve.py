@@ -34,7 +34,8 @@ class Numbers(click.ParamType):
     def __init__(self, count: int) -> None:
         self.count = count
 
-    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> tuple:
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None,
+                ) -> tuple[float, ...]:
         try:
             found = tuple(float(part) for part in str(value).split(","))
         except ValueError:
@@ -44,7 +45,7 @@ class Numbers(click.ParamType):
         return found
 
 
-_OPTIONS: tuple[Callable, ...] = (
+_OPTIONS: tuple[Callable[..., Any], ...] = (
     click.option("--serve", "serve_uri", metavar="URI", help="Serve a simulated Crazyflie: udp://127.0.0.1:19850. Its "
                  "motion capture is at the port + 100."),
     click.option("--vehicles", type=click.IntRange(1, MOST_VEHICLES), metavar="N", help="Served: so many, at ports one "
@@ -83,7 +84,7 @@ SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "pos
                  "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere", "seconds")
 
 
-def serve_options(function: Callable) -> Callable:
+def serve_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Puts the options of a served vehicle on a verb."""
     for option in reversed(_OPTIONS):
         function = option(function)

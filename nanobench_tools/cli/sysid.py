@@ -11,9 +11,9 @@ import click
 
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
-from ..retiming.votes import evidence_of
+from ..retiming.votes import AS_RECORDED, evidence_of
 from .named_methods import load_methods
-from .options import AS_RECORDED, PATH, Options, shared_options
+from .options import PATH, Options, shared_options
 from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -123,7 +123,7 @@ def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str],
 
 
 def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
-           names: tuple[set[str], set[str]] | None) -> tuple[list, list, str, dict[str, str]]:
+           names: tuple[set[str], set[str]] | None) -> tuple[list[Any], list[Any], str, dict[str, str]]:
     """(training cases, test cases, how they were chosen, reasons of the recordings in neither)."""
     from identification.thrust.thrust_rows import cases_of
 

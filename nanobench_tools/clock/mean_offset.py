@@ -14,6 +14,7 @@ import numpy as np
 from ..delays.lags import Lag, best_lag, lag_sums
 from ..signals import paired_signals
 from ..signals.context import Context
+from ..signals.mocap_derivatives import STEP_S, derivatives_of
 from .measured_lags import measured_lags
 from .moving import moving_clocks, track_of
 
@@ -24,7 +25,7 @@ def mean_lag(context: Context) -> Lag | None:
     """The gyro's lag without the wander that the track shows; None where that cannot be said."""
     clock, track = context.once(moving_clocks).get("imu"), context.once(track_of)
     plain = context.once(measured_lags).get("imu")
-    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(paired_signals.derivatives_of)
+    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(derivatives_of)
     if clock is None or not clock.like_track or track is None or plain is None or placed is None or truth is None:
         return None
     t = truth.time_s
@@ -34,7 +35,7 @@ def mean_lag(context: Context) -> Lag | None:
                                   paired_signals.RATE_BAND_HZ, True)
     if pair is None:
         return None
-    sums = lag_sums(pair.measured, pair.reference, pair.use, paired_signals.STEP_S, pair.reach_s)
+    sums = lag_sums(pair.measured, pair.reference, pair.use, STEP_S, pair.reach_s)
     if sums is None:
         return None
     lag = best_lag(sums)

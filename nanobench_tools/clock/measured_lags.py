@@ -14,6 +14,7 @@ from ..delays.lags import Lag, best_lag, lag_sums
 from ..signals import paired_signals, pairs
 from ..signals.axis_unit_matching import axis_unit_matches
 from ..signals.context import Context
+from ..signals.mocap_derivatives import STEP_S, derivatives_of
 
 MEASURED_BY: dict[str, tuple[pairs.MakePair, ...]] = {
     "imu": (pairs.gyro_pair, pairs.force_pair),
@@ -38,7 +39,7 @@ class Measured:
 
     def upright(self, values: np.ndarray) -> np.ndarray:
         """(n, 3) of the stream -> in the axes, signs and unit of the reference."""
-        return (values * np.array(self.sign) / self.factor)[:, np.argsort(self.order)]
+        return np.asarray((values * np.array(self.sign) / self.factor)[:, np.argsort(self.order)])
 
 
 def measured_lags(context: Context) -> dict[str, Measured]:
@@ -57,7 +58,7 @@ def measured_lags(context: Context) -> dict[str, Measured]:
 
 
 def _measure(context: Context, make: pairs.MakePair, pair: paired_signals.Pair) -> Measured | None:
-    sums, truth = pairs.sums_of(context, make), context.once(paired_signals.derivatives_of)
+    sums, truth = pairs.sums_of(context, make), context.once(derivatives_of)
     if sums is None or truth is None:
         return None
     verdict = context.once(axis_unit_matches).get(make)
@@ -70,7 +71,7 @@ def _measure(context: Context, make: pairs.MakePair, pair: paired_signals.Pair) 
     fixed = Measured(best_lag(sums, True), None, name, verdict.order,
                      tuple(-1.0 if s < 0 else 1.0 for s in verdict.sign), verdict.factor)
     values = fixed.upright(pair.measured)
-    mended = lag_sums(values, pair.reference, pair.use, paired_signals.STEP_S, pair.reach_s)
+    mended = lag_sums(values, pair.reference, pair.use, STEP_S, pair.reach_s)
     if mended is None:
         return None
     lag = best_lag(mended, False)

@@ -19,6 +19,7 @@ from ..delays.track_error import TrackError, track_error
 from ..settings import number, setting
 from ..signals import paired_signals, pairs
 from ..signals.context import Context
+from ..signals.mocap_derivatives import derivatives_of
 from ..signals.pose_jumps import mocap_jumps
 from .measured_lags import Measured, measured_lags
 
@@ -56,7 +57,7 @@ def track_of(context: Context) -> TrackError | None:
     if any(not jump.rotation for jump in context.once(mocap_jumps)):
         return None  # the path is not where it was before
     placed = paired_signals.on_grid(context, "estimator", ("x", "y", "z"))
-    truth = context.once(paired_signals.derivatives_of)
+    truth = context.once(derivatives_of)
     if placed is None or truth is None:
         return None
     return track_error(own.upright(placed[0]), truth.position_m, truth.velocity_m_s, pair.use, truth.time_s,
@@ -83,7 +84,7 @@ def moving_clocks(context: Context) -> dict[str, Moving]:
 def _shares_clock(measured: dict[str, Measured]) -> bool:
     behind = measured["estimator"].lag.offset_s - measured["imu"].lag.offset_s if "estimator" in measured else np.inf
     doubt = measured["imu"].lag.half_width_s
-    return OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt
+    return bool(OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt)
 
 
 def _by_track(track: TrackError) -> Moving:

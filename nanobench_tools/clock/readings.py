@@ -17,8 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..settings import number
-from ..signals import paired_signals, pairs
+from ..signals import pairs
 from ..signals.context import Context
+from ..signals.mocap_derivatives import derivatives_of
 from .mean_offset import mean_lag
 from .measured_lags import MEASURED_BY, Measured, measured_lags
 from .moving import OWN_LAG_S, moving_clocks
@@ -45,7 +46,7 @@ def read_clocks(context: Context) -> dict[str, ClockReading]:
     """A reading for every stream of the flight but the motion capture, which is the yardstick."""
     flight = context.flight
     names = [name for name in flight.streams if name != "mocap"]
-    if context.once(paired_signals.derivatives_of) is None:
+    if context.once(derivatives_of) is None:
         return {name: ClockReading.unknown("no motion capture to compare with") for name in names}
     measured = dict(context.once(measured_lags))
     mean = context.once(mean_lag)

@@ -150,7 +150,7 @@ def log_evidence(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int
 
 @nb.njit(cache=True, fastmath=True)
 def _log_sum(log_weight: np.ndarray) -> float:
-    top = log_weight.max()
+    top: float = log_weight.max()
     total = 0.0
     for j in range(len(log_weight)):
         total += math.exp(log_weight[j] - top)

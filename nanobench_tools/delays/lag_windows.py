@@ -65,7 +65,7 @@ def movement(measured: np.ndarray, reference: np.ndarray, time_s: np.ndarray, su
     part = lag.offset_s / step - whole
 
     def delayed(x: np.ndarray) -> np.ndarray:
-        return (1.0 - part) * x[rows - whole] + part * x[np.maximum(rows - whole - 1, 0)]
+        return np.asarray((1.0 - part) * x[rows - whole] + part * x[np.maximum(rows - whole - 1, 0)])
 
     predicted = reference @ a.T
     slope = np.gradient(predicted, step, axis=0)
@@ -74,7 +74,7 @@ def movement(measured: np.ndarray, reference: np.ndarray, time_s: np.ndarray, su
     slope, turned = delayed(slope), delayed(turned)
 
     def per_window(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return ((x * y) @ w).reshape(windows, -1).sum(axis=1)
+        return np.asarray(((x * y) @ w).reshape(windows, -1).sum(axis=1))
 
     weight = per_window(slope, slope)
     power = per_window(turned, turned)

@@ -107,13 +107,13 @@ def residual(cross: np.ndarray, reference: np.ndarray, measured: np.ndarray, fre
         left = power - np.einsum("...lab,...lba->...la", cross, solved)
     else:
         left = power - 2.0 * np.diagonal(cross, axis1=-2, axis2=-1) + np.diagonal(reference, axis1=-2, axis2=-1)
-    return np.maximum(left, 1e-12 * power + 1e-300)
+    return np.asarray(np.maximum(left, 1e-12 * power + 1e-300))
 
 
 def _cost(left: np.ndarray, free: bool) -> np.ndarray:
     """Minus the logarithm of the likelihood, (..., l), of what is left, (..., l, k)."""
     # world vectors share their noise over the axes; axes of a sensor have their own
-    return np.log(left).sum(axis=-1) if free else np.log(left.sum(axis=-1))
+    return np.asarray(np.log(left).sum(axis=-1) if free else np.log(left.sum(axis=-1)))
 
 
 def best(lags_s: np.ndarray, left: np.ndarray, free: bool) -> np.ndarray:
@@ -132,7 +132,7 @@ def best(lags_s: np.ndarray, left: np.ndarray, free: bool) -> np.ndarray:
     before, here, after = (np.take_along_axis(cost, i[..., None] + d, axis=-1)[..., 0] for d in (-1, 0, 1))
     bend = before - 2.0 * here + after
     vertex = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
-    return lags_s[start] + (i + np.clip(vertex, -1.0, 1.0)) * (fine[1] - fine[0]) * step
+    return np.asarray(lags_s[start] + (i + np.clip(vertex, -1.0, 1.0)) * (fine[1] - fine[0]) * step)
 
 
 def best_lag(sums: LagSums, free: bool = True) -> Lag:

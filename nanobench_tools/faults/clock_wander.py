@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from ..clock.moving import moving_clocks
 from ..clock.readings import read_clocks
-from ..delays.lag_windows import SMALLEST_WANDER_S
+from ..delays.steadiness import SMALLEST_WANDER_S
 from ..flight import Fault, Flight
 from ..retiming.confirm import believed
 from ..retiming.moving_readings import shares_clock

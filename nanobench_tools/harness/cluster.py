@@ -30,7 +30,7 @@ def run_on_cluster(pending: list[Item], store: Store | None, address: str) -> Re
     try:
         futures = {client.submit(_execute, item, key=f"nanobench-{item.key}", pure=False): item
                    for item in pending}
-        for future in as_completed(futures):
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
             item = futures[future]
             try:
                 outcome: Outcome = future.result()
@@ -66,7 +66,7 @@ def _connect(address: str) -> Any:
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=CONNECT_S)
+        client = Client(address, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
     except Exception as error:  # distributed raises OSError, TimeoutError, ValueError or its own
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from error

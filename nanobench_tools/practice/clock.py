@@ -36,13 +36,13 @@ class ClockError:
         since = t[:, None] - self.jumps_s[:, 0]
         rise = np.clip(since / WANDER_RISE_S, 0.0, 1.0)
         wander = self.jumps_s[:, 1] * rise * np.exp(-np.maximum(since - WANDER_RISE_S, 0.0) / WANDER_DECAY_S)
-        return self.offset_s + self.drift * t + wander.sum(axis=1) - self.wander_mean_s
+        return np.asarray(self.offset_s + self.drift * t + wander.sum(axis=1) - self.wander_mean_s)
 
     def stamp(self, time_s: np.ndarray) -> np.ndarray:
         """Stamps (n,) of true times (n,), rising: a host never sees packets of one log block overtake each other."""
         t = np.asarray(time_s, float)
         step = SMALLEST_STEP_S * np.arange(len(t))
-        return np.maximum.accumulate(t + self.late_s(t) - step) + step
+        return np.asarray(np.maximum.accumulate(t + self.late_s(t) - step) + step)
 
     def shifted(self, first_s: float) -> ClockError:
         """The same error for times counted from ``first_s``."""

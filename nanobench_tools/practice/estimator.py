@@ -40,7 +40,7 @@ def correlated_noise(rng: np.random.Generator, ticks: int, channels: int, time_s
     keep = np.exp(-TICK_S / time_s)
     white = rng.standard_normal((ticks, channels))
     white[1:] *= np.sqrt(1.0 - keep**2)
-    return lfilter([1.0], [1.0, -keep], white, axis=0)
+    return np.asarray(lfilter([1.0], [1.0, -keep], white, axis=0))
 
 
 class OnboardEstimator:

@@ -9,12 +9,12 @@ import numpy as np
 
 from .. import so3
 from ..errors import UsageError
+from ..firmware.onboard import ControllerLog
 from ..guard import commanded
-from ..methods import Controller, VehicleState
+from ..methods import Controller, Reference, VehicleState
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2
 from .estimator import OnboardEstimator, correlated_noise
-from .onboard_crowd import ControllerLog
 from .references import PathSpec
 from .rigid_bodies import POSITION, QUATERNION, RATE, VELOCITY, Plant
 from .timeline import TICK_S, Events, Timeline, draw_events
@@ -150,14 +150,14 @@ def _gyro(plant: Plant, noise: np.ndarray) -> np.ndarray:
     """Rate (n, 3) rad/s with bias, noise and, while motors turn, vibration; noise (3, n) unit normal."""
     p = plant.vehicles
     sigma = p.gyro_noise_rad_s + p.gyro_vibration_rad_s * plant.mean_ratio
-    return (plant.state[RATE] + p.gyro_bias_rad_s + sigma * noise).T
+    return np.asarray((plant.state[RATE] + p.gyro_bias_rad_s + sigma * noise).T)
 
 
 def _accelerometer(plant: Plant, noise: np.ndarray) -> np.ndarray:
     """Specific force (n, 3) m/s^2 of the body with bias, noise and vibration; noise (3, n) unit normal."""
     p = plant.vehicles
     sigma = p.acc_noise_m_s2 + p.acc_vibration_m_s2 * plant.mean_ratio
-    return (plant.specific_force() + p.acc_bias_m_s2 + sigma * noise).T
+    return np.asarray((plant.specific_force() + p.acc_bias_m_s2 + sigma * noise).T)
 
 
 class _Recorder:
@@ -174,7 +174,8 @@ class _Recorder:
         self.kept["battery_V"][tick, :, 0] = plant.battery_V
         self.kept["motor"][tick] = plant.motor.T
 
-    def believed(self, tick: int, position, velocity, quaternion, acceleration) -> None:
+    def believed(self, tick: int, position: np.ndarray, velocity: np.ndarray, quaternion: np.ndarray,
+                 acceleration: np.ndarray) -> None:
         """What the estimator says; its acceleration is the accelerometer's, turned, without gravity."""
         m = self.messages
         m["estimator"][tick] = np.concatenate([position, velocity], axis=1)
@@ -182,7 +183,8 @@ class _Recorder:
         m["attitude"][tick] = so3.euler_zyx(quaternion)
         m["attitude_qw"][tick] = quaternion
 
-    def commanded(self, tick: int, armed, reference, yaw_rate, yaw, log) -> None:
+    def commanded(self, tick: int, armed: np.ndarray, reference: Reference, yaw_rate: np.ndarray, yaw: np.ndarray,
+                  log: ControllerLog | None) -> None:
         """Setpoint and ``pid``. The setpoint's yaw is the planner's yaw rate, as in the published files; the pid's yaw
         is the estimate until take-off; an onboard controller that does not write the group leaves what stood there at
         start, and one of the user's own has no such group."""

@@ -85,7 +85,7 @@ def resample(stamps: np.ndarray, values: np.ndarray, rows: np.ndarray) -> np.nda
     """Linear interpolation of packets (p,), (p, k) onto rows (m,), continued as straight lines beyond both ends."""
     i = np.clip(np.searchsorted(stamps, rows, side="right") - 1, 0, len(stamps) - 2)
     share = (rows - stamps[i]) / (stamps[i + 1] - stamps[i])
-    return values[i] + share[:, None] * (values[i + 1] - values[i])
+    return np.asarray(values[i] + share[:, None] * (values[i + 1] - values[i]))
 
 
 @dataclass(frozen=True)

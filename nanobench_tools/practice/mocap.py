@@ -27,7 +27,7 @@ class MocapNoise:
 
 def savgol_derivative(rows_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """First derivative (n, k) by rows, with the median step of ``rows_s`` (n,)."""
-    return savgol_filter(values, WINDOW, ORDER, deriv=1, delta=float(np.median(np.diff(rows_s))), axis=0)
+    return np.asarray(savgol_filter(values, WINDOW, ORDER, deriv=1, delta=float(np.median(np.diff(rows_s))), axis=0))
 
 
 def body_rate(rows_s: np.ndarray, quaternion: np.ndarray) -> np.ndarray:

@@ -32,8 +32,8 @@ def battery_voltage(charge: np.ndarray, motor: np.ndarray, vehicles: Vehicles) -
     """Charge left (n,), PWM ratios (4, n) -> terminal voltage (n,) V.
 
     """
-    return np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + battery_load(
-        motor, vehicles.resistance_ohm, vehicles.motor_conductance_A_V))
+    return np.asarray(np.interp(charge, OPEN_CIRCUIT[:, 0], OPEN_CIRCUIT[:, 1]) / (1.0 + battery_load(
+                   motor, vehicles.resistance_ohm, vehicles.motor_conductance_A_V)))
 
 
 def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V: np.ndarray) -> np.ndarray:
@@ -41,7 +41,8 @@ def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V:
 
     Each motor draws u_i (u_i V) G from the cell, so V = OCV - R G V sum u_i^2 has a closed solution.
     """
-    return resistance_ohm * conductance_A_V * np.sum(motor * motor, axis=0)
+    found: np.ndarray = resistance_ohm * conductance_A_V * np.sum(motor * motor, axis=0)
+    return found
 
 
 def legs(depth_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
@@ -89,7 +90,7 @@ class Plant:
         self._inertia, self._inertia_turn = np.stack([jx, jy, jz]), np.stack([jz - jy, jx - jz, jy - jx])
         self._drag_difference = vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple]:
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
         """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
         p = self.vehicles
         columns = (ax, ay, az), (bx, by, bz), (cx, cy, cz) = rotation_columns(s[QUATERNION])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class Vehicles:
     acc_bias_m_s2: np.ndarray
 
     def __len__(self) -> int:
-        return self.mass_kg.shape[-1]
+        return int(self.mass_kg.shape[-1])
 
 
 def draw_vehicles(rngs: list[np.random.Generator], spread: float = 1.0, **fixed: float) -> Vehicles:
@@ -70,7 +70,7 @@ def draw_vehicles(rngs: list[np.random.Generator], spread: float = 1.0, **fixed:
     if unknown:
         raise KeyError(f"no vehicle parameter {', '.join(sorted(unknown))}; known: {', '.join(VEHICLE)}")
     several = {"motor_imbalance": 4, "gyro_bias_rad_s": 3, "acc_bias_m_s2": 3}
-    drawn: dict[str, list] = {name: [] for name in VEHICLE}
+    drawn: dict[str, list[Any]] = {name: [] for name in VEHICLE}
     for rng in rngs:
         for name, p in VEHICLE.items():
             shape = several.get(name, ())

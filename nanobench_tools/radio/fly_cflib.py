@@ -23,7 +23,7 @@ def crazyflie(cache: Path | None, lost: Callable[[str], None]) -> Any:
     """A Crazyflie of cflib. ``lost`` is told at once why the driver has failed, from any thread."""
     from cflib.crazyflie import Crazyflie
 
-    class InTime(Crazyflie):
+    class InTime(Crazyflie):  # type: ignore[misc]
         def __init__(self) -> None:
             self.link: Any = None
             super().__init__(rw_cache=str(cache) if cache else None)

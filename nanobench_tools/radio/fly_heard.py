@@ -24,4 +24,4 @@ def astray(link: Link, believed: Believed | None, host_s: float) -> np.ndarray:
         return np.full(3, np.nan)
     if not all(host_s - link.logged_s.get(name, -np.inf) < FRESH_S for name in ESTIMATE):
         return np.full(3, np.nan)
-    return np.array([link.values[name] for name in ESTIMATE]) - believed.position_m
+    return np.asarray(np.array([link.values[name] for name in ESTIMATE]) - believed.position_m)

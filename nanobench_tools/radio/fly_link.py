@@ -129,7 +129,7 @@ class CflibLink:
 
     @property
     def version(self) -> int:
-        return self._cf.platform.get_protocol_version()
+        return int(self._cf.platform.get_protocol_version())
 
     @property
     def log_types(self) -> dict[str, str]:

@@ -11,8 +11,8 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from .. import so3
 from ..errors import UsageError
 from ..firmware.flatness import body_rates
 from ..firmware.records import ABSOLUTE, VELOCITY
@@ -89,7 +89,7 @@ def attitude_of(acceleration_m_s2: np.ndarray, yaw_rad: float) -> np.ndarray:
     z = up / max(float(np.linalg.norm(up)), 1e-6)
     y = np.cross(z, [np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
     y /= max(float(np.linalg.norm(y)), 1e-6)
-    return so3.Rotation.from_matrix(np.column_stack([np.cross(y, z), y, z])).as_quat()
+    return np.asarray(Rotation.from_matrix(np.column_stack([np.cross(y, z), y, z])).as_quat())
 
 
 def of_reference(kind: str, reference: Reference) -> bytes:

@@ -144,7 +144,7 @@ def _driver(world: VirtualWorld) -> type:
     from cflib.crtp.crtpstack import CRTPPacket
     from cflib.crtp.exceptions import WrongUriType
 
-    class VirtualDriver(CRTPDriver):
+    class VirtualDriver(CRTPDriver):  # type: ignore[misc]
         """The client's end of the radio."""
 
         def __init__(self) -> None:

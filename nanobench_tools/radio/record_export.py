@@ -213,7 +213,7 @@ def write_parquet(folder: Path, packets: Packets, data: list[BlockData]) -> None
                        **{v: np.ascontiguousarray(part.values[v]) for v in part.block.variables}}
             pq.write_table(pa.table(columns), folder / f"{part.block.name}.parquet")
         if poses := [(r.time_s, unpack(r.payload)) for r in packets.of(POSE)]:
-            table: dict[str, list] = {"host_time_s": [t for t, _ in poses], "time_s": [p.time_s for _, p in poses]}
+            table: dict[str, list[Any]] = {"host_time_s": [t for t, _ in poses], "time_s": [p.time_s for _, p in poses]}
             for i, column in enumerate(("px", "py", "pz", "qx", "qy", "qz", "qw")):
                 table[column] = [float((*p.position_m, *p.quaternion)[i]) for _, p in poses]
             pq.write_table(pa.table(table), folder / "poses.parquet")

@@ -130,7 +130,7 @@ def _lasts(ground_m: float, from_m: float) -> float:
     return max(SHORTEST_LANDING_S, (from_m - ground_m) / LANDING_M_S)
 
 
-def _try(send: Callable, *what: object) -> None:
+def _try(send: Callable[..., object], *what: object) -> None:
     try:
         send(*what)
     except Exception:  # a driver that is gone raises anything; the vehicle's own watchdog is what is left then

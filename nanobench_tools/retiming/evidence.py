@@ -104,7 +104,7 @@ class Evidence:
         x = np.clip((self.time_s - delay_s - lag_s - self.grid_start_s) / CELL_S, 0, len(self.predicted) - 1.001)
         i = x.astype(np.int64)
         part = (x - i)[:, None]
-        return self.predicted[i] * (1.0 - part) + self.predicted[i + 1] * part
+        return np.asarray(self.predicted[i] * (1.0 - part) + self.predicted[i + 1] * part)
 
     def cells(self) -> np.ndarray:
         """(s,) stamps less the lag, as cells of the grid."""
@@ -116,7 +116,7 @@ class Evidence:
             return self.measured
         slow = uniform_filter1d(self.measured - self.predicted_at(delay_s, self.lag_s), self._rows(DETREND_S), axis=0,
                                 mode="nearest")
-        return self.measured - slow
+        return np.asarray(self.measured - slow)
 
     def learn_lag(self, delay_s: np.ndarray, near: bool = False) -> None:
         """Updates the constant lag under ``delay_s`` (s,): coarse over LAGS_S, then fine about the best; ``near``:
@@ -135,7 +135,7 @@ class Evidence:
     def residual(self, delay_s: np.ndarray) -> np.ndarray:
         """(s, k) measured less predicted under ``delay_s`` (s,) and the present lag, medians removed."""
         r = self.detrended(delay_s) - self.predicted_at(delay_s, self.lag_s)
-        return r - np.median(r, axis=0)
+        return np.asarray(r - np.median(r, axis=0))
 
     def _lowest(self, delay_s: np.ndarray, lags_s: np.ndarray) -> float:
         """The lag of least clipped squared residual, refined by a parabola through the three lowest points."""
@@ -174,7 +174,7 @@ def _alike_rows(z: np.ndarray) -> float:
 def _fine(truth: MocapDerivatives, values: np.ndarray) -> np.ndarray:
     """(n, k) on the truth's grid -> on the fine grid, ends held."""
     fine = np.arange(truth.time_s[0] - MARGIN_S, truth.time_s[-1] + MARGIN_S, CELL_S)
-    return CubicSpline(truth.time_s, values)(np.clip(fine, truth.time_s[0], truth.time_s[-1]))
+    return np.asarray(CubicSpline(truth.time_s, values)(np.clip(fine, truth.time_s[0], truth.time_s[-1])))
 
 
 def _rate(truth: MocapDerivatives) -> np.ndarray:

@@ -195,7 +195,7 @@ def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:
     truth = context.once(derivatives_of)
     if truth is None:
         return np.zeros(len(rows_s))
-    return np.interp(rows_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1))
+    return np.asarray(np.interp(rows_s, truth.time_s, np.linalg.norm(truth.velocity_m_s, axis=1)))
 
 
 def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray, delay: np.ndarray) -> np.ndarray:
@@ -216,4 +216,4 @@ def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray
         return np.zeros(len(rows_s))
     slow = uniform_filter1d(across, max(1, round(ALIKE_S / ROW_S)), axis=0)
     sigma_m = np.median(np.linalg.norm(slow, axis=1)) / np.sqrt(2.0 * np.log(2.0))  # two components remain
-    return sigma_m / np.maximum(_speed(context, rows_s), SLOWEST_M_S)
+    return np.asarray(sigma_m / np.maximum(_speed(context, rows_s), SLOWEST_M_S))

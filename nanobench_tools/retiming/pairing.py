@@ -117,7 +117,7 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
 def _band(values: np.ndarray) -> np.ndarray:
     """(n, k) every STEP_S, between 1 / SLOW_S and BAND_HZ."""
     smooth = sosfiltfilt(butter(2, BAND_HZ, fs=1.0 / STEP_S, output="sos"), values, axis=0)
-    return smooth - uniform_filter1d(smooth, round(SLOW_S / STEP_S), axis=0)
+    return np.asarray(smooth - uniform_filter1d(smooth, round(SLOW_S / STEP_S), axis=0))
 
 
 def _turn(truth: MocapDerivatives, time_s: np.ndarray, gyro: np.ndarray) -> tuple[Rotation, float]:

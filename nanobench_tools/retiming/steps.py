@@ -53,7 +53,7 @@ def _of(streams: dict[str, Stream], name: str, quantities: tuple[str, ...], rows
 
 
 def _middle(values: np.ndarray) -> np.ndarray:
-    return 0.5 * (values[1:] + values[:-1])
+    return np.asarray(0.5 * (values[1:] + values[:-1]))
 
 
 def _position(streams: dict[str, Stream], rows_s: np.ndarray) -> Pair | None:
@@ -105,7 +105,7 @@ def log_likelihood_of_steps(context: Context, voting: tuple[str, ...], rows_s: n
 def _in_hole(stream: Stream, rows_s: np.ndarray) -> np.ndarray:
     """(n,) bool: rows that lie between samples further apart than GAP_S."""
     after = np.clip(np.searchsorted(stream.time_s, rows_s), 1, len(stream) - 1)
-    return stream.time_s[after] - stream.time_s[after - 1] > GAP_S
+    return np.asarray(stream.time_s[after] - stream.time_s[after - 1] > GAP_S)
 
 
 def log_steps(steps_s: np.ndarray, time_s: np.ndarray, increments: np.ndarray, rates: np.ndarray, slowest: float,
@@ -136,5 +136,5 @@ def without_slow_error(rates: np.ndarray, advance: np.ndarray, rows: float, caus
     error = advance - rates
     if causal:
         keep = np.exp(-1.0 / rows)
-        return rates + lfilter([1.0 - keep], [1.0, -keep], error, axis=0)
-    return rates + gaussian_filter1d(error, rows, axis=0)
+        return np.asarray(rates + lfilter([1.0 - keep], [1.0, -keep], error, axis=0))
+    return np.asarray(rates + gaussian_filter1d(error, rows, axis=0))

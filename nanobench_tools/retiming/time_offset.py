@@ -58,7 +58,8 @@ class TimeOffset(Result):
         """(m,) lateness [s] of stamps ``time_s`` (m,)."""
         if not len(self.time_s):
             return np.full(len(time_s), self.constant_s)
-        return np.interp(time_s, self.time_s, self.offset_s, left=self.constant_s, right=self.constant_s)
+        found: np.ndarray = np.interp(time_s, self.time_s, self.offset_s, left=self.constant_s, right=self.constant_s)
+        return found
 
 
 def wander_of(time_s: np.ndarray, offset_s: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class AxisUnitMatch:
     swapped: bool
 
     @property
-    def wrong(self) -> tuple:
+    def wrong(self) -> tuple[Any, ...]:
         """What differs: empty when nothing does; equal for two streams that are wrong in the same way."""
         flips = tuple(s < 0 for s in self.sign)
         return (

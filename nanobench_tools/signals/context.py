@@ -31,7 +31,8 @@ class Context:
         """The value of ``function`` for this flight; ``function`` must be pure."""
         if function not in self._kept:
             self._kept[function] = function(self)
-        return self._kept[function]
+        found: T = self._kept[function]
+        return found
 
 
 def _placed(flight: Flight) -> Flight:

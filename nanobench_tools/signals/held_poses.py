@@ -27,7 +27,7 @@ class HeldPoses:
 
     @property
     def any(self) -> np.ndarray:
-        return self.lost | self.same | self.drawn
+        return np.asarray(self.lost | self.same | self.drawn)
 
 
 def held_poses(context: Context) -> HeldPoses | None:

@@ -62,14 +62,14 @@ class Pair:
 
 @cache
 def _band(low_hz: float, high_hz: float) -> np.ndarray:
-    return butter(2, (low_hz, high_hz), btype="band", fs=1.0 / STEP_S, output="sos")
+    return np.asarray(butter(2, (low_hz, high_hz), btype="band", fs=1.0 / STEP_S, output="sos"))
 
 
 def band_limited(values: np.ndarray, band_hz: tuple[float, float]) -> np.ndarray:
     """(..., n, k) on the grid -> the same without what lies outside ``band_hz``, without delay."""
     n = values.shape[-2]
     # mirrored ends: the default continuation turns a shock in the last row into a step
-    return sosfiltfilt(_band(*band_hz), values, axis=-2, padtype="even", padlen=min(200, n - 1))
+    return np.asarray(sosfiltfilt(_band(*band_hz), values, axis=-2, padtype="even", padlen=min(200, n - 1)))
 
 
 def flying_rows(context: Context) -> np.ndarray:

@@ -24,7 +24,7 @@ EULER_BAND_HZ = setting("audit.pairs.euler_band_hz")
 
 
 def _rate_of_euler(angles: np.ndarray) -> np.ndarray:
-    return np.gradient(angles, STEP_S, axis=0)
+    return np.asarray(np.gradient(angles, STEP_S, axis=0))
 
 
 def _rate_of_quaternion(q: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
 
 def _up(q: np.ndarray) -> np.ndarray:
     """Cosine of the tilt, (n,)."""
-    return 1.0 - 2.0 * (q[:, 0] ** 2 + q[:, 1] ** 2)
+    return np.asarray(1.0 - 2.0 * (q[:, 0] ** 2 + q[:, 1] ** 2))
 
 
 def _euler_source(context: Context, name: str) -> tuple[np.ndarray, np.ndarray] | None:

@@ -102,7 +102,7 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
     step = np.abs(np.concatenate([np.diff(before, axis=0), np.diff(after, axis=0), across[None]])).max(axis=0)
     across = across + np.where(step > limit, 2.0 * step, 0.0)
     beyond = np.maximum(np.maximum(limit, TIMES_LOCAL * noise), 2.0 * across)
-    return beyond + (end - first) * step + off
+    return np.asarray(beyond + (end - first) * step + off)
 
 
 def _bounced(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> bool:
@@ -120,7 +120,7 @@ def _bounced(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> boo
 
 def _distance(values: np.ndarray) -> np.ndarray:
     """(n, k): of every row from the median of the WIDTH rows around it."""
-    return np.abs(values - median_filter(values, size=(WIDTH, 1), mode="nearest"))
+    return np.asarray(np.abs(values - median_filter(values, size=(WIDTH, 1), mode="nearest")))
 
 
 def _unwrapped(stream: Stream, use: list[int]) -> np.ndarray:
@@ -144,4 +144,4 @@ def _filled(values: np.ndarray) -> np.ndarray:
         return values
     index = np.where(bad, 0, np.arange(len(values))[:, None])
     np.maximum.accumulate(index, axis=0, out=index)
-    return np.nan_to_num(np.take_along_axis(values, index, axis=0))
+    return np.asarray(np.nan_to_num(np.take_along_axis(values, index, axis=0)))

@@ -13,7 +13,7 @@ def advancing(time_s: np.ndarray) -> np.ndarray:
     finite = np.isfinite(time_s)
     t = np.where(finite, time_s, -np.inf)
     latest = np.concatenate(([-np.inf], np.maximum.accumulate(t)[:-1])) if len(t) else t
-    return finite & (t > latest)
+    return np.asarray(finite & (t > latest))
 
 
 def usable_streams(context: Context) -> dict[str, Stream]:

@@ -104,7 +104,8 @@ def _unpacked(body: bytes, compression: bytes, whole: bool) -> bytes:
     if compression == b"lz4" and whole:
         from lz4.frame import decompress
 
-        return decompress(body)
+        found: bytes = decompress(body)
+        return found
     return b""
 
 

@@ -200,7 +200,7 @@ class _Fits:
         self.waves = {k: (w.real, w.imag) for k, w in ((1, turn), (2, turn**2), (3, turn**3))}
         self.line = np.broadcast_to(time_s / np.abs(time_s).max(), phase.shape)
         self.position = position
-        self.solved: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
+        self.solved: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
 
     def _solve(self, axis: int, harmonics: tuple[int, ...], slope: bool) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients (frequencies, p), constant first, and sums of squares left (frequencies,)."""
@@ -222,7 +222,7 @@ class _Fits:
 
     def amplitudes(self, axis: int, harmonics: tuple[int, ...], at: int) -> np.ndarray:
         c = self._solve(axis, harmonics, False)[0][at]
-        return np.hypot(c[1 : 1 + 2 * len(harmonics) : 2], c[2 : 2 + 2 * len(harmonics) : 2])
+        return np.asarray(np.hypot(c[1 : 1 + 2 * len(harmonics) : 2], c[2 : 2 + 2 * len(harmonics) : 2]))
 
 
 def _path_speed(time_s: np.ndarray, position: np.ndarray) -> float:

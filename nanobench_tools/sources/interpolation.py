@@ -52,7 +52,7 @@ def carries_no_packet(time_s: np.ndarray, values: np.ndarray,
     the middle 96 % is used. A row that equals its neighbours tells nothing and is False; so is the first, the
     last, one beside NaN or beside a time that does not advance.
     """
-    return _on_chord(time_s, values, resolution) & _moved(values)
+    return np.asarray(_on_chord(time_s, values, resolution) & _moved(values))
 
 
 @dataclass(frozen=True)

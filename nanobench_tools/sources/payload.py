@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import lzma
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 
@@ -40,7 +42,7 @@ def digest(stored: bytes) -> str:
     return hashlib.sha256(stored).hexdigest()
 
 
-def _unpack_members(stored: bytes, new_decoder, place: str) -> Payload:
+def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -> Payload:
     """All members of an archive, one after the other. One that only ends early is kept up to its end.
 
     A member that fails its check is refused as a whole: what the decoder made of it before it noticed may be

@@ -41,4 +41,4 @@ def quaternions(wxyz: np.ndarray) -> np.ndarray:
 
 def world_yaw(yaw: np.ndarray) -> np.ndarray:
     """(n,) rad clockwise from north -> counter-clockwise from east, in -pi..pi."""
-    return so3.wrap_angle(0.5 * math.pi - np.asarray(yaw, float))
+    return np.asarray(so3.wrap_angle(0.5 * math.pi - np.asarray(yaw, float)))

@@ -145,7 +145,7 @@ def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray,
     if not len(time_unix_s):
         return None, False
     first, (low, high) = float(time_unix_s[0]), np.quantile(time_unix_s, (0.05, 0.95))
-    fits: list[tuple[tuple, Sheet, bool]] = []
+    fits: list[tuple[tuple[Any, ...], Sheet, bool]] = []
     for sheet in sheets:
         if sheet.start_s is None:
             own = True

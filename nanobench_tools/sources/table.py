@@ -222,7 +222,8 @@ def _as_float(column: pa.Array, where: str) -> np.ndarray:
     kind = column.type
     if pa.types.is_timestamp(kind):
         column = column.cast(pa.timestamp("ns", tz=kind.tz)).cast(pa.int64())
-        return pc.divide(column.cast(pa.float64(), safe=False), 1e9).to_numpy(zero_copy_only=False).astype(float)
+        seconds = pc.divide(column.cast(pa.float64(), safe=False), 1e9)
+        return np.asarray(seconds.to_numpy(zero_copy_only=False).astype(float))
     if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)):
         raise InputError(where, f"holds {kind}", "numbers are needed")
-    return column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False).astype(float)
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False).astype(float))

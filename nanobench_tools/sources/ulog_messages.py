@@ -84,7 +84,7 @@ def _next(data: bytes, at: int, sizes: dict[bytes, int]) -> int | None:
     if at + 3 > len(data):
         return None
     size, kind = _head(data, at)
-    after = at + 3 + size
+    after: int = at + 3 + size
     if kind not in KINDS or not 0 < size <= LONGEST or after > len(data):
         return None
     if kind == 68:  # D

@@ -121,7 +121,7 @@ def _header(data: bytes, place: str) -> tuple[int, dict[int, EventType], int]:
             raise InputError(f"{place}: byte {at}", "the header of the uSD log ends early",
                              "take another copy of the file")
         at += 2
-        return struct.unpack_from("<H", data, at - 2)[0]
+        return int(struct.unpack_from("<H", data, at - 2)[0])
 
     def text() -> str:
         nonlocal at

@@ -5,7 +5,9 @@ From the trim alone it cannot be told from another mass; flights at other states
 
 from __future__ import annotations
 
-from .cause import Body, Cause, Hypothesis, interval
+from collections.abc import Sequence
+
+from .cause import Body, Cause, Hypothesis, Sizes, interval
 from .mass import alike
 
 
@@ -14,7 +16,7 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("battery", (), 1.0, sizes, gains)]
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     return f"All four motors are asked for alike more by {interval(sizes['change'], 1, '%')}: thrust against voltage " \
            "is not what it was"
 

@@ -15,6 +15,9 @@ DRAWS = 4096
 PLACES = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
 """Where the motors of a Crazyflie sit."""
 
+Sizes = Mapping[str, tuple[float, float, float]]
+"""Value, low and high end by the name of a size."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -61,14 +64,14 @@ class Cause:
     term: str | None
     prior: float
     make: Callable[[Body], Sequence[Hypothesis]]
-    say: Callable[[Mapping[str, tuple[float, float, float]], Sequence[int]], str]
+    say: Callable[[Sizes, Sequence[int]], str]
     short: str
 
 
 @functools.cache
 def draws(k: int) -> np.ndarray:
     """(DRAWS, k) evenly spread over the unit cube, the same each time."""
-    found = qmc.Sobol(k, seed=11).random(DRAWS)
+    found: np.ndarray = qmc.Sobol(k, seed=11).random(DRAWS)
     found.setflags(write=False)
     return found
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, Size, draws, interval
+from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval
 
 MOST = number("mismatch.mass.most")
 
@@ -22,7 +24,7 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("mass", (), 1.0, sizes, gains)]
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     return f"The vehicle weighs more, in its middle, by {interval(sizes['change'], 1, '%')}"
 
 

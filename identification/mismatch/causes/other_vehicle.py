@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis
+from .cause import Body, Cause, Hypothesis, Sizes
 
 GAINS = number("mismatch.other_vehicle.gains")
 LEVEL_M_S2 = number("mismatch.other_vehicle.level_m_s2")
@@ -16,7 +18,7 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("vehicle", (), 1.0, spread={"gains": GAINS, "level": LEVEL_M_S2})]
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     return "This is another vehicle: gains of the motors and the angle between thrust and sensors differ at once"
 
 

@@ -6,13 +6,14 @@ that: its moment falls on pairs of motors, never on the yaw balance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval, motor_words
 
 MOST_LOSS = number("mismatch.propeller.most_loss")
 """Share of its thrust beyond which one motor cannot be made up for."""
@@ -32,7 +33,7 @@ def make(body: Body) -> list[Hypothesis]:
     return found
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     losses = ", ".join(interval(size, 0, "%") for size in sizes.values())
     word = "propeller" if len(motors) == 1 else "propellers"
     return f"The {word} of {motor_words(motors)} lost thrust: at the same motor voltage it gives less by {losses}"

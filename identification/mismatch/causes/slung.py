@@ -7,9 +7,11 @@ neither swings nor weighs in full.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, interval
+from .cause import Body, Cause, Hypothesis, Sizes, interval
 from .weight import loads, where
 
 UNSEEN = number("mismatch.slung.unseen")
@@ -21,7 +23,7 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("slung", (), 1.0 if body.swing is not None else UNSEEN, sizes, gains)]
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     near = f", nearest to motor {motors[0]}" if motors else ""
     swings = (f"; it swings at {interval(sizes['frequency'], 2, 'Hz')}, as on a string of "
               f"{interval(sizes['length'], 2, 'm')}") if "frequency" in sizes else ""

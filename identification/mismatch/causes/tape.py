@@ -5,11 +5,13 @@ Below LOSS a damaged blade looks the same in the trim; both are then said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, Size, draws, interval, motor_words
+from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval, motor_words
 
 LOSS = number("mismatch.tape.loss")
 """Most that a strip of a tenth of a millimetre does to the lift of a blade; more is damage, whatever did it."""
@@ -25,7 +27,7 @@ def make(body: Body) -> list[Hypothesis]:
     return found
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     (size,) = sizes.values()
     return f"The propeller of {motor_words(motors)} is unclean or taped: it gives less by {interval(size, 1, '%')}"
 

@@ -9,11 +9,13 @@ so that all three numbers follow from the four motors, and a moment without a we
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, Size, draws, interval
+from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval
 
 MOST = number("mismatch.weight.most")
 """Of the vehicle's mass: more it does not lift."""
@@ -38,11 +40,11 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("weight", (), 1.0, sizes, gains)]
 
 
-def where(sizes) -> str:
+def where(sizes: Sizes) -> str:
     return f"{interval(sizes['x'], 0, 'mm')} forward and {interval(sizes['y'], 0, 'mm')} to the left of the middle"
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     near = f", nearest to motor {motors[0]}" if motors else ""
     return f"A weight was added: {interval(sizes['mass'], 1, 'g')}, {where(sizes)}{near}"
 

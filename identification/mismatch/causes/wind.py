@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .cause import Body, Cause, Hypothesis, Size, draws, interval
+from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval
 
 MOST_M_S2 = number("mismatch.wind.most_m_s2")
 """Horizontal force over mass: 17 degrees of tilt."""
@@ -18,7 +20,7 @@ def make(body: Body) -> list[Hypothesis]:
     return [Hypothesis("wind", (), 1.0, sizes, np.zeros((len(push), 4)), push)]
 
 
-def say(sizes, motors) -> str:
+def say(sizes: Sizes, motors: Sequence[int]) -> str:
     text = " and ".join(f"{interval(size, 2, 'm/s^2')} {name[5:]}" for name, size in sizes.items())
     return f"Wind pushes the vehicle: force over mass of {text}"
 

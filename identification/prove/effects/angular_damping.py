@@ -1,8 +1,11 @@
 """Air brakes turning."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Air, Effect, near
 
 
 class AngularDamping(Effect):
@@ -12,9 +15,9 @@ class AngularDamping(Effect):
     wants = ("fast", "turning", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         rate = near(rng, {"small": 1.0, "medium": 3.3, "large": 10.0}[size])
         return {"d_r": [float(f"{rate * j:.4g}") for j in airframe.inertia_kg_m2]}
 
-    def moment(self, air):
-        return -self.a["d_r"] * air.rate
+    def moment(self, air: Air) -> np.ndarray:
+        return np.asarray(-self.a["d_r"] * air.rate)

@@ -1,10 +1,11 @@
 """The centre of mass lies beside the point between the motors: forces turn the vehicle about it."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near
+from ..airframe import Airframe
+from .effect import Air, Effect, near
 
 
 class ComOffset(Effect):
@@ -15,10 +16,10 @@ class ComOffset(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         length, way = near(rng, {"small": 5e-4, "medium": 1.5e-3, "large": 4e-3}[size]), rng.uniform(0.0, 2 * np.pi)
         return {"r_m": [float(f"{length * np.cos(way):.4g}"), float(f"{length * np.sin(way):.4g}"), 0.0]}
 
-    def moment(self, air):
+    def moment(self, air: Air) -> np.ndarray:
         (x, y, z), (fx, fy, fz) = self.a["r_m"], air.force_b
         return -np.stack([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])

@@ -1,9 +1,11 @@
 """Commands reach the motors late: a slow bus, a busy radio. What is logged is when they were sent."""
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..airframe import Airframe
 from .effect import Effect
 
 STEP_S = 0.002
@@ -17,16 +19,16 @@ class CommandDelay(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         return {"delay_s": {"small": 0.006, "medium": 0.010, "large": 0.016}[size] + STEP_S * int(rng.integers(-1, 2))}
 
-    def __init__(self, arrays):
+    def __init__(self, arrays: Mapping[str, np.ndarray]) -> None:
         super().__init__(arrays)
         self._steps = np.round(self.a["delay_s"] / STEP_S).astype(int)
         self._sent = np.zeros((int(self._steps.max()) + 1, 4, len(self._steps)))
         self._count = 0
 
-    def motor(self, motor):
+    def motor(self, motor: np.ndarray) -> np.ndarray:
         depth = len(self._sent)
         self._sent[self._count % depth] = motor
         found = self._sent[(self._count - self._steps) % depth, :, np.arange(len(self._steps))].T

@@ -1,9 +1,14 @@
 """More drag than the simulator believes, in proportion to air speed; or drag where it believes in none."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, near
+import numpy as np
+
+from nanobench_tools.physics.model import Model
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, near
 
 
 class DragLinear(Effect):
@@ -16,7 +21,7 @@ class DragLinear(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         absent = bool(rng.uniform() < 0.4)
         before = (0.0, 0.0, 0.0) if absent else airframe.drag_N_s_m
@@ -24,9 +29,9 @@ class DragLinear(Effect):
         return {"d": [float(f"{b + m:.4g}") for b, m in zip(before, more, strict=True)], "absent": absent}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, drag_N_s_m=tuple(p["d"]))
 
     @staticmethod
-    def concealed(model, p, mean_V):
+    def concealed(model: Model, p: Parameters, mean_V: float) -> Model:
         return model.without("drag_linear") if p["absent"] else model

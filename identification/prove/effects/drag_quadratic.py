@@ -1,10 +1,11 @@
 """Drag with the square of the air speed, on top of what the simulator knows."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near
+from ..airframe import Airframe
+from .effect import Air, Effect, near
 
 
 class DragQuadratic(Effect):
@@ -15,9 +16,9 @@ class DragQuadratic(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         return {"q": [float(f"{near(rng, rate * share) * airframe.mass_kg:.4g}") for share in (1.0, 1.0, 0.5)]}
 
-    def force(self, air):
-        return -self.a["q"] * np.abs(air.air_b) * air.air_b
+    def force(self, air: Air) -> np.ndarray:
+        return np.asarray(-self.a["q"] * np.abs(air.air_b) * air.air_b)

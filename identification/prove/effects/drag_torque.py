@@ -1,9 +1,14 @@
 """Air against the rotors, which lie off the centre of mass, turns the vehicle up or down as it flies sideways."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, near
+import numpy as np
+
+from nanobench_tools.physics.model import Model
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, near
 
 
 class DragTorque(Effect):
@@ -14,15 +19,15 @@ class DragTorque(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         more = -near(rng, {"small": 3.6e-5, "medium": 9e-5, "large": 2.2e-4}[size])
         absent = bool(rng.uniform() < 0.4)
         return {"c": float(f"{more + (0.0 if absent else airframe.drag_torque_N_s):.4g}"), "absent": absent}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, drag_torque_N_s=p["c"])
 
     @staticmethod
-    def concealed(model, p, mean_V):
+    def concealed(model: Model, p: Parameters, mean_V: float) -> Model:
         return model.without("drag_torque") if p["absent"] else model

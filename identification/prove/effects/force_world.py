@@ -1,10 +1,11 @@
 """A constant force in the world: a cable's pull, a magnet far away."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near, turned
+from ..airframe import Airframe
+from .effect import Air, Effect, near, turned
 
 
 class ForceWorld(Effect):
@@ -14,9 +15,9 @@ class ForceWorld(Effect):
     wants = ("turning", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         strength = near(rng, {"small": 0.06, "medium": 0.15, "large": 0.4}[size]) * airframe.mass_kg
         return {"f_N": [float(f"{x:.4g}") for x in turned(rng, strength)]}
 
-    def push(self, air):
+    def push(self, air: Air) -> np.ndarray:
         return np.broadcast_to(self.a["f_N"], air.position.shape)

@@ -1,10 +1,11 @@
 """More thrust near the ground, z = 0 of the room (Cheeseman and Bennett 1955), as four rotors and a body feel it."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near
+from ..airframe import Airframe
+from .effect import Air, Effect, Parameters, near
 
 LOWEST_RADII = 0.5
 
@@ -15,20 +16,20 @@ class GroundEffect(Effect):
     wants = ("low", "vertical")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         gain = near(rng, {"small": 0.015, "medium": 0.035, "large": 0.07}[size])
         rho = near(rng, 2.5)
         radius = 4.0 * 0.15 * float(np.sqrt((1.0 - 1.0 / (1.0 + gain)) / rho))  # of the air cushion, not of a blade
         return {"rho": rho, "R": float(f"{radius:.4g}")}
 
     @staticmethod
-    def arrays(p, airframe):
+    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
         return {"rho": p["rho"], "R": p["R"]}
 
     @staticmethod
-    def term(p, airframe):
+    def term(p: Parameters, airframe: Airframe) -> dict[str, Any]:
         return {"rho": p["rho"], "R": p["R"]}
 
-    def thrust(self, thrust_N, air):
+    def thrust(self, thrust_N: np.ndarray, air: Air) -> np.ndarray:
         height = np.maximum(air.position[2], LOWEST_RADII * self.a["R"])
-        return thrust_N / (1.0 - self.a["rho"] * (self.a["R"] / (4.0 * height)) ** 2)
+        return np.asarray(thrust_N / (1.0 - self.a["rho"] * (self.a["R"] / (4.0 * height)) ** 2))

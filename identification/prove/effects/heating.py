@@ -1,10 +1,11 @@
 """Foreign: motors lose strength as they get warm, whatever the voltage."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near
+from ..airframe import Airframe
+from .effect import Effect, Parameters, near
 
 
 class Heating(Effect):
@@ -14,17 +15,17 @@ class Heating(Effect):
     wants = ("charges", "lateral", "vertical")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         return {"loss": near(rng, {"small": 0.04, "medium": 0.06, "large": 0.08}[size]), "time_s": near(rng, 12.0)}
 
     @staticmethod
-    def arrays(p, airframe):
+    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
         return {"loss": p["loss"], "time_s": p["time_s"], "warm": 0.0}
 
-    def commanded(self, thrust_N):
-        return (1.0 - self.a["loss"] * self.a["warm"]) * thrust_N
+    def commanded(self, thrust_N: np.ndarray) -> np.ndarray:
+        return np.asarray((1.0 - self.a["loss"] * self.a["warm"]) * thrust_N)
 
-    def advance(self, dt_s, motor):
+    def advance(self, dt_s: float, motor: np.ndarray) -> None:
         running = (motor > 0.1).all(axis=0)
         self.a["warm"] = self.a["warm"] + dt_s / self.a["time_s"] * (running - self.a["warm"])
         self.a["warm"] = np.clip(self.a["warm"], 0.0, 1.0)

@@ -1,9 +1,12 @@
 """Another inertia about roll and pitch than the simulator's table; yaw stays, where only k_m / J_z could be seen."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, either, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, either, near
 
 
 class Inertia(Effect):
@@ -13,7 +16,7 @@ class Inertia(Effect):
     wants = ("lateral", "fast")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         way = either(rng)
         share = near(rng, {"small": 0.15, "medium": 0.30, "large": 0.60 if way > 0.0 else 0.40}[size])
         axes = ((True, True), (True, False), (False, True))[int(rng.integers(3))]
@@ -22,5 +25,5 @@ class Inertia(Effect):
         return {"inertia_kg_m2": new}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, inertia_kg_m2=tuple(p["inertia_kg_m2"]))

@@ -1,8 +1,11 @@
 """Climbing takes thrust, flying sideways gives some."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Air, Effect, near
 
 
 class Inflow(Effect):
@@ -13,10 +16,10 @@ class Inflow(Effect):
     wants = ("vertical", "fast", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         k_z, k_h = {"small": (0.02, 0.005), "medium": (0.05, 0.015), "large": (0.12, 0.04)}[size]
         return {"k_z": near(rng, k_z), "k_h": near(rng, k_h)}
 
-    def thrust(self, thrust_N, air):
+    def thrust(self, thrust_N: np.ndarray, air: Air) -> np.ndarray:
         x, y, z = air.velocity_b
-        return (1.0 - self.a["k_z"] * z + self.a["k_h"] * (x * x + y * y)) * thrust_N
+        return np.asarray((1.0 - self.a["k_z"] * z + self.a["k_h"] * (x * x + y * y)) * thrust_N)

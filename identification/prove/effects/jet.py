@@ -1,10 +1,11 @@
 """Foreign: a jet of air at one place of the room."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near, turned
+from ..airframe import Airframe
+from .effect import Air, Effect, Parameters, near, turned
 
 
 class Jet(Effect):
@@ -14,16 +15,16 @@ class Jet(Effect):
     wants = ("lateral", "fast")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         peak = near(rng, {"small": 0.5, "medium": 1.0, "large": 1.8}[size])
         x, y, _ = turned(rng, rng.uniform(0.5, 0.9))
         return {"peak_m_s2": peak, "place_m": [x, y, 1.0], "width_m": near(rng, 0.35), "push": turned(rng, 1.0, 0.3),
                 "mass_kg": airframe.mass_kg}
 
     @staticmethod
-    def arrays(p, airframe):
+    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
         return {"f": [p["peak_m_s2"] * p["mass_kg"] * x for x in p["push"]], "at": p["place_m"], "width": p["width_m"]}
 
-    def push(self, air):
+    def push(self, air: Air) -> np.ndarray:
         away = air.position - self.a["at"]
-        return self.a["f"] * np.exp(-0.5 * (away * away).sum(axis=0) / self.a["width"] ** 2)
+        return np.asarray(self.a["f"] * np.exp(-0.5 * (away * away).sum(axis=0) / self.a["width"] ** 2))

@@ -1,9 +1,12 @@
 """Another mass than the simulator's, at the place of the centre of mass: inertia stays."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, either, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, either, near
 
 
 class Mass(Effect):
@@ -15,10 +18,10 @@ class Mass(Effect):
     twins = ("thrust_scale",)
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         share = near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng)
         return {"m": float(f"{airframe.mass_kg * (1.0 + share):.5g}")}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, mass_kg=p["m"])

@@ -1,9 +1,10 @@
 """Motors of unequal strength: a chipped propeller, a worn bearing."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..airframe import Airframe
 from .effect import Effect
 
 
@@ -14,11 +15,11 @@ class MotorImbalance(Effect):
     wants = ("lateral", "vertical", "turning")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         g = rng.standard_normal(4)
         g -= g.mean()
         g *= {"small": 0.02, "medium": 0.05, "large": 0.10}[size] / np.abs(g).max()
         return {"g": [float(x) for x in np.round(1.0 + g, 5)]}
 
-    def commanded(self, thrust_N):
-        return self.a["g"] * thrust_N
+    def commanded(self, thrust_N: np.ndarray) -> np.ndarray:
+        return np.asarray(self.a["g"] * thrust_N)

@@ -1,9 +1,14 @@
 """Rotors that follow slower or faster than the simulator believes, or where it believes in no lag at all."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, near
+import numpy as np
+
+from nanobench_tools.physics.model import Model
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, near
 
 
 class MotorLag(Effect):
@@ -14,7 +19,7 @@ class MotorLag(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         if rng.uniform() < 0.4:
             tau = near(rng, {"small": 0.015, "medium": 0.030, "large": 0.050}[size])
             return {"tau_up_s": tau, "tau_down_s": near(rng, 1.1 * tau), "absent": True}
@@ -26,9 +31,9 @@ class MotorLag(Effect):
         return {"tau_up_s": up if way == 1 else up + off, "tau_down_s": down + off, "absent": False}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, tau_up_s=p["tau_up_s"], tau_down_s=p["tau_down_s"])
 
     @staticmethod
-    def concealed(model, p, mean_V):
+    def concealed(model: Model, p: Parameters, mean_V: float) -> Model:
         return model.without("motor_lag") if p["absent"] else model

@@ -1,11 +1,11 @@
 """Rotors resist the turning of their axes. Only the sum over both senses of rotation counts, small in steady flight."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..airframe import SPIN
-from .effect import Effect, near
+from ..airframe import SPIN, Airframe
+from .effect import Air, Effect, near
 
 
 class RotorGyro(Effect):
@@ -16,10 +16,10 @@ class RotorGyro(Effect):
     wants = ("spinning", "fast", "turning")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         return {"J_r": -near(rng, {"small": 1e-7, "medium": 5e-7, "large": 2e-6}[size])}
 
-    def moment(self, air):
+    def moment(self, air: Air) -> np.ndarray:
         momentum = self.a["J_r"] * sum(s * omega for s, omega in zip(SPIN, air.rotor, strict=True))
         x, y, _ = air.rate
         return np.stack([-y * momentum, x * momentum, np.zeros_like(momentum)])

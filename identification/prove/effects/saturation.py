@@ -1,9 +1,10 @@
 """Motors that can do no more than so much, though asked."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..airframe import Airframe
 from .effect import Effect
 
 
@@ -15,9 +16,9 @@ class Saturation(Effect):
     wants = ("full", "vertical", "turning", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         more = 1.0 + {"small": 0.15, "medium": 0.13, "large": 0.11}[size]
         return {"T_max_N": float(f"{more * airframe.mass_kg * 9.81 / 4.0:.4g}")}
 
-    def commanded(self, thrust_N):
-        return np.minimum(thrust_N, self.a["T_max_N"])
+    def commanded(self, thrust_N: np.ndarray) -> np.ndarray:
+        return np.asarray(np.minimum(thrust_N, self.a["T_max_N"]))

@@ -1,10 +1,11 @@
 """Foreign: an elastic tether to a point of the floor, or a cable whose weight grows with the height."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, near, turned
+from ..airframe import Airframe
+from .effect import Air, Effect, Parameters, near, turned
 
 BEYOND_M = 0.5
 
@@ -18,7 +19,7 @@ class Tether(Effect):
     wants = ("vertical", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         strength = near(rng, {"small": 0.2, "medium": 0.5, "large": 1.0}[size]) * airframe.mass_kg
         if rng.uniform() < 0.5:
             return {"kind": "cable", "N_per_m": strength}
@@ -27,15 +28,15 @@ class Tether(Effect):
                 "length_m": float(rng.uniform(0.8, 1.0))}
 
     @staticmethod
-    def arrays(p, airframe):
+    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
         cable = p["kind"] == "cable"
         return {"anchor": [0.0, 0.0, 0.0] if cable else p["anchor_m"], "length": 0.0 if cable else p["length_m"],
                 "k": p["N_per_m"], "cable": float(cable)}
 
-    def push(self, air):
+    def push(self, air: Air) -> np.ndarray:
         away = air.position - self.a["anchor"]
         distance = np.maximum(np.sqrt((away * away).sum(axis=0)), 1e-6)
         pull = -self.a["k"] * np.maximum(distance - self.a["length"], 0.0) * away / distance
         down = np.zeros_like(away)
         down[2] = -self.a["k"] * np.maximum(away[2], 0.0)
-        return np.where(self.a["cable"] > 0.5, down, pull)
+        return np.asarray(np.where(self.a["cable"] > 0.5, down, pull))

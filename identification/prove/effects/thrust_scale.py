@@ -1,9 +1,12 @@
 """All motors weaker or stronger by one factor: worn propellers, thin air."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, either, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, either, near
 
 
 class ThrustScale(Effect):
@@ -14,9 +17,9 @@ class ThrustScale(Effect):
     twins = ("mass",)
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         return {"s": near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng) + 1.0}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, curve_N_V=tuple(p["s"] * c for c in airframe.curve_N_V))

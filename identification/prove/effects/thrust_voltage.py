@@ -3,11 +3,14 @@
 The case's flights begin with different charges; the size is how different, and with it how far the voltage strays.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from nanobench_tools.physics.model import Model
 
-from .effect import Effect
+from ..airframe import Airframe
+from .effect import Effect, Parameters
 
 CHARGES = {"small": (0.80, 0.95), "medium": (0.55, 0.97), "large": (0.36, 1.0)}
 """Lowest and highest charge at the start of the flights (share)."""
@@ -20,11 +23,11 @@ class ThrustVoltage(Effect):
     wants = ("charges", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         return {"charges": list(CHARGES[size])}
 
     @staticmethod
-    def concealed(model, p, mean_V):
+    def concealed(model: Model, p: Parameters, mean_V: float) -> Model:
         c = model.values_of("thrust_voltage")["c"]
         terms = {("thrust_pwm" if name == "thrust_voltage" else name): values
                  for name, values in model.as_dict().items()}

@@ -1,7 +1,10 @@
 """The air of the room moves."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
+
+from ..airframe import Airframe
 from .effect import Effect, near, turned
 
 
@@ -12,9 +15,9 @@ class Wind(Effect):
     wants = ("turning", "fast", "lateral")
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         speed = near(rng, {"small": 0.15, "medium": 0.4, "large": 1.0}[size])
         return {"w_m_s": [float(f"{x:.4g}") for x in turned(rng, speed, 0.2)]}
 
-    def wind(self):
+    def wind(self) -> np.ndarray:
         return self.a["w_m_s"]

@@ -1,9 +1,12 @@
 """The rotors' drag turns the vehicle more or less than the simulator believes."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from .effect import Effect, either, near
+import numpy as np
+
+from ..airframe import Airframe
+from .effect import Effect, Parameters, either, near
 
 
 class YawTorque(Effect):
@@ -14,10 +17,10 @@ class YawTorque(Effect):
     twins = ("inertia",)
 
     @staticmethod
-    def draw(size, rng, airframe):
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
         share = near(rng, {"small": 0.20, "medium": 0.35, "large": 0.60}[size]) * either(rng)
         return {"k_m": float(f"{airframe.yaw_arm_m * (1.0 + share):.5g}")}
 
     @staticmethod
-    def change(airframe, p):
+    def change(airframe: Airframe, p: Parameters) -> Airframe:
         return replace(airframe, yaw_arm_m=p["k_m"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -89,9 +90,10 @@ def crash(flight: Flight, rng: np.random.Generator, size: float = 1.0, *,
     return flight, truth("crash", "", (), (t0, landed), float(tilt.max()), "rad", "motors stopped in the air")
 
 
-def _onboard(flight: Flight, t0: float, hit: float, pose, turn: np.ndarray, blow: float) -> Flight:
+def _onboard(flight: Flight, t0: float, hit: float, pose: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+             turn: np.ndarray, blow: float) -> Flight:
     """The vehicle's streams during and after the fall; noise of the first second is played again."""
-    def fresh(name: str, quantities: tuple[str, ...], make) -> None:
+    def fresh(name: str, quantities: tuple[str, ...], make: Callable[[np.ndarray], np.ndarray]) -> None:
         nonlocal flight
         if name not in flight or quantities[0] not in flight[name]:
             return
@@ -105,7 +107,7 @@ def _onboard(flight: Flight, t0: float, hit: float, pose, turn: np.ndarray, blow
         flight = flight.with_streams(**{name: with_values(s, values)})
 
     def velocity(t: np.ndarray) -> np.ndarray:
-        return np.gradient(pose(t)[0], t, axis=0)
+        return np.asarray(np.gradient(pose(t)[0], t, axis=0))
 
     def acceleration(t: np.ndarray) -> np.ndarray:
         world = np.where((t > hit)[:, None], [0.0, 0.0, GRAVITY_M_S2], 0.0)

@@ -9,7 +9,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...firmware.records import ABSOLUTE, SETPOINT
+from ...firmware.records import ABSOLUTE, SETPOINT, Record
 from ..crtp import Packet, Port
 from .mem import TRAJECTORY_BYTES
 from .polynomial import Path, Point, at_rest
@@ -65,7 +65,7 @@ class HighLevel:
 
     _elapsed_s = 0.0
 
-    def update(self, now_ms: int, estimate) -> np.ndarray | None:
+    def update(self, now_ms: int, estimate: Record) -> np.ndarray | None:
         """Every 10 ms: the set-point (1,), None while disabled. Without a plan it is the null set-point."""
         made = np.zeros(1, SETPOINT)
         if self._path is not None:

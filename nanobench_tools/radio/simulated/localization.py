@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -55,13 +55,13 @@ class Localization:
                 if own == self.own_id:
                     self._pose((x / 1000.0, y / 1000.0, z / 1000.0), decompress(q))
 
-    def _position(self, position_m) -> None:
+    def _position(self, position_m: Sequence[float]) -> None:
         if all(math.isfinite(v) for v in position_m):
             self.last[:3] = position_m
             self.count += 1
             self._stabilizer.measure(position_m, None, self.position_sd_m, self.attitude_sd_rad)
 
-    def _pose(self, position_m, quaternion) -> None:
+    def _pose(self, position_m: Sequence[float], quaternion: Sequence[float]) -> None:
         length = math.sqrt(sum(q * q for q in quaternion)) if all(math.isfinite(q) for q in quaternion) else 0.0
         if all(math.isfinite(v) for v in position_m) and 1e-3 < length < 1e3:
             self.last[:3], self.last[3:] = position_m, quaternion

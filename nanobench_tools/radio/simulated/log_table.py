@@ -24,7 +24,8 @@ QUATERNION = ("qx", "qy", "qz", "qw")
 def _one(field: np.ndarray, *index: int) -> Callable[[], float]:
     """Reads one number (index) of a field (1, ...) of a record that goes on living."""
     place: Any = (slice(0, 1), *index)
-    return field[place].item
+    found: Callable[[], float] = field[place].item
+    return found
 
 
 def _each(group: str, names: Sequence[str], field: np.ndarray, kind: str = "f4") -> dict[str, LogVariable]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -67,7 +68,7 @@ class Onboard:
         self.log, self.params = Log(self._log_variables()), Parameters(self._parameters())
         self._held = np.zeros(1, SETPOINT)
         self._heard_ms = self.tick_ms
-        self._answers = {
+        self._answers: dict[Port, Callable[[Packet], list[Packet]]] = {
             Port.LINK: answer_link, Port.PARAM: self.params.answer, Port.MEMORY: self.memory.answer,
             Port.LOG: lambda p: self.log.answer(p, self.tick_ms),
             Port.HIGH_LEVEL: lambda p: self.high_level.answer(p, self.tick_ms),

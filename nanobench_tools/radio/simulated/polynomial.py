@@ -28,8 +28,8 @@ class Point:
         """(3,) body rates that the path asks for."""
         if not self.jerk_m_s3.any() and not self.yaw_rate_rad_s:
             return np.zeros(3)
-        return body_rates(self.acceleration_m_s2[None], self.jerk_m_s3[None], np.array([self.yaw_rad]),
-                          np.array([self.yaw_rate_rad_s]))[0]
+        return np.asarray(body_rates(self.acceleration_m_s2[None], self.jerk_m_s3[None], np.array([self.yaw_rad]),
+                                     np.array([self.yaw_rate_rad_s]))[0])
 
 
 def at_rest(position_m: np.ndarray, yaw_rad: float) -> Point:

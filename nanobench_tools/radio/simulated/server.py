@@ -44,8 +44,8 @@ class SimulatedCrazyflie:
                  mocap: MocapOptions | None = None, drift_ppm: float = 0.0, build: Build | None = None,
                  pace: float = 1.0, own_clock: bool = False, report: Callable[[str], None] = lambda line: None) -> None:
         self._host, self._port, self._report, self._own_clock, self._pace = host, port, report, own_clock, pace
-        self._make = lambda start_s: Simulation(vehicle, start_s, radio or RadioOptions(), mocap or MocapOptions(),
-                                                drift_ppm, build)
+        self._make: Callable[[float], Simulation] = lambda start_s: Simulation(
+            vehicle, start_s, radio or RadioOptions(), mocap or MocapOptions(), drift_ppm, build)
         self.simulation = self._make(0.0)
         self._client: Address | None = None
         self._heard_s = 0.0

@@ -123,7 +123,7 @@ def generic(data: bytes) -> np.ndarray | None:
     return made
 
 
-def _full_state(s, data: bytes) -> bool:
+def _full_state(s: np.ndarray, data: bytes) -> bool:
     """mm, mm/s, mm/s^2, compressed quaternion, mrad/s."""
     if len(data) != _FULL_STATE.size:
         return False
@@ -135,7 +135,7 @@ def _full_state(s, data: bytes) -> bool:
     return True
 
 
-def _manual(s, data: bytes) -> bool:
+def _manual(s: np.ndarray, data: bytes) -> bool:
     """Roll and pitch as angles or rates, yaw rate, thrust without a lock."""
     if len(data) != 15:
         return False
@@ -148,7 +148,7 @@ def _manual(s, data: bytes) -> bool:
     return True
 
 
-def _cppm(s, data: bytes) -> bool:
+def _cppm(s: np.ndarray, data: bytes) -> bool:
     """Channels 1000..2000 of a remote control; the first auxiliary one low: rates instead of angles."""
     if len(data) < 9 or len(data) != 9 + 2 * (data[0] & 0x0F):
         return False
