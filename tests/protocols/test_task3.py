@@ -347,7 +347,7 @@ def assert_published(rows):
         assert row.n == printed[group]["n"]
         for metric, places in digits.items():
             for key in ("mean", "std"):
-                assert f"{row['metrics'][metric][key]:.{places}f}" == f"{printed[group][metric][key]:.{places}f}"
+                assert f"{getattr(row.metrics[metric], key):.{places}f}" == f"{printed[group][metric][key]:.{places}f}"
         assert to_json(row.published.published["ate_rmse_m"]) == printed[group]["ate_rmse_m"]
 
 
