@@ -26,7 +26,7 @@ SWITCH_S = 0.0005
 """A vehicle's thread waits no longer than this for another one's; Python's own 5 ms is half a turn of ten."""
 
 
-class Numbers(click.ParamType):
+class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes no argument there
     """``1,2,3``: so many numbers."""
 
     name = "numbers"
