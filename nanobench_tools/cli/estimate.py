@@ -356,8 +356,8 @@ def _show_windows(options: Options, rows: Sequence[EstimateRow]) -> None:
     from ..protocols.blackout import HORIZONS_S, KINDS
     from ..protocols.sessions import interval_note
 
-    table = Table(title=f"blackout, end error \\[m] over windows, {data_word(options)} data, {_clock_text(rows)}: median "
-                        "/ p90 (windows)", title_style="", title_justify="left", box=None)
+    table = Table(title=f"blackout, end error \\[m] over windows, {data_word(options)} data, {_clock_text(rows)}: "
+                        "median / p90 (windows)", title_style="", title_justify="left", box=None)
     for name in ("group", "n", "sessions", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
         table.add_column(name)
     shown = sorted((row for row in rows if row.group in ("all", OTHER_FAMILIES)), key=lambda row: row.group)
