@@ -175,8 +175,9 @@ def draws(owner: tuple[int, ...], seed: int = 0, resamples: int = RESAMPLES) -> 
 def _bca(total: np.ndarray, n: np.ndarray, seed: int, probability: float,
          resamples: int) -> tuple[np.ndarray, np.ndarray]:
     def pooled(a: np.ndarray, b: np.ndarray, axis: int) -> np.ndarray:
-        mean: np.ndarray = a.sum(axis=axis) / b.sum(axis=axis)
-        return mean
+        mean = a.sum(axis=axis) / b.sum(axis=axis)
+        # Draws of every flight once equal the estimate: a tie, which the order of a sum must not break.
+        return np.asarray(np.float32(mean), float)
 
     with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore")  # equal values have no acceleration: nan, which is no interval

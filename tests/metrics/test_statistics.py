@@ -265,3 +265,13 @@ def test_weights_of_refits_draw_sessions_and_fall_back_to_flights():
     assert np.all(nested.sum(axis=1) == 6.0)
     assert weights(6, np.zeros(6), 3, 500) is None
     assert np.array_equal(refit_weights(6, np.zeros(6), 3, 500), weights(6, None, 3, 500))
+
+
+@pytest.mark.parametrize("n", [3, 4, 7])
+def test_intervals_of_few_flights_do_not_hang_on_rounding(n):
+    """Draws of every flight once are the estimate itself; BCa counts how many draws lie below it."""
+    x = np.random.default_rng(n).normal(1.0, 0.4, n)
+    plain = bootstrap_interval(x, sessions=range(n))
+    for seed in range(20):
+        moved = x * (1.0 + 1e-15 * np.random.default_rng(seed).normal(size=n))
+        assert bootstrap_interval(moved, sessions=range(n)) == pytest.approx(plain, rel=1e-6)

@@ -166,7 +166,7 @@ def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data)
     for rung in (r for r in LADDER if r.adapt != "none"):
         predictor = predictor_of(fit_item(cases[:3], rung, 0, 0.04085))
         found = score(cases[3], predictor, "onboard")
-        at_50[rung.adapt] = {name: sums[-1] / found["windows"] for name, sums in found["sums"].items()}
+        at_50[rung.adapt] = {name: sums[-1] / found.windows for name, sums in found.sums.items()}
     assert at_50["inputs"]["position_mae_m"] < 0.15
     assert at_50["past"]["position_mae_m"] < 0.08
     assert at_50["past"]["attitude_mae_rad"] < 0.7 * at_50["inputs"]["attitude_mae_rad"]
