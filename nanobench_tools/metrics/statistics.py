@@ -33,6 +33,9 @@ cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3,
 FEW_FLIGHTS = 8
 """Percentile intervals over fewer independent flights are too short; BCa is used (SciPy's)."""
 
+TIE_BITS = 40
+"""Binary digits that a mean keeps where ties count, of the 53 of a double."""
+
 Labels = Sequence[int] | np.ndarray | None
 """One session per flight; None where flights are independent draws, such as simulated plants."""
 
@@ -177,7 +180,8 @@ def _bca(total: np.ndarray, n: np.ndarray, seed: int, probability: float,
     def pooled(a: np.ndarray, b: np.ndarray, axis: int) -> np.ndarray:
         mean = a.sum(axis=axis) / b.sum(axis=axis)
         # Draws of every flight once equal the estimate: a tie, which the order of a sum must not break.
-        return np.asarray(np.float32(mean), float)
+        fraction, exponent = np.frexp(mean)
+        return np.asarray(np.ldexp(np.rint(np.ldexp(fraction, TIE_BITS)), exponent - TIE_BITS), float)
 
     with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore")  # equal values have no acceleration: nan, which is no interval
