@@ -12,7 +12,8 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-FORMER_OPTIONS: dict[str, dict[str, str]] = {}
+FORMER_OPTIONS: dict[str, dict[str, str]] = {
+    "audit": {"--details": "--verbose", "--no-details": "--no-verbose"}}
 """Verb -> {former spelling of an option: today's}."""
 
 

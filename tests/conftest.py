@@ -20,7 +20,7 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from practice_crowd import Crowd
 
-    from nanobench_tools.audit import Audit
+    from nanobench_tools.auditing import Audit
     from nanobench_tools.flight import Flight
 
 T = TypeVar("T")
@@ -111,7 +111,7 @@ def audited(made_once, shared_cache) -> Callable[[Flight], Audit]:
     whatever name, and left where verbs that write to no folder find it."""
 
     def give(flight: Flight) -> Audit:
-        from nanobench_tools.audit import Audit
+        from nanobench_tools.auditing import Audit
         from nanobench_tools.harness.audits import audit_item
         from nanobench_tools.harness.identity import item_key
         from nanobench_tools.harness.store import Store, encode, user_store

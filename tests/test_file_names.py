@@ -9,8 +9,6 @@ ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 MIRRORED = ("nanobench_tools/physics/terms", "identification/prove/effects", "identification/mismatch/causes")
 """One physical effect has a file of the same name here: its equation, how a case gets it, what it does to a trim."""
-SHARED = {"audit"}
-"""The part of the toolbox and the verb that shows it."""
 
 
 def names() -> dict[str, list[str]]:
@@ -28,4 +26,4 @@ def twice() -> set[str]:
 
 def test_a_file_has_a_word_of_its_own():
     assert len(names()) > 400
-    assert twice() == SHARED
+    assert twice() == set()

@@ -14,8 +14,8 @@ OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
           "guard", "settings", "labels", "result_files", "cache_folder", "result")
 """They import nothing but each other."""
-PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "audit", "harness", "protocols", "report",
-                       "cli")
+PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "auditing", "harness", "protocols",
+                       "report", "cli")
 """In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
 
 BESIDE: dict[str, set[str]] = {

@@ -19,7 +19,7 @@ import numpy as np
 from kept import show
 from read_speed import with_csv_module
 
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.sources.discover import default_data, find_recordings, read
 
 PLAIN = 10

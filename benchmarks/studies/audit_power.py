@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from nanobench_tools.audit import Audit, audit, find_copies
+from nanobench_tools.auditing import Audit, audit, find_copies
 from nanobench_tools.clock.moving import moving_clocks
 from nanobench_tools.clock.readings import read_clocks
 from nanobench_tools.faults.clock_offset import SMALLEST_S

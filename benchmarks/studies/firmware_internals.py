@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from nanobench_tools.audit import Audit, audit
+from nanobench_tools.auditing import Audit, audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.motor_output import BUILD, compensated
 from nanobench_tools.firmware.replay import CONTROLLERS, MOTORS, Replay, build_of, flown_command, replay

@@ -20,7 +20,7 @@ import numpy as np
 
 from controllers.plant_filter import POSE_SD_M, POSE_SD_RAD
 from estimators.firmware_ekf import FirmwareEkf
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.kalman import ATTITUDE_SD_RAD, POSITION_SD_M
 from nanobench_tools.flight import Flight, Span

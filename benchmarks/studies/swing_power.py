@@ -19,7 +19,7 @@ from identification.mismatch.periodic import Swing, swing_in, swing_of
 from identification.mismatch.reconstruct import states_of
 from identification.mismatch.smallest_swing import smallest_swing
 from identification.mismatch.trim import runs_of
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.flight import Flight
 from nanobench_tools.sources.discover import load_recordings
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from identification.mismatch.trim import trim_of
 from identification.mismatch.weigh import GROUPS
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.sources.discover import default_data, load_recordings

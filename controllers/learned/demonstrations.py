@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans
 from nanobench_tools.labels import family_of, speed_of

@@ -8,11 +8,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Past, Prediction, Windows
-from nanobench_tools.protocols.task1 import NEEDED, Case, training_cases
+from nanobench_tools.protocols.task1 import Case, training_cases
+from nanobench_tools.protocols.verb_needs import SYSID
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.settings import count, number
 
@@ -70,7 +71,7 @@ def _rows(batch: T, keep: slice) -> T:
 def gather(cuts: Sequence[Cut], place: str = "training flights") -> FitWindows:
     """The windows of all flights end to end. InputError where they cannot tell anything."""
     if not cuts or not any(len(c.windows) for c in cuts):
-        raise InputError(place, f"no flight with {', '.join(NEEDED)} streams and half a second of clean flight",
+        raise InputError(place, f"no flight with {', '.join(SYSID)} streams and half a second of clean flight",
                          "nanobench audit says what each recording lacks")
     columns = zip(*((start_of(c.windows), c.windows.motor, c.windows.battery_V, *past_inputs(c.windows),
                      np.concatenate([c.came.position_m, c.came.velocity_m_s, c.came.quaternion, c.came.rate_rad_s], 2),

@@ -26,7 +26,6 @@ UNITS = ("1", "N")
 UNASKED = terms_that(lambda term: term.only_turns)
 """Terms that only turn the vehicle."""
 WHY = "cannot be asked: no motor commands"
-NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "command": ("thrust",), "battery": ("vbat",)}
 QUATERNION = ("qx", "qy", "qz", "qw")
 TURNING_S = number("mismatch.commanded.turning_s")
 """Smoothing of the rate that an attitude says, where no gyro does."""

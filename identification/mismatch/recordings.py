@@ -7,19 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.faults.kinds import those
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.selection import distinct
+from nanobench_tools.protocols.verb_needs import FORCE, WRENCH
 from nanobench_tools.settings import setting
 
 from . import commanded
 from .measured_speed import SPEED, seen_by
 from .size import wider
 from .taking_part import cutting, still_late, taking_part
-from .track import NEEDED, ROW_S, Track, check_motors, missing, tracks_of
+from .track import ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
 LEAST_S = setting("mismatch.recordings.least_s")
@@ -77,7 +78,7 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     vehicle = vehicle or Vehicle()
     kept = distinct(list(flights))[0]
     unit = "" if vehicle.input == SPEED else _commanded(kept)
-    needed = commanded.NEEDED if unit else NEEDED
+    needed = FORCE if unit else WRENCH
     with_battery = with_battery and unit != "N"
     moved, seen = seen_by([commanded.with_attitude(f) if unit else f for f in on_clock], on_clock_audits, vehicle.input)
     left_out = {f.name: "the same numbers as another recording" for f in flights if f not in kept}

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.faults.kinds import cutting as cutting_kinds
 from nanobench_tools.faults.kinds import kinds
 from nanobench_tools.flight import Fault, Flight

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from nanobench_tools import so3
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import (
     Flight,
@@ -22,6 +22,7 @@ from nanobench_tools.flight import (
     motors_of,
     subtract_spans,
 )
+from nanobench_tools.protocols.verb_needs import FORCE, WRENCH
 from nanobench_tools.settings import number
 
 from . import commanded
@@ -60,9 +61,6 @@ MOST_LATE = number("mismatch.track.most_late")
 SMOOTHER = number("mismatch.track.smoother")
 """Of a period: packets that come later may be of another frame. Of the roughness of a path: stamps are moved only where
 that makes it smoother by more."""
-NEEDED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
-          "motor": ("m1",), "battery": ("vbat",)}
-"""Streams a diagnosis of physics cannot do without, and their quantities; of the motors as many as there are rotors."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class Track:
 
 
 def missing(flight: Flight, with_battery: bool = True, rotors: int = 4,
-            needed: Mapping[str, Sequence[str]] = NEEDED) -> list[str]:
+            needed: Mapping[str, Sequence[str]] = WRENCH) -> list[str]:
     """What of ``needed`` the recording lacks: stream names. Without ``with_battery`` that one may be missing; motors
     have to be as many as the rotors, at least."""
     def there(name: str, quantities: Sequence[str]) -> bool:
@@ -120,10 +118,10 @@ def check_motors(flight: Flight, rotors: int) -> None:
 
 def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True, rotors: int = 4,
               unit: str = "") -> list[Track]:
-    """Every clean airborne span of a recording. InputError when a stream of NEEDED is missing; a battery that is not
+    """Every clean airborne span of a recording. InputError when a stream of WRENCH is missing; a battery that is not
     asked for (``with_battery``) counts as constant where there is none. ``unit``: of the collective command, where it
     takes the motors' place."""
-    needed = commanded.NEEDED if unit else NEEDED
+    needed = FORCE if unit else WRENCH
     lacks = missing(flight, with_battery, rotors, needed)
     if lacks:
         raise InputError(flight.provenance.path, f"has no {', '.join(lacks)} stream", "a diagnosis of physics needs it")
@@ -160,7 +158,7 @@ def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
 
 def _track(flight: Flight, span: Span, number: int, take_off_s: float, rotors: int, unit: str) -> Track:
     mocap = flight["mocap"]
-    needed = commanded.NEEDED if unit else NEEDED
+    needed = FORCE if unit else WRENCH
     first = max(span.start_s - BEFORE_S, *(flight[name].time_s[0] for name in needed))
     last = min(span.end_s, *(flight[name].time_s[-1] for name in needed))
     time_s = np.arange(first, last, ROW_S)
@@ -187,8 +185,8 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float, rotors: i
     battery = steadied(_at(flight["battery"], ("vbat",), time_s + 0.5 * ROW_S)[:, 0], motor)
     seen_s = np.clip(time_s, stamps[0], stamps[-1])
     quaternion = so3.interpolate(stamps, mocap["qx", "qy", "qz", "qw"][keep], seen_s)
-    gyro = imu is not None and all(g in imu for g in NEEDED["imu"])
-    rate = _at(imu, NEEDED["imu"], time_s) if imu is not None and gyro else commanded.turning(quaternion, ROW_S)
+    gyro = imu is not None and all(g in imu for g in WRENCH["imu"])
+    rate = _at(imu, WRENCH["imu"], time_s) if imu is not None and gyro else commanded.turning(quaternion, ROW_S)
     return Track(flight.name, number, time_s, path(seen_s), path(seen_s, 1), quaternion, rate, force, motor, battery,
                  counts, time_s - take_off_s, _asked(flight, time_s), unit, gyro)
 

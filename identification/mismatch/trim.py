@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from identification.thrust.firmware import PLUS
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.faults.kinds import cutting_trim
 from nanobench_tools.flight import Flight, Span, intersect_spans, mask_of

@@ -7,7 +7,7 @@ rotors spin and the vehicle moves; where it stood before or after does not have 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,11 +17,11 @@ from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.protocols.usable import MOTORS, missing, tidy
+from nanobench_tools.protocols.verb_needs import MOTOR_LAG
 from nanobench_tools.settings import number, setting
 from nanobench_tools.units import PWM_FULL_SCALE
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
-NEEDED: Mapping[str, Sequence[str]] = {"rpm": MOTORS, "motor": MOTORS, "battery": ("vbat",), "imu": ("acc_z", *GYRO)}
 STATE = {"estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw")}
 
 SLOWEST_HZ = number("motors.rotor_rows.slowest_hz")
@@ -110,11 +110,11 @@ def read_logs(flights: Iterable[Flight]) -> tuple[list[Log], dict[str, str]]:
 def read_log(flight: Flight) -> Log:
     """The flying rows of a recording. InputError, one line, where nothing can be learned from it."""
     place = flight.provenance.path
-    lacking = missing(flight, NEEDED)
+    lacking = missing(flight, MOTOR_LAG)
     if lacking is not None:
         raise InputError(place, lacking, _advice(lacking))
-    flight = tidy(flight, NEEDED)
-    lacking = missing(flight, NEEDED)
+    flight = tidy(flight, MOTOR_LAG)
+    lacking = missing(flight, MOTOR_LAG)
     if lacking is not None:
         raise InputError(place, lacking, "its rows hold no numbers")
     stamps = flight["motor"].time_s

@@ -16,6 +16,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
+from nanobench_tools.protocols.verb_needs import THRUST
 from nanobench_tools.settings import count, number
 from nanobench_tools.signals.airborne import resting_height_m
 from nanobench_tools.units import PWM_FULL_SCALE
@@ -40,7 +41,6 @@ LIFT_S = number("thrust.flight_rows.lift_s")
 CLIMB_OFF_S = number("thrust.flight_rows.climb_off_s")
 """After the start of the air that is left out of that memory: it leaves the ground."""
 
-NEEDED = {"imu": ("acc_z",), "motor": ("m1", "m2", "m3", "m4"), "battery": ("vbat",)}
 FEWEST_ROWS = count("thrust.flight_rows.fewest_rows")
 """Three seconds at 20 Hz."""
 
@@ -98,13 +98,13 @@ def join(flights: Sequence[Flown]) -> Flown:
 def fly(flight: Flight, spans: Sequence[Span], delay_s: float = 0.0) -> Flown:
     """The rows of ``flight`` inside ``spans`` (clean and airborne). InputError where nothing can be fitted."""
     place = flight.provenance.path
-    for stream, quantities in NEEDED.items():
+    for stream, quantities in THRUST.items():
         missing = [q for q in quantities if q not in flight[stream]]
         if missing:
             raise InputError(place, f"no {', '.join(missing)} in the {stream} stream", "thrust cannot be fitted")
-    start = min(flight[s].time_s[0] for s in NEEDED)
-    grid = np.arange(start, max(flight[s].time_s[-1] for s in NEEDED), 1.0 / RATE_HZ)
-    motor = np.clip(flight["motor"].interpolate(NEEDED["motor"], grid - delay_s), 0.0, 1.0)
+    start = min(flight[s].time_s[0] for s in THRUST)
+    grid = np.arange(start, max(flight[s].time_s[-1] for s in THRUST), 1.0 / RATE_HZ)
+    motor = np.clip(flight["motor"].interpolate(THRUST["motor"], grid - delay_s), 0.0, 1.0)
     voltage = flight["battery"].interpolate("vbat", grid)
     force = flight["imu"].interpolate("acc_z", grid)
     velocity = _body_velocity(flight, grid)

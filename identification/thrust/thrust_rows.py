@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans
 from nanobench_tools.protocols.phases import flown_spans
 from nanobench_tools.protocols.usable import left_out, usable
+from nanobench_tools.protocols.verb_needs import THRUST
 
-from .flight_rows import NEEDED, Flown, fly
+from .flight_rows import Flown, fly
 from .stand_series import Stand, is_stand, read_stand
 
-STREAMS = tuple(NEEDED)
+STREAMS = tuple(THRUST)
 Case = tuple[Flight, Sequence[Span]]
 """A flight with its clean airborne spans."""
 
@@ -58,9 +59,9 @@ def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
 def cases_of(flights: Sequence[Flight],
              audits: Mapping[str, Audit]) -> tuple[list[Case], dict[str, str]]:
     """(flights with their clean airborne spans, reasons of those without)."""
-    reasons = {entry["flight"]: entry["reason"] for entry in left_out(flights, (), audits, NEEDED)}
+    reasons = {entry["flight"]: entry["reason"] for entry in left_out(flights, (), audits, THRUST)}
     cases: list[Case] = []
-    for flight in usable(flights, audits, NEEDED):
+    for flight in usable(flights, audits, THRUST):
         audit = audits[flight.name]
         spans = intersect_spans(flown_spans(flight, audit.airborne), audit.clean_for(STREAMS))
         if spans:
@@ -89,7 +90,7 @@ def fit_to_fly(cases: Sequence[Case]) -> list[Case]:
 def load(sources: Iterable[Flight | str | Path]) -> tuple[list[Flight], dict[str, Audit]]:
     """Recordings and audits of ``sources``: flights as they are, paths (files, folders) read. InputError for a path
     that cannot be read."""
-    from nanobench_tools.audit import audit
+    from nanobench_tools.auditing import audit
     from nanobench_tools.sources.discover import load_recordings
 
     given = list(sources)

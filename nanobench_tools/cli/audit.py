@@ -13,56 +13,99 @@ from .options import Options, one_line, shared_options
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..audit import Audit
-    from ..flight import Fault
+    from ..audit_verdict import AuditVerdict
+    from ..auditing import Audit
+    from ..flight import Fault, Flight
 
-DETAILS_UP_TO = 3
-"""With at most this many recordings every fault is shown without being asked for."""
+EVENTS_UP_TO = 3
+"""With at most this many recordings every event of each is shown without being asked for."""
+STYLES = {"fine": "green", "minor": "green", "cut": "yellow", "unusable": "red"}
+NEXT = {"estimate": "where was it, by every estimator", "diagnose": "where is my simulator wrong",
+        "control": "how well was it flown", "thrust": "thrust from PWM and voltage"}
+"""Verb -> what it answers: the first one that the recordings suffice for is the next command."""
 
 
 @click.command()
 @shared_options("seed", "clock")
-@click.option("--details/--no-details", default=None,
-              help=f"A table of faults per recording. Default: when there are at most {DETAILS_UP_TO}.")
-def audit(options: Options, details: bool | None) -> int:
+@click.option("--verbose/--no-verbose", default=False,
+              help="Also the numbers of each recording and every single fault, with its evidence.")
+def audit(options: Options, verbose: bool) -> int:
     """Find the faults of recordings, the spans that are clean, whose clock is late, and copies.
 
-    Shows one line per recording; --json and --out DIR (audit.json) hold everything.
+    One line per recording: how much of the flight is usable, what is wrong in words, what to do. Severity is fine,
+    minor (corrected, or next to nothing is cut), cut, or unusable. --json and --out DIR (audit.json) hold everything.
     """
     flights = options.load()
     audits, copies = options.audit(flights)
-    show_audits(options, audits, copies, len(flights) <= DETAILS_UP_TO if details is None else details)
-    return options.finish("audit", audit_body(audits, copies))
+    body = audit_body(flights, audits, copies)
+    show_audits(options, audits, copies, verbose)
+    options.show(_next(options, body["flights"]))
+    return options.finish("audit", body)
 
 
-def audit_body(audits: Mapping[str, Audit], copies: Sequence[Sequence[str]]) -> dict[str, Any]:
+def audit_body(flights: Sequence[Flight], audits: Mapping[str, Audit], copies: Sequence[Sequence[str]]
+               ) -> dict[str, Any]:
     """The keys of audit.json."""
-    return {"flights": [a.to_json() for a in audits.values()], "copies": [list(group) for group in copies]}
+    from ..audit_verdict import entry_of
+
+    return {"flights": [entry_of(flight, audits[flight.name]) for flight in flights if flight.name in audits],
+            "copies": [list(group) for group in copies]}
 
 
-def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[Sequence[str]], details: bool) -> None:
-    """The tables on stdout."""
+def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[Sequence[str]], verbose: bool) -> None:
+    """The verdicts on stdout; of few recordings every event; ``verbose``: numbers and faults, too."""
+    from ..audit_verdict import verdict_of
+
     label = "SYNTHETIC " if options.synthetic else ""
-    options.show(overview(audits, f"{label}Audit of {len(audits)} recording{'s' * (len(audits) != 1)}"))
-    if details:
-        for verdict in audits.values():
-            options.show(fault_table(verdict, f"{label}{one_line(verdict.flight)}"))
+    verdicts = [verdict_of(a) for a in audits.values()]
+    options.show(verdict_table(verdicts, f"{label}Audit of {len(audits)} recording{'s' * (len(audits) != 1)}"))
+    for verdict in verdicts if len(verdicts) <= EVENTS_UP_TO else ():
+        if len(verdict.events) > 1:
+            options.show(event_table(verdict))
+    if verbose:
+        options.show(numbers_table(audits, f"{label}Numbers"))
+        for a in (a for a in audits.values() if a.faults):
+            options.show(fault_table(a, f"{label}{one_line(a.flight)}"))
     if copies:
         options.show("Copies (same numbers): " + "; ".join(" = ".join(map(one_line, group)) for group in copies))
 
 
-def overview(audits: Mapping[str, Audit], title: str) -> Table:
-    """One line per recording; the kinds that cut time away stand in bold."""
-    from rich import box
-    from rich.table import Table
+def verdict_table(verdicts: Sequence[AuditVerdict], title: str) -> Table:
+    """One line per recording: severity, verdict, what to do."""
+    table = _table(title, {"recording": "left", "": "left", "verdict": "left", "what to do": "left"})
+    for v in verdicts:
+        table.add_row(one_line(v.flight), f"[{STYLES[v.severity]}]{v.severity}[/]", one_line(v.sentence),
+                      one_line(v.advice))
+    return table
 
+
+def event_table(verdict: AuditVerdict) -> Table:
+    """Every event of one recording, merged over its streams."""
+    table = _table(one_line(verdict.flight), {"from s": "right", "to s": "right", "what": "left", "what to do": "left"})
+    for e in verdict.events:
+        table.add_row(f"{e.spans[0].start_s:.2f}", f"{e.spans[-1].end_s:.2f}", one_line(e.sentence), one_line(e.advice))
+    return table
+
+
+def _next(options: Options, entries: Sequence[Mapping[str, Any]]) -> str:
+    """The result in a line, and the next command."""
+    worth = Counter(entry["severity"] for entry in entries)
+    counts = ", ".join(f"{worth[severity]} {severity}" for severity in STYLES if worth[severity])
+    verb = next((v for v in NEXT if any(not entry["can"][v] for entry in entries)), "")
+    where = " ".join(f"--data {path}" for path in options.data)
+    if not verb:
+        lacks = Counter(lack for entry in entries for lack in entry["can"].values()).most_common(1)
+        return f"{counts}; no task can use these recordings" + (f": {lacks[0][0]}" if lacks else "")
+    return f"{counts}; next, {NEXT[verb]}: nanobench {' '.join(filter(None, [verb, where]))}"
+
+
+def numbers_table(audits: Mapping[str, Audit], title: str) -> Table:
+    """One line per recording; the kinds that cut time away stand in bold."""
     from ..faults.kinds import cutting, those
     from ..flight import intersect_spans
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("recording", "controller", "airborne s", "clean s", "imu late ms", "imu Hz", "faults"):
-        table.add_column(name, justify="left" if name in ("recording", "controller", "faults") else "right",
-                         overflow="fold")
+    table = _table(title, {"recording": "left", "controller": "left", "airborne s": "right", "clean s": "right",
+                           "imu late ms": "right", "imu Hz": "right", "faults": "left"})
     cuts, not_shown = cutting(), those(lambda kind: not kind.in_overview)
     for a in audits.values():
         airborne = sum(s.duration_s for s in a.airborne)
@@ -85,19 +128,25 @@ def _late(clock: Any) -> str:
     return f"{1e3 * clock.offset_s:+.1f} \\[{low:+.1f}, {high:+.1f}]"
 
 
-def fault_table(verdict: Audit, title: str) -> Table:
+def fault_table(audit: Audit, title: str) -> Table:
     """Every fault of one recording, in the order of time."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("kind", "stream", "from s", "to s", "size", "evidence"):
-        table.add_column(name, justify="right" if name in ("from s", "to s", "size") else "left")
-    for fault in verdict.faults:
-        span = (f"{fault.start_s:.2f}", f"{fault.end_s:.2f}")
-        table.add_row(fault.kind, one_line(fault.stream), *span, _size(fault), one_line(fault.evidence))
+    table = _table(title, {"kind": "left", "stream": "left", "from s": "right", "to s": "right", "size": "right",
+                           "evidence": "left"})
+    for fault in audit.faults:
+        table.add_row(fault.kind, one_line(fault.stream), f"{fault.start_s:.2f}", f"{fault.end_s:.2f}", _size(fault),
+                      one_line(fault.evidence))
     return table
 
 
 def _size(fault: Fault) -> str:
     return f"{fault.size:.4g} {fault.unit}" if fault.size == fault.size else ""
+
+
+def _table(title: str, columns: Mapping[str, Any]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for name, justify in columns.items():
+        table.add_column(name, justify=justify, overflow="fold")
+    return table

@@ -17,7 +17,7 @@ from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_o
 MODERATE = ("figure_eight", "star", "linear_ramp")
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..protocols.task2 import TrackingRow
 
@@ -156,6 +156,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     """
     from ..harness import make_item
     from ..protocols import task2
+    from ..protocols.verb_needs import CONTROL
 
     rows: list[task2.TrackingRow] = []
     reasons: dict[str, str] = {}
@@ -182,7 +183,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     _show(options, rows)
     used = {name for row in rows for name in (*row.flights, *row.dropped)}
     return {"gate": [], "rows": rows,
-            "left_out": show_left_out(options, flights, used, audits, task2.NEEDED, reasons)}
+            "left_out": show_left_out(options, flights, used, audits, CONTROL, reasons)}
 
 
 def _show(options: Options, rows: Sequence[TrackingRow]) -> None:

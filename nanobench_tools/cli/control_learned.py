@@ -15,7 +15,7 @@ from .options import Options, one_line
 from .show import data_word, score_text
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
     from ..protocols.gate import GateSummary

@@ -25,7 +25,7 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
     from identification.mismatch.steady_page import write_steady_page
     from identification.mismatch.steady_simulator import corrected, simulator_of
 
-    from ..audit import find_copies
+    from ..auditing import find_copies
     from ..physics.simulator import read_quadrotor, write_simulator
 
     for path in normal:

@@ -18,7 +18,7 @@ from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
@@ -160,6 +160,7 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     """
     from ..protocols import aided, task3
     from ..protocols.dead_logs import dead_logs
+    from ..protocols.verb_needs import ESTIMATE
 
     rows: list[EstimateRow] = []
     per_flight: list[FlightScore] = []
@@ -194,7 +195,7 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
             out = None
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     used = {name for row in rows for name in row.flights}
-    left_out = show_left_out(options, flights, used, audits, task3.NEEDED, failed)
+    left_out = show_left_out(options, flights, used, audits, ESTIMATE, failed)
     body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
     if windows:
         body["windows"] = windows

@@ -14,7 +14,7 @@ from .options import Options
 from .show import data_word
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..protocols.aided import Aiding
     from ..protocols.attribution import Attribution

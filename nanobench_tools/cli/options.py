@@ -19,7 +19,7 @@ from ..errors import InputError, UsageError
 from ..retiming.votes import AS_RECORDED, CLOCKS
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import Choice, OnClock

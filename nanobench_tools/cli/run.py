@@ -64,14 +64,14 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     options.say(f"[2/{steps}] audit")
     moved = {flight.name for flight in distinct(flights)[0]} if clock is None else set()
     audits, copies = options.audit(flights, COMPARED_CLOCKS, moved)
-    show_audits(options, audits, copies, details=False)
+    show_audits(options, audits, copies, verbose=False)
     results: dict[str, dict[str, Any]] = {}
 
     def keep(name: str, body: dict[str, Any], failed: list[dict[str, str]]) -> None:
         results[name] = options.envelope(name, body, failed)
         write_json(out / f"{name}.json", results[name])
 
-    keep("audit", audit_body(audits, copies), list(options.failed))
+    keep("audit", audit_body(flights, audits, copies), list(options.failed))
     given = Recordings(options, [flight for flight in flights if flight.name in audits], audits, clock)
     for step, (name, body_of) in enumerate(stages.items(), start=3):
         options.say(f"[{step}/{steps}] {name}")

@@ -12,7 +12,7 @@ from ..retiming.votes import AS_RECORDED
 from .options import Options
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..harness.clocks import Choice
 

@@ -11,7 +11,7 @@ from ..metrics.statistics import Summary
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..protocols.published import MeanStd
     from ..protocols.result_rows import Ratios

@@ -19,7 +19,7 @@ from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
     from ..protocols.task1 import PredictionRow, Split
 
@@ -99,6 +99,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     from ..harness import make_item
     from ..protocols import compare, response, task1
     from ..protocols.sessions import parameters_note
+    from ..protocols.verb_needs import SYSID
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
@@ -152,7 +153,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
             "fits": {name: value.result for name, (_, value) in fits.items()},
             "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
             "left_out": show_left_out(options, flights, [case.flight.name for case in (*chosen.train, *chosen.test)],
-                                      audits, task1.NEEDED, chosen.left_out)}
+                                      audits, SYSID, chosen.left_out)}
 
 
 def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:

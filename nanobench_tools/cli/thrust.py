@@ -16,7 +16,7 @@ from .show import data_word
 if TYPE_CHECKING:
     from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult
 
-    from ..audit import Audit
+    from ..auditing import Audit
     from ..flight import Flight
 
 UNITS = {"stand": ("mN per motor", 1e3, 2), "flight": ("m/s²", 1.0, 4)}

@@ -50,5 +50,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             evidence in wrong_axes(context)]
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
-                  injection="nanobench_tools.practice.inject.streams:AXIS_SWAP")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="axes of {streams} changed places ({columns})",
+                  advice="map the columns again: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:AXIS_SWAP")

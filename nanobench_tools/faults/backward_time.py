@@ -28,5 +28,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock", cuts=True, cuts_trim=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="stamps of {streams} run backwards {count}",
+                  group="clock", cuts=True, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.clock_faults:BACKWARD_TIME")

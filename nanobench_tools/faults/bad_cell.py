@@ -45,4 +45,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, file_injection="nanobench_tools.practice.inject.files:BAD_CELL")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{streams} hold{s} no number in {count}",
+                  cuts=True, file_injection="nanobench_tools.practice.inject.files:BAD_CELL")

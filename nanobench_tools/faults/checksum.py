@@ -19,4 +19,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return findings(flight, KIND)
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, whole=True)
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the file's checksum does not fit its content",
+                  advice="copy the log again from its card",
+                  group="lost", cuts=True, whole=True)

@@ -31,5 +31,8 @@ def _left_s(fault: Fault) -> float:
     return abs(fault.size) * 0.5 * (fault.end_s - fault.start_s)
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=_left_s, whole=True,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the clock of {streams} gains or loses against the motion capture ({size})",
+                  advice="try --clock retimed",
+                  group="clock", corrected=True, left_s=_left_s, whole=True,
                   injection="nanobench_tools.practice.inject.clock_faults:CLOCK_DRIFT")

@@ -47,5 +47,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, left_s=lambda fault: abs(fault.size),
-                  whole=True, injection="nanobench_tools.practice.inject.clock_faults:CLOCK_OFFSET")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="stamps of {streams} are {lateness}",
+                  advice="try --clock retimed",
+                  group="clock", corrected=True, left_s=lambda fault: abs(fault.size), whole=True,
+                  injection="nanobench_tools.practice.inject.clock_faults:CLOCK_OFFSET")

@@ -48,5 +48,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock", corrected=True, whole=True,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the clock of {streams} moves by {size} (SD)",
+                  advice="try --clock retimed",
+                  group="clock", corrected=True, whole=True,
                   injection="nanobench_tools.practice.inject.clock_faults:CLOCK_WANDER")

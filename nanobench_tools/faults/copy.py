@@ -88,5 +88,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return []
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="flight", whole=True, in_diagnosis=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the same numbers as another recording",
+                  group="flight", whole=True, in_diagnosis=False,
                   injection="nanobench_tools.practice.inject.whole:COPY")

@@ -28,5 +28,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return [Fault(KIND, "", (), crash.start_s, end, crash.size, "rad", crash.evidence, float(TILT_RAD))]
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="flight", cuts=True, cuts_logs=False,
-                  injection="nanobench_tools.practice.inject.whole:CRASH")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="a crash or a hard fall at {at}",
+                  group="flight", cuts=True, cuts_logs=False, injection="nanobench_tools.practice.inject.whole:CRASH")

@@ -44,5 +44,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, log_ended=True,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the log of {streams} ended {seconds} before the recording, {where}",
+                  group="lost", cuts=True, log_ended=True,
                   injection="nanobench_tools.practice.inject.streams:DEAD_STREAM")

@@ -27,5 +27,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="clock",
-                  injection="nanobench_tools.practice.inject.clock_faults:DUPLICATE_TIME")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{count} of {streams} share a stamp with another",
+                  advice="check the time column: every row needs its own",
+                  group="clock", injection="nanobench_tools.practice.inject.clock_faults:DUPLICATE_TIME")

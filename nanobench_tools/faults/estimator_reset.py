@@ -103,5 +103,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="flight", cuts=True, cuts_logs=False, cuts_trim=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the onboard estimate jumps {count}, by {size}",
+                  advice="restart the estimator before flying; the jumps are scored",
+                  group="flight", cuts=True, cuts_logs=False, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.whole:ESTIMATOR_RESET")

@@ -19,5 +19,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return findings(flight, KIND)
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="information", whole=True, in_diagnosis=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="columns that the format does not have: {columns}",
+                  advice="name them in a column map, or leave them",
+                  group="information", whole=True, in_diagnosis=False,
                   file_injection="nanobench_tools.practice.inject.files:EXTRA_COLUMN")

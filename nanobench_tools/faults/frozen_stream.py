@@ -92,5 +92,7 @@ def _motors_run(context: Context) -> bool:
 
 
 # a battery reading that stands still leaves the other streams as good as they are
-FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, spares=frozenset({"battery"}),
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{streams} repeated one value {count} ({seconds})",
+                  group="lost", cuts=True, spares=frozenset({"battery"}),
                   injection="nanobench_tools.practice.inject.streams:FROZEN_STREAM")

@@ -103,5 +103,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, cuts_logs=False,
-                  injection="nanobench_tools.practice.inject.streams:GAP")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{streams} silent {count} ({seconds})",
+                  group="lost", cuts=True, cuts_logs=False, injection="nanobench_tools.practice.inject.streams:GAP")

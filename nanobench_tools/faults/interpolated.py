@@ -33,4 +33,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="information", whole=True, in_overview=False, in_diagnosis=False)
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="rows of {streams} are drawn between packets",
+                  group="information", whole=True, in_overview=False, in_diagnosis=False)

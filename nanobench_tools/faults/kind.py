@@ -64,7 +64,9 @@ class FaultKind:
     What it is. whole: it is in every row of the recording. log_ended: the log of the stream stopped and its end is
     that of the recording, whatever becomes of the stamps.
 
-    How it is told. event: the fields of a ``Fault`` in which those agree that are one event, told in one line.
+    How it is told. told: an event of it in plain words, without a full stop (``fault_events`` says what stands for
+    {streams}, {columns}, {count}, {seconds}, {size} ...); empty: the first sentence of ``doc``. advice: what to do.
+    event: the fields of a ``Fault`` in which those agree that are one event, told in one line.
     in_overview: False where rates and numbers of samples say it already. in_diagnosis: False for what a diagnosis of
     the vehicle need not say.
 
@@ -83,6 +85,8 @@ class FaultKind:
     cuts_trim: bool | None = None
     whole: bool = False
     log_ended: bool = False
+    told: str = ""
+    advice: str = ""
     event: tuple[str, ...] = ("stream",)
     in_overview: bool = True
     in_diagnosis: bool = True
@@ -107,6 +111,11 @@ class FaultKind:
         """The smallest size that is found, in words; each ``Fault`` has its own as a number."""
         found = re.search(r"Smallest (?:found|reported)[^:]*:\s*(.+?)(?:\n\n|$)", self.doc, re.DOTALL)
         return " ".join(found[1].split()) if found else ""
+
+    @property
+    def merges(self) -> bool:
+        """Whether faults of several streams at one time are one event: a link that is silent, a clock that moves."""
+        return self.group in ("lost", "clock")
 
     @property
     def severity(self) -> Severity:

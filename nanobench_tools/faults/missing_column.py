@@ -74,6 +74,8 @@ def _column_names(name: str, stream: Stream, missing: tuple[str, ...]) -> tuple[
     return tuple(known.get(q, q) for q in missing) if same_source else missing
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost", whole=True, in_diagnosis=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="columns of {streams} are missing: {columns}",
+                  group="lost", whole=True, in_diagnosis=False,
                   injection="nanobench_tools.practice.inject.streams:MISSING_COLUMN",
                   file_injection="nanobench_tools.practice.inject.files:MISSING_COLUMN")

@@ -99,5 +99,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False, cuts_trim=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the tracked pose jumps {count}, by {size}",
+                  cuts=True, cuts_logs=False, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.room:MOCAP_JUMP")

@@ -45,5 +45,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost", cuts=True, cuts_logs=False, cuts_trim=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the cameras lost the vehicle {count} ({seconds})",
+                  group="lost", cuts=True, cuts_logs=False, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.room:MOCAP_OCCLUSION")

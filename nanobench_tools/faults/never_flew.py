@@ -34,5 +34,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                   f"never more than {100 * top:.1f} cm above the ground{motors}", HEIGHT_M)]
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="flight", whole=True,
-                  injection="nanobench_tools.practice.inject.whole:NEVER_FLEW")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the vehicle never left the ground",
+                  group="flight", whole=True, injection="nanobench_tools.practice.inject.whole:NEVER_FLEW")

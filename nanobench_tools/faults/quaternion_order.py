@@ -39,5 +39,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="quaternions of {streams} stand in the order w, x, y, z",
+                  advice="map the columns again: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True,
                   injection="nanobench_tools.practice.inject.room:QUATERNION_ORDER")

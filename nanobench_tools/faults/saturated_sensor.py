@@ -58,5 +58,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False, cuts_trim=False,
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{columns} stand{s} at the end of {its} range {count}",
+                  cuts=True, cuts_logs=False, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.streams:SATURATED_SENSOR")

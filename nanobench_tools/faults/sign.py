@@ -46,5 +46,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             evidence in wrong_signs(context)]
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
-                  injection="nanobench_tools.practice.inject.streams:SIGN")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{columns} of {streams} {is} negated",
+                  advice="turn the sign in a column map: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:SIGN")

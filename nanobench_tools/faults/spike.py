@@ -41,5 +41,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_logs=False,
-                  injection="nanobench_tools.practice.inject.streams:SPIKE")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{count} of {streams} stick out, by {size} at most",
+                  cuts=True, cuts_logs=False, injection="nanobench_tools.practice.inject.streams:SPIKE")

@@ -20,5 +20,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return findings(flight, KIND)
 
 
-FAULT = FaultKind(KIND, find, __doc__, group="lost",
-                  file_injection="nanobench_tools.practice.inject.files:TRUNCATED")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the file ends early",
+                  advice="copy the log again; what is there is used",
+                  group="lost", file_injection="nanobench_tools.practice.inject.files:TRUNCATED")

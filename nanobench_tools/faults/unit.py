@@ -38,5 +38,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__, cuts=True, cuts_trim=False, whole=True,
-                  injection="nanobench_tools.practice.inject.streams:UNIT")
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{columns} {is} in another unit, by a factor of {factor}",
+                  advice="give the unit in a column map: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:UNIT")

@@ -68,4 +68,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     return faults
 
 
-FAULT = FaultKind(KIND, find, __doc__)
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="rotor speeds ({columns}) miss pulses",
+                  advice="do not fit thrust to these speeds")

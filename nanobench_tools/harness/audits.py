@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..audit import Audit, audit, find_copies, with_copies
+from ..auditing import Audit, audit, find_copies, with_copies
 from ..faults.kinds import kinds
 from ..flight import Flight
 from ..retiming.apply import time_offset_of

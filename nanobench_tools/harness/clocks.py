@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..flight import Flight
 from ..retiming.apply import apply_time_offset, time_offset_of
 from ..retiming.time_offset import TimeOffset

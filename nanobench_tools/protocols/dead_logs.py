@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..faults.kinds import log_ended
 from ..flight import mask_of as inside
 from ..labels import speed_of

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import welch
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..errors import InputError
 from ..flight import Flight, Span, intersect_spans
 from ..labels import family_of, speed_of
@@ -24,12 +24,11 @@ from .published import Published, beside
 from .result_rows import ClockRatios, CommandResponse, Ratios
 from .selection import apart, distinct
 from .sessions import Sessions
-from .usable import MOCAP, MOTORS, usable
+from .usable import usable
+from .verb_needs import SYSID
 from .windows import HORIZON, TRUTHS, cut_windows
 
-NEEDED = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),
-          "attitude_qw": ("qx", "qy", "qz", "qw")}
-STREAMS = tuple(NEEDED)
+STREAMS = tuple(SYSID)
 JUDGED = ("attitude",)
 """The logged attitude is a truth of this task, so it has no vote in the clock (``retiming.votes``)."""
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
@@ -194,7 +193,7 @@ def _trajectory(flight: Flight) -> str:
 
 def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str] | None) -> list[Case]:
     cases = []
-    for flight in usable(flights, audits, NEEDED):
+    for flight in usable(flights, audits, SYSID):
         audit = audits[flight.name]
         spans = intersect_spans(flown_spans(flight, audit.airborne), audit.clean_for(STREAMS))
         if not any(span.duration_s * 100.0 > HORIZON for span in spans):

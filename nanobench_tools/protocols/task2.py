@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .. import so3
-from ..audit import Audit
+from ..auditing import Audit
 from ..errors import InputError, UsageError
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
@@ -29,7 +29,8 @@ from .published import Published, beside
 from .score_tables import summaries
 from .selection import distinct
 from .sessions import Drawn, Sessions
-from .usable import MOCAP, MOTORS, usable
+from .usable import usable
+from .verb_needs import CONTROL
 
 PROTOCOLS = ("as-published", "clean")
 CONTROLLERS = ("pid", "mellinger")
@@ -39,7 +40,6 @@ UNNAMED = ("none", "unknown")
 PUBLISHED = ("trefoil", "medium")
 """Family and speed of the published rows."""
 
-NEEDED = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS}
 
 SETPOINT_M = 0.05
 DROPPED_ABOVE_M = 1.0
@@ -108,7 +108,7 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     Raises InputError when there is none.
     """
     check_protocol(protocol)
-    fit = usable(distinct(flights)[0], audits, NEEDED)
+    fit = usable(distinct(flights)[0], audits, CONTROL)
     if protocol == "as-published":
         fit = [f for f in fit if not is_cut(f) and (family_of(f), speed_of(f)) == PUBLISHED]
         fit = [f for f in fit if audits[f.name].controller in CONTROLLERS]

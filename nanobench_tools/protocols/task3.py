@@ -15,7 +15,7 @@ from typing import TypeGuard
 import numpy as np
 
 from .. import so3
-from ..audit import Audit
+from ..auditing import Audit
 from ..errors import InputError, UsageError
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
@@ -33,7 +33,8 @@ from .score_tables import group_order, groups_of, summaries
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .sessions import Drawn, Sessions
-from .usable import MOCAP, POSE, cut_by, missing, usable
+from .usable import POSE, cut_by, missing, usable
+from .verb_needs import ESTIMATE
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"
@@ -45,7 +46,6 @@ PUBLISHED = PROTOCOLS[:2]
 STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 """The streams the task is about."""
 
-NEEDED = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1",), "attitude_qw|attitude": ()}
 
 GIVEN_S = 0.5
 GIVEN = f"motion capture poses until {GIVEN_S} s after the start of the flight (not scored), all other streams"
@@ -81,19 +81,19 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     Raises InputError when no recording has the streams and rows that are needed.
     """
     check_protocol(protocol)
-    fit = usable(flights, audits, NEEDED)
+    fit = usable(flights, audits, ESTIMATE)
     cases = _published(fit, audits, protocol) if protocol in PUBLISHED else _clean(fit, audits)
     if protocol in (AIDED, BLACKOUT, WHOLE_FLIGHT):
         cases = _apart(cases)
     if not cases:
         what = "trefoil recording" if protocol in PUBLISHED else "flight"
         place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
-        cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], NEEDED))}
+        cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], ESTIMATE))}
         if cuts and len(cuts) == len(fit):
             raise InputError(place, f"no {what} is left for protocol {protocol!r} among {len(flights)} recordings: "
                                     + "; ".join(f"{n} {cut}" for cut, n in Counter(cuts.values()).most_common(3)),
                              "nanobench audit shows the faults")
-        lacks = Counter(lack for f in flights if (lack := missing(f, NEEDED)))
+        lacks = Counter(lack for f in flights if (lack := missing(f, ESTIMATE)))
         raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings"
                          + "".join(f"; {lack} in {n}" for lack, n in lacks.most_common(3)),
                          "it needs motion capture, the onboard estimate, its attitude and the motors' commands")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..faults.kinds import cutting
 from ..flight import Flight, Stream, intersect_spans
 from .selection import distinct

@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from ..audit import Audit
+from ..auditing import Audit
 from ..flight import Flight
 from ..version import __version__
 from . import control_pictures, estimates, overview_pictures, words

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import registry
-from nanobench_tools.audit import Audit, ClockReading, RateReading, audit, find_copies
+from nanobench_tools.auditing import Audit, ClockReading, RateReading, audit, find_copies
 from nanobench_tools.faults.kinds import cutting, kinds
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 
@@ -128,7 +128,7 @@ def test_copies_are_found_by_content_not_by_name(flights):
 
 
 def test_parts_and_marked_copies(flights, audits):
-    from nanobench_tools.audit import with_copies
+    from nanobench_tools.auditing import with_copies
     from nanobench_tools.faults.copy import parts
 
     whole = flights[0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 from nanobench_tools.clock.moving import moving_clocks
 from nanobench_tools.delays.lag_windows import KEPT
 from nanobench_tools.delays.lags import best_lag, lag_sums

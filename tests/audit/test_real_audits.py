@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.audit import audit, find_copies
+from nanobench_tools.auditing import audit, find_copies
 from nanobench_tools.faults.copy import parts
 from nanobench_tools.sources import load_recordings
 

@@ -118,7 +118,7 @@ def test_interrupt_is_130_and_says_how_to_go_on(recordings, empty_cache, tmp_pat
 
 def test_a_closed_pipe_is_quiet_and_the_work_goes_on(recordings, empty_cache, tmp_path):
     env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache)}
-    audit = f"{COMMAND} audit --data {recordings} --jobs 1 --details --json {tmp_path}/a.json"
+    audit = f"{COMMAND} audit --data {recordings} --jobs 1 --verbose --json {tmp_path}/a.json"
     done = subprocess.run(["/bin/bash", "-c", f"set -o pipefail; {audit} | head -1"], env=env, capture_output=True,
                           text=True, timeout=60)
     assert done.stderr.count("\n") == 1

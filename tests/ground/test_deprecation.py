@@ -36,7 +36,7 @@ def test_other_words_are_left_alone(monkeypatch):
 
 
 def test_a_former_name_gives_what_it_is_today_and_any_other_is_an_error():
-    import nanobench_tools.audit as audit
+    import nanobench_tools.auditing as audit
 
     with pytest.warns(FutureWarning, match=r"CUTTING_KINDS is called nanobench_tools\.faults\.kinds\.cutting\(\) now"):
         assert cutting() == audit.CUTTING_KINDS
@@ -52,6 +52,6 @@ def test_a_former_option_is_no_option_of_today():
     for verb, former in deprecation.FORMER_OPTIONS.items():
         assert verb in VERBS
         command = getattr(importlib.import_module(f"nanobench_tools.cli.{verb}"), verb)
-        spelled = {option for parameter in command.params for option in parameter.opts}
+        spelled = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
         assert not spelled & set(former)
         assert set(former.values()) <= spelled

@@ -11,6 +11,7 @@ from identification.naive import Naive
 from nanobench_tools import InputError
 from nanobench_tools.protocols import task1, task2, task3
 from nanobench_tools.protocols.usable import left_out, missing, tidy
+from nanobench_tools.protocols.verb_needs import CONTROL, ESTIMATE
 
 
 def spoiled(flight, stream, rows, column=0, value=np.nan):
@@ -45,21 +46,21 @@ def test_stamps_that_do_not_rise_are_left_out():
     time_s[[800, 801]] = time_s[799]
     time_s[1200] = time_s[1100]
     bad = flight.with_streams(mocap=replace(mocap, time_s=time_s))
-    assert len(tidy(bad, task3.NEEDED)["mocap"]) == len(mocap) - 3
-    assert tidy(flight, task3.NEEDED) is flight
+    assert len(tidy(bad, ESTIMATE)["mocap"]) == len(mocap) - 3
+    assert tidy(flight, ESTIMATE) is flight
     assert score_all(bad)[0] == pytest.approx(score_all(flight)[0], rel=0.05)
 
 
 def test_what_is_missing_is_said():
     flight = made_flight()
-    assert missing(flight, task3.NEEDED) is None
-    assert missing(flight.without_streams("setpoint"), task2.NEEDED) == "no setpoint stream"
+    assert missing(flight, ESTIMATE) is None
+    assert missing(flight.without_streams("setpoint"), CONTROL) == "no setpoint stream"
     bare = flight.without_streams("attitude", "attitude_qw")
-    assert missing(bare, task3.NEEDED) == "no attitude_qw or attitude stream"
+    assert missing(bare, ESTIMATE) == "no attitude_qw or attitude stream"
     mocap = flight["mocap"]
     slim = replace(mocap, values=mocap.values[:, :10], columns=mocap.columns[:10], quantities=mocap.quantities[:10],
                    unit=mocap.unit[:10])
-    assert missing(flight.with_streams(mocap=slim), task3.NEEDED) == "no vx, vy, vz in the mocap stream"
+    assert missing(flight.with_streams(mocap=slim), ESTIMATE) == "no vx, vy, vz in the mocap stream"
 
 
 def test_left_out_recordings_have_a_reason():
@@ -67,7 +68,7 @@ def test_left_out_recordings_have_a_reason():
     empty = spoiled(made_flight("empty", seed=2, epoch_s=3e9), "estimator", slice(None))
     flights = [whole, cut(whole, 3.0, 9.0), other, empty, made_flight("unknown", seed=3, epoch_s=4e9)]
     audits = {f.name: verdict(f) for f in flights[:-1]}
-    found = {entry["flight"]: entry["reason"] for entry in left_out(flights, ["whole"], audits, task3.NEEDED)}
+    found = {entry["flight"]: entry["reason"] for entry in left_out(flights, ["whole"], audits, ESTIMATE)}
     assert found["piece"] == "slice of whole"
     assert found["unknown"] == "the audit failed"
     assert found["empty"] == "no readable rows in the estimator stream"
@@ -85,10 +86,10 @@ def test_the_fault_that_cut_a_flight_is_said(kind):
             task3.select([flight], audits, protocol)
     unseen = {"made": replace(audits["made"], airborne=())}  # nor can a bad truth tell that it flew
     for known in (audits, unseen):
-        assert left_out([flight], [], known, task3.NEEDED) == [{"flight": "made", "reason": f"cut by {kind} of mocap"}]
+        assert left_out([flight], [], known, ESTIMATE) == [{"flight": "made", "reason": f"cut by {kind} of mocap"}]
 
 
 def test_reasons_that_the_verb_knows_go_first():
     flight = made_flight()
-    found = left_out([flight], [], {flight.name: verdict(flight)}, task3.NEEDED, {"made": "every method failed on it"})
+    found = left_out([flight], [], {flight.name: verdict(flight)}, ESTIMATE, {"made": "every method failed on it"})
     assert found == [{"flight": "made", "reason": "every method failed on it"}]

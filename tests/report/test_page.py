@@ -104,7 +104,7 @@ def test_nothing_at_all_still_makes_a_page(tmp_path):
 
 
 def test_audits_given_as_objects_are_used(tmp_path, flights, make):
-    from nanobench_tools.audit import Audit
+    from nanobench_tools.auditing import Audit
 
     entry = {**make.entry(flights[0]), "faults": []}
     for clock in entry["clock"].values():

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from nanobench_tools.audit import Audit, audit
+from nanobench_tools.auditing import Audit, audit
 from nanobench_tools.flight import Flight
 from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.retiming.time_offset import TimeOffset, wander_of

@@ -8,7 +8,7 @@ from identification.mismatch.periodic import Swing, frequencies, swing_in, swing
 from identification.mismatch.reconstruct import states_of
 from identification.mismatch.smallest_swing import _window, say, smallest_swing
 from identification.mismatch.trim import runs_of
-from nanobench_tools.audit import audit
+from nanobench_tools.auditing import audit
 
 MASS_KG = 0.033
 

@@ -7,15 +7,15 @@ import pytest
 
 from identification.mismatch.diagnosis import diagnose, recorded
 from identification.mismatch.taking_part import cutting, taking_part
-from identification.mismatch.track import NEEDED
 from identification.prove.airframe import Airframe
 from identification.prove.case_kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.effects import EFFECTS
 from identification.prove.make import make_case
-from nanobench_tools.audit import Audit
+from nanobench_tools.auditing import Audit
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.references import path_spec
+from nanobench_tools.protocols.verb_needs import WRENCH
 
 FLIGHTS = tuple(FlightSpec(path_spec(family, speed, duration_s=14.0), "pid", charge)
                 for family, speed, charge in (("figure_eight", "medium", 0.9), ("trefoil", "fast", 0.7)))
@@ -104,7 +104,7 @@ def test_a_fault_in_every_row_of_what_is_compared_forbids_an_answer(nothing, spo
 
 def _flight(**streams):
     t = np.arange(0.0, 10.0, 0.01)
-    columns = {"mocap": NEEDED["mocap"], "imu": (*NEEDED["imu"], "acc_x"), **streams}
+    columns = {"mocap": WRENCH["mocap"], "imu": (*WRENCH["imu"], "acc_x"), **streams}
     made_up = {n: make_stream(n, t, np.ones((len(t), len(q))), q, [f"log_{x}" for x in q]) for n, q in columns.items()}
     return Flight("a", made_up, {}, Provenance("a", "", "test"))
 
@@ -131,11 +131,11 @@ def _fault(kind, stream, columns=(), start_s=0.0, end_s=10.0):
     (_fault("unit", "setpoint"), False),
 ])
 def test_streams_and_columns_that_take_part(fault, part):
-    assert (taking_part(_audit(fault), _flight(), NEEDED).faults == (fault,)) is part
+    assert (taking_part(_audit(fault), _flight(), WRENCH).faults == (fault,)) is part
 
 
 def test_an_attitude_that_stands_in_for_the_motion_captures_takes_part():
-    needed = {"mocap": NEEDED["mocap"], "command": ("thrust",)}
+    needed = {"mocap": WRENCH["mocap"], "command": ("thrust",)}
     flight = _flight(mocap=("px", "py", "pz"))
     (found,) = taking_part(_audit(_fault("sign", "attitude", ("log_roll",))), flight, needed).faults
     assert found.stream == "mocap"
