@@ -14,11 +14,10 @@ mapping decides, and the errors are 1.5 times the published ones. ``published_ph
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nanobench_tools import so3
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.units import GRAVITY_M_S2
 
@@ -35,11 +34,11 @@ class PublishedPhysics:
     thrust_to_weight = 1.5
 
     @property
-    def parameters(self) -> dict[str, dict[str, Any]]:
-        """{name: {value, ci95, unit}}; published numbers, so without intervals."""
+    def parameters(self) -> dict[str, Estimate]:
+        """By name; published numbers, so without intervals."""
         values = {"mass": (MASS_KG, "kg"), "k_thrust": (K_THRUST_N_S2, "N s^2/rad^2"),
                   "omega_full": (OMEGA_FULL_RAD_S, "rad/s"), "thrust_to_weight": (self.thrust_to_weight, "1")}
-        return {name: {"value": value, "ci95": None, "unit": unit} for name, (value, unit) in values.items()}
+        return {name: Estimate(value, None, unit) for name, (value, unit) in values.items()}
 
     def specific_thrust(self, motor: np.ndarray) -> np.ndarray:
         """(...) m/s^2: T/m for PWM ratios (..., 4)."""

@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from .errors import InputError
-from .result import to_json
+from .result import Result, to_json
 from .version import __version__
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 """What Python makes of such bytes; no file can hold it."""
 
 
-def envelope(schema: str, body: Mapping[str, Any], synthetic: bool, manifest: Mapping[str, Any],
+def envelope(schema: str, body: Mapping[str, Any] | Result, synthetic: bool, manifest: Mapping[str, Any],
              failed: list[dict[str, str]]) -> dict[str, Any]:
     """What every result file holds: ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
     ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``, all of it as JSON types."""
     name = schema if "/" in schema else f"nanobench-{schema}/1"
     found: dict[str, Any] = to_json({"schema": name, "version": __version__, "synthetic": synthetic,
-                                     "manifest": manifest, "failed": failed, **body})
+                                     "manifest": manifest, "failed": failed, **to_json(body)})
     return found
 
 

@@ -22,6 +22,7 @@ from nanobench_tools.cli.estimate import estimate_body, see
 from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.sysid import sysid_body
 from nanobench_tools.protocols.published import published
+from nanobench_tools.result import to_json
 
 DECIMALS = {"ate_rmse_m": 4, "ate_mean_m": 4, "rte_1m_m": 4, "velocity_rmse_m_s": 3, "attitude_rmse_deg": 2,
             "rmse_m": 4, "ade_m": 4, "heading_deg": 3, "divergence_percent": 3}
@@ -74,10 +75,10 @@ def main() -> int:
     flights = options.load()
     audits, _ = options.audit(flights)
     console = Console(width=150, highlight=False)
-    estimate = estimate_body(options, see(options, flights, audits))["rows"]
+    estimate = to_json(estimate_body(options, see(options, flights, audits)).rows)
     mended = {row["group"]: row for row in estimate if row["protocol"] == "as-published-corrected"}
     task3 = [(row["group"], row, row["metrics"], mended.get(row["group"])) for row in estimate if "published" in row]
-    control = control_body(options, flights, audits)["rows"]
+    control = to_json(control_body(options, flights, audits).rows)
     clean = {row["controller"]: row for row in control
              if row["protocol"] == "clean" and (row["reference"], row["speed"]) == ("trefoil", "medium")}
     task2 = [(row["controller"], row, row["statistics"], clean.get(row["controller"]))
@@ -86,7 +87,7 @@ def main() -> int:
     table = Table(title="Task 1, mean error after 1, 10, 50 steps", title_justify="left", box=box.SIMPLE_HEAD)
     for head in ("model", "metric", "published", "here, clean airborne rows"):
         table.add_column(head)
-    for row in (r for r in sysid_body(options, flights, audits)["rows"] if "published" in r):
+    for row in (r for r in to_json(sysid_body(options, flights, audits).rows) if "published" in r):
         for metric, printed in row["published"].items():
             table.add_row(row["model"], metric, *(" ".join(f"{v[h]:.4f}" for h in ("1", "10", "50"))
                                                   for v in (printed, row["metrics"][metric])))

@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from identification.fitted_values import Estimate
 from nanobench_tools.errors import UsageError
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.fitted_values import Estimate
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.result import Result
 
 from .flyability import Flight

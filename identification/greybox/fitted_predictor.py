@@ -8,8 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.inputs import rows, warmed

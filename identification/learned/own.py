@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Span
 from nanobench_tools.methods import Prediction, Predictor, Windows
 from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_errors

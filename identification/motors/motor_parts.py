@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.fitted_values import LeftOut, Value
+from nanobench_tools.fitted_values import LeftOut, Value
 from nanobench_tools.result import INLINE, Result, named
 
 Ends = tuple[float, float]

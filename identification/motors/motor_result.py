@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.fitted_values import LeftOut, Value
+from nanobench_tools.fitted_values import LeftOut, Value
 from nanobench_tools.metrics.prediction import HORIZONS, multi_horizon
 from nanobench_tools.metrics.statistics import (
     bootstrap_interval,

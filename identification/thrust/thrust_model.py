@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.fitted_values import Estimate
 from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.units import GRAVITY_M_S2

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from identification.fitted_values import Estimate
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.protocols.sessions import interval_note
 from nanobench_tools.report.environment import environment
 from nanobench_tools.report.quantities import DASH

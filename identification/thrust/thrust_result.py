@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identification.fitted_values import Estimate, LeftOut, Value
+from nanobench_tools.fitted_values import Estimate, LeftOut, Value
 from nanobench_tools.result import INLINE, OPTIONAL, Result
 from nanobench_tools.retiming.votes import evidence_of
 

@@ -59,7 +59,7 @@ def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
 def cases_of(flights: Sequence[Flight],
              audits: Mapping[str, Audit]) -> tuple[list[Case], dict[str, str]]:
     """(flights with their clean airborne spans, reasons of those without)."""
-    reasons = {entry["flight"]: entry["reason"] for entry in left_out(flights, (), audits, THRUST)}
+    reasons = {entry.flight: entry.reason for entry in left_out(flights, (), audits, THRUST)}
     cases: list[Case] = []
     for flight in usable(flights, audits, THRUST):
         audit = audits[flight.name]

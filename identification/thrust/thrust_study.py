@@ -13,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from identification.fitted_values import Estimate
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.metrics.statistics import refit_weights, session_count, why_not
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.settings import count, number

@@ -12,6 +12,7 @@ import click
 from ..errors import InputError, UsageError
 from ..retiming.votes import evidence_of
 from .options import PATH, FiniteRange, Options, one_line, shared_options
+from .result_bodies import ControlBody
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 
 MODERATE = ("figure_eight", "star", "linear_ramp")
@@ -80,7 +81,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     """
     from ..practice.references import FAMILIES
     from ..protocols import task2
-    from .control_plants import Chosen, check_simulated, gate_on_clock, given_gains, mismatch_body, simulated_body
+    from .control_plants import Chosen, check_simulated, gate_on_clock, given_gains, mismatch_rows, simulated_rows
 
     if learned:
         from identification.learned.libraries import share_process
@@ -98,37 +99,34 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     gains = given_gains(options, gain_files)
     specs = check_simulated([*controllers, *gains] if flies else (), trajectories or list(FAMILIES), speeds, seconds)
     chosen = Chosen.of(options, simulator, train)
-    body: dict[str, Any] = {"gate": [], "rows": [], "left_out": []}
+    body = ControlBody()
     if {"real", "gate"} & set(wanted) or learned:
         flights = options.load()
         audits, _ = options.audit(flights)
         if "real" in wanted:
-            body |= _real(options, flights, audits, protocols, controllers,
-                          flies)
+            body = _real(options, flights, audits, protocols, controllers, flies)
         if "gate" in wanted:
-            body |= gate_on_clock(options, flights, audits, chosen, "gate" in plants)
+            body = replace(body, gate=gate_on_clock(options, flights, audits, chosen, "gate" in plants))
     if "simulated" in wanted:
-        simulated = simulated_body(options, chosen, controllers, specs, members, body.get("gate_summary"),
-                                   radio_delay_s, wind_m_s, silent_percent / 100.0, gains)
-        body["rows"] = [*body["rows"], *simulated.pop("rows")]
-        body |= simulated
+        rows, part = simulated_rows(options, chosen, controllers, specs, members, body.gate.summary, radio_delay_s,
+                                    wind_m_s, silent_percent / 100.0, gains)
+        body = replace(body, rows=[*body.rows, *rows], simulated=part)
     if "mismatch" in wanted:
         unlike = check_simulated((), trajectories or MODERATE, speeds, seconds)
-        found = mismatch_body(options, chosen, controllers, unlike, gains)
-        body["rows"] = [*body["rows"], *found.pop("rows")]
-        body |= found
+        found = mismatch_rows(options, chosen, controllers, unlike, gains)
+        body = replace(body, rows=[*body.rows, *found], mismatch_plant=chosen.origin)
     if learned:
-        from .control_learned import learned_body
+        from .control_learned import learned_rows
 
         paths = check_simulated((), trajectories or (task2.PUBLISHED[0],), speeds or (0.5,), seconds)
-        found = learned_body(options, flights, audits, chosen, paths, members, body.get("gate_summary"), dagger, gains)
-        body["rows"] = [*body["rows"], *found.pop("rows")]
-        body |= found
+        flown, lessons = learned_rows(options, flights, audits, chosen, paths, members, body.gate.summary, dagger,
+                                      gains)
+        body = replace(body, rows=[*body.rows, *flown], learned=lessons)
     return options.finish("control", body)
 
 
 def _real(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], protocols: tuple[str, ...],
-          controllers: tuple[str, ...], shared: bool) -> dict[str, Any]:
+          controllers: tuple[str, ...], shared: bool) -> ControlBody:
     """Rows of the logged flights; ``shared``: names of controllers may also be meant for the simulated ones."""
     from ..protocols import task2
 
@@ -144,13 +142,13 @@ def _real(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audi
     flights, audits = options.on_clock(flights, audits)
     known = tuple(name for name in controllers if name in flew)
     if controllers and not known:
-        return {"rows": []}
+        return ControlBody()
     return control_body(options, flights, audits, protocols, known)
 
 
 def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
-                 protocols: Sequence[str] = (), controllers: Sequence[str] = ()) -> dict[str, Any]:
-    """The keys of control.json, with the tables shown. Without ``protocols`` all that the data allow.
+                 protocols: Sequence[str] = (), controllers: Sequence[str] = ()) -> ControlBody:
+    """control.json of logged flights, with the tables shown. Without ``protocols`` all that the data allow.
 
     Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
     """
@@ -182,8 +180,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
             for row in rows]
     _show(options, rows)
     used = {name for row in rows for name in (*row.flights, *row.dropped)}
-    return {"gate": [], "rows": rows,
-            "left_out": show_left_out(options, flights, used, audits, CONTROL, reasons)}
+    return ControlBody(rows, left_out=show_left_out(options, flights, used, audits, CONTROL, reasons))
 
 
 def _show(options: Options, rows: Sequence[TrackingRow]) -> None:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..metrics.statistics import Summary
-from ..protocols.published import Published, beside
+from ..protocols.published import beside
 from ..protocols.sessions import Drawn
-from ..result import INLINE, Result
 from .options import Options, one_line
+from .result_bodies import LearnedRow, Lessons
 from .show import data_word, score_text
 
 if TYPE_CHECKING:
+    from controllers.learned.policies import Network
+
     from ..auditing import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
@@ -38,10 +38,11 @@ COLUMNS = (("rmse_m", "RMSE m", 4), ("ade_m", "ADE m", 4), ("velocity_rmse_m_s",
            ("setpoint_rmse_m", "to setpoint m", 4))
 
 
-def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
+def learned_rows(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
                  specs: Sequence[PathSpec], members: int, summary: Mapping[str, GateSummary] | None, rounds: int,
-                 gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
-    """{rows, learned}: what was trained and on what, rows on learned dynamics (plant ``learned``) with the published
+                 gains: Mapping[str, Mapping[str, float]] | None = None
+                 ) -> tuple[list[LearnedRow | SimulatedRow], Lessons]:
+    """Rows, and what was trained and on what: rows on learned dynamics (plant ``learned``) with the published
     numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains:
     with these, those of TUNED fly again."""
     from controllers.learned.demonstrations import demonstrations, shown
@@ -66,10 +67,8 @@ def learned_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                 folder, options.quiet)).items()}
     _draw(options, found, plain)
     flown = plant_rows(options, networks, chosen, specs, members, summary, gains)
-    return {"rows": [*rows, *flown], "learned": {
-        **{name: network.trained for name, network in networks.items()},
-        "train": [d.name for d in found.train], "valid": [d.name for d in found.valid],
-        "test": [d.name for d in found.test]}}
+    return [*rows, *flown], Lessons({name: network.trained for name, network in networks.items()},
+                                    *([d.name for d in part] for part in (found.train, found.valid, found.test)))
 
 
 def taught_on(specs: Sequence[PathSpec]) -> list[PathSpec]:
@@ -81,7 +80,7 @@ def taught_on(specs: Sequence[PathSpec]) -> list[PathSpec]:
     return specs_of([name for name in TAUGHT if name not in judged][:3], speeds[:1], specs[0].duration_s)
 
 
-def _each(options: Options, kinds: Sequence[str], train: Callable[[str], Any]) -> dict[str, Any]:
+def _each(options: Options, kinds: Sequence[str], train: Callable[[str], Network]) -> dict[str, Network]:
     """{kind: network}; a training that fails is kept in ``options`` and is no row, the others go on."""
     found = {}
     for kind in kinds:
@@ -105,22 +104,6 @@ def _draw(options: Options, shown: Any, networks: Mapping[str, Any]) -> None:
                [command_figure(flight.action[flight.longest], predicted, flight.name),
                 learning_figure({kind: network.trained["history"] for kind, network in networks.items()})],
                options.synthetic, "Cloned policies")
-
-
-@dataclass(frozen=True, repr=False)
-class LearnedRow(Result):
-    """One controller over n flights on learned dynamics: ``metrics`` are means, ``statistics`` their summaries."""
-
-    plant: str
-    controller: str
-    reference: str
-    speed_m_s: float | None
-    information: str
-    n: int
-    drawn: Drawn = field(metadata=INLINE)
-    statistics: Mapping[str, Summary]
-    metrics: Mapping[str, float | None]
-    published: Published | None = field(metadata=INLINE)
 
 
 def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> list[LearnedRow]:

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, UsageError
+from ..fitted_values import LeftOut
 from ..retiming.votes import AS_RECORDED, evidence_of
 from .control_tables import show_mismatch, show_simulated
 from .options import Options, one_line
+from .result_bodies import GateBody, GateJudged, SimulatedPart
 from .show import data_word
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from ..practice.references import PathSpec
     from ..protocols.compare import GateChange
     from ..protocols.gate import GateRow, GateSummary
-    from ..protocols.simulated import ErrorBar, SampledFlight, SimulatedRow
+    from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow
 
 CHUNK = 8
 """Recordings that fly side by side in one item: as many as fill a vector."""
@@ -59,7 +61,7 @@ class Chosen:
         if train:
             return cls._identified(options, train)
         names, rows = shipped_draws()
-        return cls(shipped_simulator(), (names, rows.tolist()), shipped_gate()["trained"],
+        return cls(shipped_simulator(), (names, rows.tolist()), shipped_gate().trained,
                    "the recorded vehicle as shipped", True)
 
     @classmethod
@@ -86,14 +88,27 @@ class Chosen:
                    f"identified from {found.flights} recordings in {', '.join(map(str, train))}")
 
 
-def shipped_gate() -> dict[str, Any]:
-    """What is known of the shipped plant: ``trained`` spans, and the ``summary`` of its gate by clock."""
+@dataclass(frozen=True)
+class ShippedGate:
+    """What is known of the shipped plant: (start, end) in Unix time of the recordings it was identified from, and what
+    its gate says on their own clock."""
+
+    trained: tuple[tuple[float, float], ...]
+    error_bar: ErrorBar
+
+
+def shipped_gate() -> ShippedGate:
+    """Of ``SHIPPED_GATE``."""
     import tomllib
     from importlib import resources
 
+    from ..protocols.simulated import ErrorBar
+
     found = tomllib.loads(resources.files("controllers").joinpath(SHIPPED_GATE).read_text(encoding="utf-8"))
-    found["trained"] = tuple((float(a), float(b)) for a, b in found["trained"])
-    return found
+    summary = found["summary"][AS_RECORDED]
+    return ShippedGate(tuple((float(a), float(b)) for a, b in found["trained"]),
+                       ErrorBar(summary["ratio_off_median"], summary["ratio_off_p90"], summary["path_gap_median_m"],
+                                summary["n"], "held-out recordings, as shipped"))
 
 
 def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, float]]:
@@ -127,8 +142,8 @@ def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], spe
 
 
 def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-              requested: bool = False, recorded: Sequence[Flight] = ()) -> dict[str, Any]:
-    """{gate, gate_summary, gate_left_out, gate_plant, gate_note}, with the table shown and paths written to ``--out``.
+              requested: bool = False, recorded: Sequence[Flight] = ()) -> GateBody:
+    """The gate, with the table shown and paths written to ``--out``.
     ``recorded``: the flights on their own stamps.
 
     Raises InputError when it was ``requested`` for and no recording can be judged.
@@ -143,7 +158,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
         note = "no recording to judge the plant by: " + "; ".join(sorted(set(reasons.values())))
         if requested:
             raise InputError(flights[0].provenance.path if flights else "data", note)
-        return {"gate": [], "gate_note": note}
+        return GateBody(gate_note=note)
     chunks = [same[i:i + CHUNK] for name in gate.FLOWN
               for same in [sorted((c for c in cases if c.controller == name), key=lambda c: c.ticks)]
               for i in range(0, len(same), CHUNK)]
@@ -165,13 +180,12 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
     shown = gate.pictured(rows, cases, flown)
     found = gate.summary(rows, options.sessions.by_name(by_name.values()), options.seed)
     _show_gate(options, rows, found)
-    return {"gate": rows, "gate_flights": shown, "gate_summary": found, "gate_plant": chosen.origin,
-            "gate_left_out": [{"flight": name, "reason": why} for name, why in sorted(reasons.items())],
-            "gate_note": _gate_note(found, chosen)}
+    judged = GateJudged(shown, found, chosen.origin, LeftOut.of(dict(sorted(reasons.items()))))
+    return GateBody(rows, judged, _gate_note(found, chosen))
 
 
 def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
-                  requested: bool) -> dict[str, Any]:
+                  requested: bool) -> GateBody:
     """``gate_body`` on the clock of the options; on another one than the recordings' own also ``gate_compared``: ratios
     over the same flights to the gate as recorded, which flies first and is not shown."""
     from ..protocols import compare
@@ -180,16 +194,16 @@ def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[s
     if options.clock == AS_RECORDED:
         return gate_body(options, seen, judged, chosen, requested, flights)
     plain = replace(options, clock=AS_RECORDED, quiet=True)
-    recorded = gate_body(plain, flights, audits, chosen, False, flights)["gate"]
+    recorded = gate_body(plain, flights, audits, chosen, False, flights).gate
     body = gate_body(options, seen, judged, chosen, requested, flights)
-    found = compare.gates(body["gate"], recorded, options.sessions.by_name(flights), options.seed)
+    found = compare.gates(body.gate, recorded, options.sessions.by_name(flights), options.seed)
     if found:
-        passed = [sum(row.passed for row in rows) for rows in (recorded, body["gate"])]
+        passed = [sum(row.passed for row in rows) for rows in (recorded, body.gate)]
         options.show(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} {passed[1]} "
-                     f"of {len(body['gate'])}. Over the same {found['path_gap_m'].paired.n} flights: "
+                     f"of {len(body.gate)}. Over the same {found['path_gap_m'].paired.n} flights: "
                      + "; ".join(_change(name, one) for name, one in found.items() if one.paired.ratio is not None)
                      + ".")
-    return {**body, "gate_compared": found}
+    return replace(body, gate_compared=found)
 
 
 GATE_WORDS = {"path_gap_m": ("distance of the two paths", 100.0, "cm", 1),
@@ -254,10 +268,11 @@ def _show_gate(options: Options, rows: Sequence[GateRow], found: Mapping[str, Ga
         options.show(interval_note([found["all"]], ["pass_share", "lag_real_s"]))
 
 
-def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
+def simulated_rows(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,
                    summary: Mapping[str, GateSummary] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
-                   silent: float = 0.0, gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
-    """{rows, flights, solve_times, error_bar, simulated_plant}: every controller (all registered ones without
+                   silent: float = 0.0, gains: Mapping[str, Mapping[str, float]] | None = None
+                   ) -> tuple[list[SimulatedRow], SimulatedPart]:
+    """Rows and what is beside them: every controller (all registered ones without
     ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
     families."""
     from controllers.simulated_flights import fly_controller
@@ -287,7 +302,7 @@ def simulated_body(options: Options, chosen: Chosen, names: Sequence[str], specs
         raise UsageError("no controller to fly")
     show_simulated(options, rows, bar, radio_s, wind_m_s, silent)
     times = solve_times([values[item.key] for item in items.values() if item.key in values])
-    return {"rows": rows, "flights": flights, "solve_times": times, "error_bar": bar, "simulated_plant": chosen.origin}
+    return rows, SimulatedPart(flights, times, bar, chosen.origin)
 
 
 def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | None,
@@ -299,9 +314,9 @@ def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | N
     return [(name, None) for name in wanted] + [(name, dict(found)) for name, found in (gains or {}).items()]
 
 
-def mismatch_body(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
-                  gains: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, Any]:
-    """{rows, mismatch_plant}: every controller on plants that differ from what it was told in one thing each."""
+def mismatch_rows(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
+                  gains: Mapping[str, Mapping[str, float]] | None = None) -> list[MismatchRow]:
+    """Every controller on plants that differ from what it was told in one thing each."""
     from controllers.simulated_flights import fly_mismatched
 
     from ..harness import make_item
@@ -313,7 +328,7 @@ def mismatch_body(options: Options, chosen: Chosen, names: Sequence[str], specs:
     values = options.run(items, "mismatch").values
     rows = [row for item in items if item.key in values for row in tabulate_cases(values[item.key], specs)]
     show_mismatch(options, rows)
-    return {"rows": rows, "mismatch_plant": chosen.origin}
+    return rows
 
 
 def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, GateSummary] | None) -> ErrorBar | None:
@@ -322,9 +337,7 @@ def error_bar(options: Options, chosen: Chosen, summary: Mapping[str, GateSummar
     from ..protocols.simulated import ErrorBar
 
     if summary and "all" in summary:
-        found, where = vars(summary["all"]), "gate of this run"
-    elif chosen.shipped:
-        found, where = shipped_gate()["summary"]["as-recorded"], "held-out recordings, as shipped"
-    else:
-        return None
-    return ErrorBar(found["ratio_off_median"], found["ratio_off_p90"], found["path_gap_median_m"], found["n"], where)
+        found = summary["all"]
+        return ErrorBar(found.ratio_off_median, found.ratio_off_p90, found.path_gap_median_m, found.n,
+                        "gate of this run")
+    return shipped_gate().error_bar if chosen.shipped else None

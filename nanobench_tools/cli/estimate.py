@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
-from ..result import Result
 from ..retiming.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .named_methods import load_methods
 from .options import PATH, FiniteRange, Options, one_line, shared_options
+from .result_bodies import EstimateBody, TakenOut
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 
 if TYPE_CHECKING:
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
     from ..protocols.dead_logs import DeadLog
-    from ..protocols.result_rows import EstimateRow, FlightScore, Scored, WindowScore
+    from ..protocols.result_rows import EstimateRow, FlightScore, Metrics, Scored, WindowScore
     from ..protocols.task3 import Case
-    from ..retiming.time_offset import TimeOffset
     from .estimate_pictures import DrawnBand
 
 LOGGED = ("onboard_ekf",)
@@ -40,9 +39,6 @@ JUDGED = ("position", "velocity")
 """What is judged of the logged estimate by every metric that is not about attitude."""
 LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
 """Hidden from every method on a clock that the logged position helped to set."""
-
-POINTS_WITHIN_S = 1e-3
-"""The result file says a moving error by straight lines within this."""
 
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
@@ -116,7 +112,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     body = estimate_body(options, see(options, flights, audits), protocols, scored, files,
                          aidings=grid(rates, delays, noises, losses))
     if explained:
-        body["attribution"] = attribution(options, flights, audits)
+        body = replace(body, attribution=attribution(options, flights, audits))
     return options.finish("estimate", body)
 
 
@@ -151,8 +147,8 @@ def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]
 
 def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
                   files: Mapping[str, Mapping[str, Path]] | None = None, trajectories: bool = True,
-                  aidings: Sequence[Aiding] | None = None) -> dict[str, Any]:
-    """The keys of estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
+                  aidings: Sequence[Aiding] | None = None) -> EstimateBody:
+    """estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
 
     trajectories: whether they are written to ``--out``; aidings: how poses come in ``aided``, one table each, the
     first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
@@ -196,17 +192,10 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
     used = {name for row in rows for name in row.flights}
     left_out = show_left_out(options, flights, used, audits, ESTIMATE, failed)
-    body: dict[str, Any] = {"rows": rows, "per_flight": per_flight, "left_out": left_out}
-    if windows:
-        body["windows"] = windows
-    if bands:
-        body["bands"] = bands
-    if dead is not None:
-        body["dead_logs"] = dead
-    if options.clock != AS_RECORDED:
-        taken_out = {name: offset for name, offset in seen.places.time_offsets.items() if name in used}
-        body["clocks"] = {options.clock: {name: offset and TakenOut.of(offset) for name, offset in taken_out.items()}}
-    return body
+    taken_out = None if options.clock == AS_RECORDED else {options.clock: {
+        name: TakenOut.of(offset) if offset else None for name, offset in seen.places.time_offsets.items()
+        if name in used}}
+    return EstimateBody(rows, per_flight, left_out, windows or None, bands or None, dead, taken_out)
 
 
 def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
@@ -218,23 +207,6 @@ def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
         given += f" (attitude: {', '.join(turned)})"
     return replace(row, given=given, clock=options.clock, clock_evidence=voted, clock_evidence_attitude=turned,
                    n_moving=None if options.clock == AS_RECORDED else moving)
-
-
-@dataclass(frozen=True, repr=False)
-class TakenOut(Result):
-    """What was taken out of one flight's stamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
-
-    moving: bool
-    constant_s: float
-    wander_sd_s: float | None
-    reason: str
-    evidence: Sequence[str]
-    warp: Sequence[tuple[float, float, float]]
-
-    @classmethod
-    def of(cls, offset: TimeOffset) -> TakenOut:
-        return cls(offset.moving, offset.constant_s, offset.wander_sd_s, offset.reason, offset.evidence,
-                   offset.points(POINTS_WITHIN_S))
 
 
 def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Case]
@@ -310,7 +282,7 @@ def _compared(options: Options, rows: Sequence[EstimateRow],
     """With ratios of the rows of one table; the windows of a flight are the same for every method."""
     from ..protocols import compare
 
-    scores: dict[str, dict[str, Any]] = {}
+    scores: dict[str, dict[str, Metrics]] = {}
     for method, case, value in done:
         scores.setdefault(method.name, {})[case.flight.name] = value.metrics
     return compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)

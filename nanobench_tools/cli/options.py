@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import Choice, OnClock
     from ..protocols.sessions import Sessions
+    from ..result import Result
     from ..retiming.time_offset import TimeOffset
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
@@ -198,14 +199,14 @@ class Options:
 
         return manifest(self.flights if inputs is None else inputs, self.seed, started=self.started)
 
-    def envelope(self, schema: str, body: Mapping[str, Any],
+    def envelope(self, schema: str, body: Mapping[str, Any] | Result,
                  failed: list[dict[str, str]] | None = None) -> dict[str, Any]:
         """The whole content of a result file of this run; ``failed`` if not all that failed so far belongs to it."""
         from ..harness import envelope
 
         return envelope(schema, body, self.synthetic, self.manifest(), self.failed if failed is None else failed)
 
-    def finish(self, schema: str, body: Mapping[str, Any]) -> int:
+    def finish(self, schema: str, body: Mapping[str, Any] | Result) -> int:
         """Writes ``--json`` and ``--out``/SCHEMA.json, lists what failed, gives the exit code.
 
         ``--json -`` prints the result on stdout; tables are then not shown.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,9 @@ from ..errors import NanobenchError
 from ..retiming.votes import CLOCKS
 from .audit import audit_body, show_audits
 from .options import Options, shared_options
+
+if TYPE_CHECKING:
+    from ..result import Result
 
 OUT = Path("results")
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
@@ -52,7 +55,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     from .run_clocks import COMPARED_CLOCKS, Recordings, control_on, estimate_on, sysid_on
 
     out = options.out = options.out or OUT
-    stages: dict[str, Callable[[Recordings], dict[str, Any]]] = {
+    stages: dict[str, Callable[[Recordings], Result]] = {
         "estimate": estimate_on, "control": control_on, "sysid": sysid_on}
     steps = len(stages) + 3
     if practice or not (options.data or default_data()):
@@ -67,7 +70,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     show_audits(options, audits, copies, verbose=False)
     results: dict[str, dict[str, Any]] = {}
 
-    def keep(name: str, body: dict[str, Any], failed: list[dict[str, str]]) -> None:
+    def keep(name: str, body: Result | Mapping[str, object], failed: list[dict[str, str]]) -> None:
         results[name] = options.envelope(name, body, failed)
         write_json(out / f"{name}.json", results[name])
 
@@ -77,7 +80,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
         options.say(f"[{step}/{steps}] {name}")
         before = len(options.failed)
         try:
-            body = body_of(given)
+            body: Result | Mapping[str, object] = body_of(given)
         except NanobenchError as error:
             options.failed.append({"item": name, "file": getattr(error, "place", ""), "error": str(error)})
             body = {"rows": []}

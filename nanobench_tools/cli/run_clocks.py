@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
 from ..retiming.votes import AS_RECORDED
 from .options import Options
+from .result_bodies import ControlBody, EstimateBody, GateBody, Joined, SysidBody
 
 if TYPE_CHECKING:
     from ..auditing import Audit
     from ..flight import Flight
     from ..harness.clocks import Choice
 
-MERGED = ("rows", "per_flight", "windows", "bands")
-"""Lists of a result that hold one part after the other."""
-
 SIMULATOR_RETIMED = "simulator_retimed.toml"
-OF_ONE_CLOCK = ("best", "best_chosen_on", "parameters", "simulator", "simulator_note", "fits")
-"""What sysid.json says about the models as they were fitted on one clock."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +38,15 @@ COMPARED_CLOCKS: tuple[Choice, ...] = (("offset", ("position", "velocity")), ("r
                             ("retimed", ("attitude",)), ("joint", ()))
 """Every clock that ``run`` puts each distinct recording on, with the logged estimates that are judged on it."""
 
-Part = tuple[str, Callable[[], dict[str, Any]]]
+Body = TypeVar("Body", bound=Joined)
+Part = tuple[str, Callable[[], Body]]
 """(what it is, what makes its body)."""
 
 
-def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
-    """One body from the ``parts``: their rows one after the other, all else from the first that has it.
-
-    A part that finds nothing to score is left out and said; InputError when that is all of them.
-    """
-    body: dict[str, Any] = {}
+def join(options: Options, parts: Sequence[Part[Body]]) -> Body:
+    """One body from the ``parts``. A part that finds nothing to score is left out and said; InputError when that
+    is all of them."""
+    body: Body | None = None
     errors: list[InputError] = []
     for what, make in parts:
         try:
@@ -60,16 +55,13 @@ def join(options: Options, parts: Sequence[Part]) -> dict[str, Any]:
             options.say(f"{what} left out: {error}")
             errors.append(error)
             continue
-        merged: dict[str, Any] = {key: [*body.get(key, []), *found[key]] for key in MERGED if key in found}
-        if "clocks" in found:
-            merged["clocks"] = {**body.get("clocks", {}), **found["clocks"]}
-        body = {**found, **body, **merged}
-    if errors and len(errors) == len(parts):
+        body = found if body is None else body.joined(found)
+    if body is None:
         raise errors[0]
     return body
 
 
-def estimate_on(given: Recordings) -> dict[str, Any]:
+def estimate_on(given: Recordings) -> EstimateBody:
     """estimate.json. No judged estimate has a vote in its clock (``retiming.votes``); on further clocks what was
     logged in flight and dead reckoning are scored, each distinct recording once."""
     from ..protocols import compare
@@ -78,55 +70,55 @@ def estimate_on(given: Recordings) -> dict[str, Any]:
     from .estimate import LOGGED, RECKONING, estimate_body, see
     from .named_methods import load_methods
 
-    def recorded(*protocols: str) -> dict[str, Any]:
+    def recorded(*protocols: str) -> EstimateBody:
         return estimate_body(given.options, see(given.options, given.flights, given.audits), protocols)
 
-    def moved(clock: str) -> dict[str, Any]:
+    def moved(clock: str) -> EstimateBody:
         options = replace(given.options, clock=clock)
         alone = given.clock is not None
         seen = see(options, given.flights if alone else distinct(given.flights)[0], given.audits)
         return estimate_body(options, seen, ("clean",), None if alone else load_methods("estimators", LOGGED), None,
                              alone)
 
-    def reckoned(clock: str, methods: Sequence[str] = RECKONING) -> dict[str, Any]:
+    def reckoned(clock: str, methods: Sequence[str] = RECKONING) -> EstimateBody:
         options = replace(given.options, clock=clock)
         seen = see(options, distinct(given.flights)[0], given.audits)
         return estimate_body(options, seen, (BLACKOUT,), load_methods("estimators", methods), None, False)
 
     clocks = (AS_RECORDED, "retimed") if given.clock is None else (given.clock,)
-    further: list[Part] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
+    further: list[Part[EstimateBody]] = [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock)) for clock in clocks]
     if given.clock is None:
         further += [(f"{BLACKOUT}, clock {clock}", partial(reckoned, clock, BRACKETED))
                     for clock in ("offset", "joint")]
     body = _parts(given, PROTOCOLS, recorded, moved, ("offset", "retimed"), further)
-    rows = compare.clocks(body["rows"], body.get("per_flight", ()), body.get("windows", ()), AS_RECORDED,
+    rows = compare.clocks(body.rows, body.per_flight, body.windows or (), AS_RECORDED,
                           given.options.sessions.by_name(given.flights), given.options.seed)
-    return {**body, "rows": rows}
+    return replace(body, rows=rows)
 
 
-def control_on(given: Recordings) -> dict[str, Any]:
+def control_on(given: Recordings) -> ControlBody:
     """control.json; the gate of the shipped plant on the one clock, by default as recorded."""
     from ..protocols.task2 import PROTOCOLS
     from .control import control_body
     from .control_plants import Chosen, gate_body
 
-    def recorded(*protocols: str) -> dict[str, Any]:
+    def recorded(*protocols: str) -> ControlBody:
         return control_body(given.options, given.flights, given.audits, protocols)
 
-    def moved(clock: str) -> dict[str, Any]:
+    def moved(clock: str) -> ControlBody:
         options = replace(given.options, clock=clock)
         return control_body(options, *options.on_clock(given.flights, given.audits), ("clean",))
 
-    def gate() -> dict[str, Any]:
+    def gate() -> GateBody:
         options = replace(given.options, clock=given.clock or AS_RECORDED)
         flights, audits = options.on_clock(given.flights, given.audits)
         return gate_body(options, flights, audits, Chosen.of(options, None, ()), recorded=given.flights)
 
     body = _parts(given, PROTOCOLS, recorded, moved)
-    return {**body, **gate()}
+    return replace(body, gate=gate())
 
 
-def sysid_on(given: Recordings) -> dict[str, Any]:
+def sysid_on(given: Recordings) -> SysidBody:
     """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
     clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
     in ``by_clock``."""
@@ -137,9 +129,9 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
     from .sysid_models import SIMULATOR
 
     alone = given.clock is not None
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, SysidBody] = {}
 
-    def on(clock: str, simulator: str) -> dict[str, Any]:
+    def on(clock: str, simulator: str) -> SysidBody:
         options = replace(given.options, clock=clock)
         flights = given.flights if alone or clock == AS_RECORDED else distinct(given.flights)[0]
         found[clock] = sysid_body(options, *options.on_clock(flights, given.audits, JUDGED), simulator=simulator,
@@ -148,20 +140,18 @@ def sysid_on(given: Recordings) -> dict[str, Any]:
 
     files = {given.clock: SIMULATOR} if given.clock else {AS_RECORDED: SIMULATOR, "retimed": SIMULATOR_RETIMED}
     body = join(given.options, [(f"clock {clock}", partial(on, clock, name)) for clock, name in files.items()])
-    rows = compare.prediction_clocks(body["rows"], body["per_flight"], AS_RECORDED,
+    rows = compare.prediction_clocks(body.rows, body.per_flight, AS_RECORDED,
                                      given.options.sessions.by_name(given.flights), given.options.seed)
     first, *others = found
-    return {**body, "rows": rows, "clock": first,
-            "by_clock": {c: {key: found[c][key] for key in OF_ONE_CLOCK} for c in others}}
+    return replace(body, rows=rows, clock=first, by_clock={clock: found[clock].models for clock in others})
 
 
-def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., dict[str, Any]],
-           moved: Callable[[str], dict[str, Any]], clocks: Sequence[str] = (),
-           further: Sequence[Part] = ()) -> dict[str, Any]:
+def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., Body],
+           moved: Callable[[str], Body], clocks: Sequence[str] = (), further: Sequence[Part[Body]] = ()) -> Body:
     """All protocols as recorded and ``clean`` on more ``clocks``, or ``clean`` on the one clock asked for; then the
     ``further`` parts."""
     if given.clock is None:
-        parts: list[Part] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in clocks)]
+        parts: list[Part[Body]] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in clocks)]
     else:
         parts = [(p, partial(recorded, p)) for p in protocols if p != "clean"]
         clean = partial(recorded, "clean") if given.clock == AS_RECORDED else partial(moved, given.clock)

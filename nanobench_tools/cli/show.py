@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from ..auditing import Audit
+    from ..fitted_values import LeftOut
     from ..flight import Flight
     from ..protocols.published import MeanStd
     from ..protocols.result_rows import Ratios
@@ -117,8 +118,8 @@ ALL_FAILED = "every method failed on it"
 
 def show_left_out(options: Options, flights: Sequence[Flight], used: Iterable[str],
                   audits: Mapping[str, Audit] | Iterable[str], needed: Mapping[str, Sequence[str]],
-                  reasons: Mapping[str, str] | None = None) -> list[dict[str, str]]:
-    """[{flight, reason}] of the recordings that no row counts (``used``: those that one does), said in a line.
+                  reasons: Mapping[str, str] | None = None) -> list[LeftOut]:
+    """The recordings that no row counts (``used``: those that one does), said in a line.
 
     reasons: by name of the flight, where the verb knows why.
     """
@@ -126,7 +127,7 @@ def show_left_out(options: Options, flights: Sequence[Flight], used: Iterable[st
 
     found = left_out(flights, set(used), audits, needed, reasons)
     if found:
-        kinds = Counter("copy or slice" if entry["reason"].startswith(("copy of", "slice of")) else entry["reason"]
+        kinds = Counter("copy or slice" if entry.reason.startswith(("copy of", "slice of")) else entry.reason
                         for entry in found)
         options.say("left out: " + "; ".join(f"{n} ({kind})" for kind, n in kinds.items()))
     return found

@@ -14,6 +14,7 @@ from ..physics.vehicle import BOUNDS
 from ..retiming.votes import AS_RECORDED, evidence_of
 from .named_methods import load_methods
 from .options import PATH, Options, shared_options
+from .result_bodies import ClockModels, SysidBody
 from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
@@ -91,8 +92,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
                mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None,
-               published: bool = True, recorded: Sequence[Flight] | None = None) -> dict[str, Any]:
-    """The keys of sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
+               published: bool = True, recorded: Sequence[Flight] | None = None) -> SysidBody:
+    """sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
     learned rows, None for no such rows; ``published``: the published ones too; ``recorded``: the flights on the clock
     they were recorded on, where ``flights`` have another."""
@@ -141,19 +142,16 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     note = parameters_note(options.sessions.labels(case.flight for case in chosen.train)) if fits else ""
     if note:
         options.show(note)
-    return {"rows": rows, "per_flight": compare.flight_means(scored, options.clock), "parameters_note": note,
-            "parameters": {p.name: p.parameters for p in predictors if hasattr(p, "parameters")
-                                         and p.name != SIMULATOR
-                                         and not (p.name in fits and fits[p.name][1].result.trouble)},
-            "best": choice.best, "best_chosen_on": choice.chosen_on([p.name for p in learned
-                                                                     if p.information == "state"]),
-            "simulator": written.path,
-            "simulator_note": fits[choice.exported][1].simulator_note if choice.exported is not None else "",
-            "split": chosen.note, **({"learned": {p.name: p.trained for p in learned}} if epochs is not None else {}),
-            "fits": {name: value.result for name, (_, value) in fits.items()},
-            "train": [case.flight.name for case in chosen.train], "test": [case.flight.name for case in chosen.test],
-            "left_out": show_left_out(options, flights, [case.flight.name for case in (*chosen.train, *chosen.test)],
-                                      audits, SYSID, chosen.left_out)}
+    models = ClockModels(
+        choice.best, choice.chosen_on([p.name for p in learned if p.information == "state"]),
+        {p.name: p.parameters for p in predictors if hasattr(p, "parameters") and p.name != SIMULATOR
+         and not (p.name in fits and fits[p.name][1].result.trouble)},
+        written.path, fits[choice.exported][1].simulator_note if choice.exported is not None else "",
+        {name: value.result for name, (_, value) in fits.items()})
+    train, test = ([case.flight.name for case in cases] for cases in (chosen.train, chosen.test))
+    return SysidBody(rows, compare.flight_means(scored, options.clock), note, models, chosen.note, train, test,
+                     show_left_out(options, flights, [*train, *test], audits, SYSID, chosen.left_out),
+                     None if epochs is None else {p.name: p.trained for p in learned})
 
 
 def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:

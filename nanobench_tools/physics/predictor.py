@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from ..fitted_values import Estimate
 from ..methods import Prediction, Windows
 from . import numeric, rollout
 from .model import POSITION, QUATERNION, RATE, VELOCITY, Model
@@ -37,9 +37,9 @@ class ModelPredictor:
         return cls(read_simulator(path), Path(path).stem)
 
     @property
-    def parameters(self) -> dict[str, dict[str, Any]]:
-        """{name: {value, ci95, unit}}."""
-        return {name: {"value": value, "ci95": None, "unit": unit} for name, value, unit in zip(
+    def parameters(self) -> dict[str, Estimate]:
+        """By name, without intervals."""
+        return {name: Estimate(value, None, unit) for name, value, unit in zip(
             self.model.names, self.model.values.tolist(), self.model.units, strict=True)}
 
     def predict(self, windows: Windows) -> Prediction:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..auditing import Audit
 from ..faults.kinds import cutting
+from ..fitted_values import LeftOut
 from ..flight import Flight, Stream, intersect_spans
 from .selection import distinct
 
@@ -66,8 +67,8 @@ def _good_rows(stream: Stream) -> np.ndarray:
 
 
 def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str, Audit] | Iterable[str],
-             needed: Needed, reasons: Mapping[str, str] | None = None) -> list[dict[str, str]]:
-    """[{flight, reason}] of every recording that no row counts; ``used`` are the names that rows count.
+             needed: Needed, reasons: Mapping[str, str] | None = None) -> list[LeftOut]:
+    """Every recording that no row counts; ``used`` are the names that rows count.
 
     reasons: by name, where the caller knows why; the faults that cut a flight come from ``audits`` that hold verdicts.
     """
@@ -82,7 +83,7 @@ def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str
                   or missing(flight, needed) or missing(tidy(flight, needed), needed) or repeats.get(flight.name)
                   or (cut_by(verdict, needed) if verdict is not None else None)
                   or "no rows to score: never in the air, too short, or not requested")
-        found.append({"flight": flight.name, "reason": reason})
+        found.append(LeftOut(flight.name, reason))
     return found
 
 

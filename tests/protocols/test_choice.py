@@ -64,9 +64,9 @@ def test_the_best_is_the_best_on_training_flights_whatever_test_flights_say(good
     monkeypatch.setattr(Drifts, "full_V", 3.5)
     audits = {f.name: verdict(f) for f in flights}
     found = sysid_body(Options(quiet=True), flights, audits, [Naive(), Drifts()], (flights[:2], flights[2:]), "none")
-    errors = {r.model: r.metrics["position_mae_m"]["sum"] for r in found["rows"]
+    errors = {r.model: r.metrics["position_mae_m"]["sum"] for r in found.rows
               if (r.truth, r.group) == ("onboard", "all")}
     assert (errors["drifts"] < errors["naive"]) == (good_in == "test")  # test flights say the opposite
-    assert found["best"] == best
-    assert found["best_chosen_on"].flights == found["train"] == ["a", "b"]
-    assert set(found["best_chosen_on"].criterion) == {"naive", "drifts"}
+    assert found.models.best == best
+    assert found.models.best_chosen_on.flights == found.train == ["a", "b"]
+    assert set(found.models.best_chosen_on.criterion) == {"naive", "drifts"}

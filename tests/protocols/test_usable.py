@@ -9,6 +9,7 @@ from made_flights import cut, dead, made_flight, verdict
 from estimators.onboard_ekf import OnboardEkf
 from identification.naive import Naive
 from nanobench_tools import InputError
+from nanobench_tools.fitted_values import LeftOut
 from nanobench_tools.protocols import task1, task2, task3
 from nanobench_tools.protocols.usable import left_out, missing, tidy
 from nanobench_tools.protocols.verb_needs import CONTROL, ESTIMATE
@@ -68,7 +69,7 @@ def test_left_out_recordings_have_a_reason():
     empty = spoiled(made_flight("empty", seed=2, epoch_s=3e9), "estimator", slice(None))
     flights = [whole, cut(whole, 3.0, 9.0), other, empty, made_flight("unknown", seed=3, epoch_s=4e9)]
     audits = {f.name: verdict(f) for f in flights[:-1]}
-    found = {entry["flight"]: entry["reason"] for entry in left_out(flights, ["whole"], audits, ESTIMATE)}
+    found = {entry.flight: entry.reason for entry in left_out(flights, ["whole"], audits, ESTIMATE)}
     assert found["piece"] == "slice of whole"
     assert found["unknown"] == "the audit failed"
     assert found["empty"] == "no readable rows in the estimator stream"
@@ -86,10 +87,10 @@ def test_the_fault_that_cut_a_flight_is_said(kind):
             task3.select([flight], audits, protocol)
     unseen = {"made": replace(audits["made"], airborne=())}  # nor can a bad truth tell that it flew
     for known in (audits, unseen):
-        assert left_out([flight], [], known, ESTIMATE) == [{"flight": "made", "reason": f"cut by {kind} of mocap"}]
+        assert left_out([flight], [], known, ESTIMATE) == [LeftOut("made", f"cut by {kind} of mocap")]
 
 
 def test_reasons_that_the_verb_knows_go_first():
     flight = made_flight()
     found = left_out([flight], [], {flight.name: verdict(flight)}, ESTIMATE, {"made": "every method failed on it"})
-    assert found == [{"flight": "made", "reason": "every method failed on it"}]
+    assert found == [LeftOut("made", "every method failed on it")]

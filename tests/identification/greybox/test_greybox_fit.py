@@ -9,7 +9,6 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
-from identification.fitted_values import Estimate
 from identification.greybox.ablation_study import fit_item, predictor_of
 from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.fit_windows import Cut
@@ -17,6 +16,7 @@ from identification.greybox.flyability import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.solve import Prior
 from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.physics.terms.inertia import most

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from made_stands import dc_law, drive, made, text
 
-from identification.fitted_values import Estimate
 from identification.thrust import ThrustModel
 from identification.thrust.choose import choose
 from identification.thrust.maps import MAPS
 from identification.thrust.stand_fit import fit_stands
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.fitted_values import Estimate
 
 TRUTH = {"kappa": 0.02, "rho": 0.09, "e_0": -0.05}
 

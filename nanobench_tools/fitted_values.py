@@ -1,11 +1,11 @@
-"""A fitted parameter, and a recording that no fit could use."""
+"""A parameter with its interval, and a recording that takes no part."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from nanobench_tools.result import OPTIONAL, Result
+from .result import OPTIONAL, Result
 
 
 @dataclass(frozen=True, repr=False)

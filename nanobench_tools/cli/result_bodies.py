@@ -1,0 +1,183 @@
+"""What estimate.json, control.json and sysid.json hold beside the envelope, and several parts of one file as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from ..result import INLINE, OPTIONAL, Result
+
+if TYPE_CHECKING:
+    from identification.greybox.fit_result import FitResult
+
+    from ..fitted_values import Estimate, LeftOut
+    from ..metrics.statistics import Summary
+    from ..protocols.attribution import Attribution
+    from ..protocols.choice import ChosenOn
+    from ..protocols.compare import FlightMeans, GateChange
+    from ..protocols.dead_logs import DeadLog
+    from ..protocols.gate import GateRow, GateSummary, PicturedFlight
+    from ..protocols.published import Published
+    from ..protocols.result_rows import EstimateRow, FlightScore, WindowScore
+    from ..protocols.sessions import Drawn
+    from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow, SolveTimes
+    from ..protocols.task1 import PredictionRow
+    from ..protocols.task2 import TrackingRow
+    from ..retiming.time_offset import TimeOffset
+    from .estimate_pictures import DrawnBand
+
+POINTS_WITHIN_S = 1e-3
+"""The result file says a moving error by straight lines within this."""
+
+
+class Joined(Protocol):
+    """A body of which a run makes several."""
+
+    def joined(self, later: Self) -> Self:
+        """Rows of both, one after the other; all else from the first that has it."""
+
+
+@dataclass(frozen=True, repr=False)
+class TakenOut(Result):
+    """What was taken out of one flight's stamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
+
+    moving: bool
+    constant_s: float
+    wander_sd_s: float | None
+    reason: str
+    evidence: Sequence[str]
+    warp: Sequence[tuple[float, float, float]]
+
+    @classmethod
+    def of(cls, offset: TimeOffset) -> TakenOut:
+        return cls(offset.moving, offset.constant_s, offset.wander_sd_s, offset.reason, offset.evidence,
+                   offset.points(POINTS_WITHIN_S))
+
+
+@dataclass(frozen=True, repr=False)
+class EstimateBody(Result):
+    """clocks: by clock and flight what was taken out of its stamps, None for nothing."""
+
+    rows: Sequence[EstimateRow]
+    per_flight: Sequence[FlightScore]
+    left_out: Sequence[LeftOut]
+    windows: Sequence[WindowScore] | None = field(default=None, metadata=OPTIONAL)
+    bands: Sequence[DrawnBand] | None = field(default=None, metadata=OPTIONAL)
+    dead_logs: Sequence[DeadLog] | None = field(default=None, metadata=OPTIONAL)
+    clocks: Mapping[str, Mapping[str, TakenOut | None]] | None = field(default=None, metadata=OPTIONAL)
+    attribution: Attribution | None = field(default=None, metadata=OPTIONAL)
+
+    def joined(self, later: EstimateBody) -> EstimateBody:
+        return replace(self, rows=[*self.rows, *later.rows], per_flight=[*self.per_flight, *later.per_flight],
+                       windows=[*(self.windows or ()), *(later.windows or ())] or None,
+                       bands=[*(self.bands or ()), *(later.bands or ())] or None,
+                       dead_logs=later.dead_logs if self.dead_logs is None else self.dead_logs,
+                       clocks={**(self.clocks or {}), **(later.clocks or {})} or None)
+
+
+@dataclass(frozen=True, repr=False)
+class GateJudged(Result):
+    """What the gate says of a plant where recordings can judge it."""
+
+    gate_flights: Sequence[PicturedFlight]
+    gate_summary: Mapping[str, GateSummary]
+    gate_plant: str
+    gate_left_out: Sequence[LeftOut]
+
+
+@dataclass(frozen=True, repr=False)
+class GateBody(Result):
+    """gate_compared: ratios to the gate on the recordings' own clock."""
+
+    gate: Sequence[GateRow] = ()
+    judged: GateJudged | None = field(default=None, metadata=INLINE)
+    gate_note: str = field(default="", metadata=OPTIONAL)
+    gate_compared: Mapping[str, GateChange] | None = field(default=None, metadata=OPTIONAL)
+
+    @property
+    def summary(self) -> Mapping[str, GateSummary] | None:
+        return None if self.judged is None else self.judged.gate_summary
+
+
+@dataclass(frozen=True, repr=False)
+class SimulatedPart(Result):
+    """Beside the rows of an ensemble of plants."""
+
+    flights: Sequence[SampledFlight]
+    solve_times: Sequence[SolveTimes]
+    error_bar: ErrorBar | None
+    simulated_plant: str
+
+
+@dataclass(frozen=True, repr=False)
+class Lessons(Result):
+    """How every network was trained, and the names of the flights that taught, validated and judge."""
+
+    networks: Mapping[str, Mapping[str, Any]] = field(metadata=INLINE)
+    train: Sequence[str]
+    valid: Sequence[str]
+    test: Sequence[str]
+
+
+@dataclass(frozen=True, repr=False)
+class LearnedRow(Result):
+    """One controller over n flights on learned dynamics: ``metrics`` are means, ``statistics`` their summaries."""
+
+    plant: str
+    controller: str
+    reference: str
+    speed_m_s: float | None
+    information: str
+    n: int
+    drawn: Drawn = field(metadata=INLINE)
+    statistics: Mapping[str, Summary]
+    metrics: Mapping[str, float | None]
+    published: Published | None = field(metadata=INLINE)
+
+
+@dataclass(frozen=True, repr=False)
+class ControlBody(Result):
+    """Rows of logged flights, of the ensemble, of plants unlike the model and of learned dynamics, in this order."""
+
+    rows: Sequence[TrackingRow | SimulatedRow | MismatchRow | LearnedRow] = ()
+    gate: GateBody = field(default=GateBody(), metadata=INLINE)
+    left_out: Sequence[LeftOut] | None = field(default=(), metadata=OPTIONAL)
+    simulated: SimulatedPart | None = field(default=None, metadata=INLINE)
+    mismatch_plant: str | None = field(default=None, metadata=OPTIONAL)
+    learned: Lessons | None = field(default=None, metadata=OPTIONAL)
+
+    def joined(self, later: ControlBody) -> ControlBody:
+        return replace(self, rows=[*self.rows, *later.rows])
+
+
+@dataclass(frozen=True, repr=False)
+class ClockModels(Result):
+    """The models as they were fitted on one clock; simulator: path of the file of the best one."""
+
+    best: str | None
+    best_chosen_on: ChosenOn
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    simulator: str | None
+    simulator_note: str
+    fits: Mapping[str, FitResult]
+
+
+@dataclass(frozen=True, repr=False)
+class SysidBody(Result):
+    """``models`` are those of ``clock`` where the rows are of several, and ``by_clock`` has the others'."""
+
+    rows: Sequence[PredictionRow]
+    per_flight: Sequence[FlightMeans]
+    parameters_note: str
+    models: ClockModels = field(metadata=INLINE)
+    split: str
+    train: Sequence[str]
+    test: Sequence[str]
+    left_out: Sequence[LeftOut]
+    learned: Mapping[str, object] | None = field(default=None, metadata=OPTIONAL)
+    clock: str = field(default="", metadata=OPTIONAL)
+    by_clock: Mapping[str, ClockModels] | None = field(default=None, metadata=OPTIONAL)
+
+    def joined(self, later: SysidBody) -> SysidBody:
+        return replace(self, rows=[*self.rows, *later.rows], per_flight=[*self.per_flight, *later.per_flight])
