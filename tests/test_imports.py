@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
-          "guard", "settings", "labels", "result_files", "cache_folder", "result", "fitted_values")
+          "guard", "settings", "labels", "result_files", "cache_folder", "result", "fitted_values",
+          "array_fields")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "auditing", "harness", "protocols",
                        "report", "cli")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from nanobench_tools import array_fields
 from nanobench_tools.auditing import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
@@ -51,21 +52,9 @@ def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin:
     found = [(case, cut_windows(case.flight, case.spans, truth, past, start, case.recorded)) for case in cases]
     whole = [(case, both) for case, both in found if both is not None]
     thin = thin or max(1, round(sum(len(both[0]) for _, both in whole) / most))
-    return [Cut(case.flight.name, _rows(windows, slice(number % thin, None, thin)),
-                _rows(came, slice(number % thin, None, thin)), thin)
+    return [Cut(case.flight.name, array_fields.rows(windows, slice(number % thin, None, thin)),
+                array_fields.rows(came, slice(number % thin, None, thin)), thin)
             for number, (case, (windows, came)) in enumerate(whole)]
-
-
-def _rows(batch: T, keep: slice) -> T:
-    """Some windows of a Windows, Past or Prediction."""
-    changed: dict[str, Any] = {}
-    for field in fields(batch):
-        value = getattr(batch, field.name)
-        if isinstance(value, np.ndarray):
-            changed[field.name] = value[keep]
-        elif isinstance(value, Past):
-            changed[field.name] = _rows(value, keep)
-    return replace(batch, **changed)
 
 
 def gather(cuts: Sequence[Cut], place: str = "training flights") -> FitWindows:

@@ -4,10 +4,9 @@ propeller, a tracker that was put on askew; and what is known of a start only ro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from nanobench_tools.physics import Vehicle
-from nanobench_tools.physics.model import find_term, neutral
+from nanobench_tools.physics.model import Values, find_term, neutral
 from nanobench_tools.settings import number
 
 from .solve import Nuisance
@@ -61,7 +60,7 @@ a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench flights, which 
 tenth of their thrust."""
 
 
-def terms_of(nuisances: Sequence[Nuisance], vehicle: Vehicle | None = None) -> dict[str, dict[str, Any]]:
+def terms_of(nuisances: Sequence[Nuisance], vehicle: Vehicle | None = None) -> dict[str, Values]:
     """The terms a model needs to have these nuisances, where they change nothing."""
     found = {}
     for name in dict.fromkeys(name.partition(".")[0] for n in nuisances for name in n.direction

@@ -9,15 +9,14 @@ states, instants and truth (the gyro) are the same for all inputs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from identification.greybox.ranges import bounds
-from nanobench_tools import so3
+from nanobench_tools import array_fields, so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import QUATERNION, RATE
 from nanobench_tools.physics.rollout import rollout
@@ -95,15 +94,11 @@ class Batch:
 
     def part(self, keep: np.ndarray) -> Batch:
         """Some windows."""
-        return self._each(lambda values: values[keep])
+        return array_fields.rows(self, keep)
 
     def repeated(self, times: int) -> Batch:
         """All windows ``times`` after one another."""
-        return self._each(lambda values: np.concatenate([values] * times))
-
-    def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Batch:
-        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in PER_WINDOW}
-        return replace(self, **changed)
+        return array_fields.joined([self] * times)
 
     @property
     def step_s(self) -> float:
@@ -118,9 +113,6 @@ class Batch:
     def later(self) -> np.ndarray:
         """(n, 50, 3) rates after the start."""
         return self.rate[:, -SCORED_ROWS:]
-
-
-PER_WINDOW = ("motor", "battery_V", "start", "earlier", "rate", "quaternion", "flight")
 
 
 def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
@@ -147,10 +139,10 @@ def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
                       log.state[truth[:, trim:], 6:10], np.full(len(first), number)))
     if not sum(len(part[-1]) for part in parts):
         return None
-    joined: dict[str, Any] = {name: np.concatenate(x) for name, x in zip(PER_WINDOW, zip(*parts, strict=True),
-                                                                         strict=True)}
     every = step if fine else 1
-    return Batch(**joined, row_hz=every / (row_s * step), every=every, before=(warm + trim) * every)
+    inputs, battery_V, start, earlier, rate, quaternion, flight = map(np.concatenate, zip(*parts, strict=True))
+    return Batch(inputs, battery_V, start, earlier, rate, quaternion, flight, every / (row_s * step), every,
+                 (warm + trim) * every)
 
 
 def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float]) -> Model:

@@ -12,10 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
+from nanobench_tools import array_fields
 from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .flight_rows import Flown, join
+from .flight_rows import Flown
 from .maps import Map
 from .stand_fit import AT_BOUND
 
@@ -44,7 +45,7 @@ def fit_balanced(candidate: Map, mass_kg: float, flights: Sequence[Flown], count
     row counts beside the priors, 1/(m/s^2)^2."""
     thin = -(-sum(map(len, flights)) // FIT_ROWS)
     few = [f.rows(slice(None, None, thin)) for f in flights]
-    rows = join(few)
+    rows = array_fields.joined(few)
     root = np.sqrt(thin * row_weight * np.repeat(counts, list(map(len, few))))
     inside = len(shape)
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from nanobench_tools.result import OPTIONAL, Result, named
+from nanobench_tools.protocols.sessions import Drawn
+from nanobench_tools.result import INLINE, OPTIONAL, Result, named
 
 
 @dataclass(frozen=True, repr=False)
 class ErrorRow(Result):
-    """One model on the files of one split. ci95 of the RMS by drawing sessions and files, None where ``ci_why`` says
+    """One model on the files of one split. ci95 of the RMS by drawing sessions and files, None where ``drawn`` says
     why; bias, coverage95 (share of rows inside the 95 % interval), files_covered90 (share of files with nine tenths of
     their rows inside); given: what predictions are made from; clock, clock_evidence: of flights."""
 
@@ -24,9 +25,7 @@ class ErrorRow(Result):
     n: int
     files: int
     ci95: tuple[float, float] | None
-    sessions: int | None
-    design_effect: Mapping[str, float | None]
-    ci_why: str = field(metadata=OPTIONAL)
+    drawn: Drawn = field(metadata=INLINE)
     bias: float
     coverage95: float | None
     status: str

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.metrics.statistics import design_effect, pooled_interval
-from nanobench_tools.protocols.sessions import labels_of
+from nanobench_tools.protocols.sessions import Drawn, labels_of
 from nanobench_tools.settings import number
 
 from .error_rows import AgainstFirmware, ChosenWithout, ErrorRow, FileError, InverseTable, OwnBands, Points
@@ -54,9 +54,10 @@ class Scored:
         return ErrorRow(
             self.name, self.split, "flight" if flown else "stand", None if flown else rms, rms if flown else None,
             int(counts.sum()), len(self.files), None if ends is None else (math.sqrt(ends[0]), math.sqrt(ends[1])),
-            interval.sessions, {"rms_m_s2" if flown else "rms_N": None if effect is None else float(effect)},
-            interval.why, float(np.concatenate(self.errors).mean()), inside / float(counts.sum()) if known else None,
-            self.status, self.uses, self.given, self._covered_files() if known else None)
+            Drawn(interval.sessions, {"rms_m_s2" if flown else "rms_N": None if effect is None else float(effect)},
+                  interval.why), float(np.concatenate(self.errors).mean()),
+            inside / float(counts.sum()) if known else None, self.status, self.uses, self.given,
+            self._covered_files() if known else None)
 
     def _covered_files(self) -> float:
         """Share of the files with nine tenths of their rows inside the interval."""

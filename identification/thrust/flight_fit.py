@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nanobench_tools import array_fields
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.physics.vehicle import BOUNDS
@@ -26,7 +27,7 @@ from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .balanced import balance, fit_balanced
-from .flight_rows import EVERY, RATE_HZ, Flown, fly, join
+from .flight_rows import EVERY, RATE_HZ, Flown, fly
 from .maps import MAPS, Map, Numbers
 from .stand_fit import WORST_CONDITION, Fit, no_motor, prior_cost, search, solve
 
@@ -181,7 +182,7 @@ def _shape(model: FlightModel, flights: Sequence[Flown], counts: np.ndarray,
     """Shape values by generalised least squares with a free level per flight, and what is wrong with them."""
     thin = -(-sum(map(len, flights)) // SHAPE_ROWS)
     few = [f.rows(slice(None, None, thin)) for f in flights]
-    joined, starts = join(few), np.cumsum([0, *map(len, few[:-1])])
+    joined, starts = array_fields.joined(few), np.cumsum([0, *map(len, few[:-1])])
     sizes = np.array([len(f) for f in few])
     effective = np.maximum(np.array([len(f) for f in flights]) * EVERY / RATE_HZ / CORRELATION_S, 1.0)
     weights = np.repeat(counts * effective / sizes, sizes)

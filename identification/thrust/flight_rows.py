@@ -7,13 +7,12 @@ a quarter of a second inside the span (the filter has settled) count. Nothing is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from nanobench_tools import so3
+from nanobench_tools import array_fields, so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.protocols.verb_needs import THRUST
@@ -82,17 +81,7 @@ class Flown:
         return self.battery_V
 
     def rows(self, keep: slice | np.ndarray) -> Flown:
-        part: dict[str, Any] = {name: getattr(self, name)[keep] for name in ROWS}
-        return replace(self, **part)
-
-
-ROWS = ("time_s", "u", "battery_V", "force", "climb", "across2", "heat", "trim", "lift")
-
-
-def join(flights: Sequence[Flown]) -> Flown:
-    """Rows of all ``flights``, laid end to end under the name of the first."""
-    whole: dict[str, Any] = {name: np.concatenate([getattr(f, name) for f in flights]) for name in ROWS}
-    return replace(flights[0], **whole)
+        return array_fields.rows(self, keep)
 
 
 def fly(flight: Flight, spans: Sequence[Span], delay_s: float = 0.0) -> Flown:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from nanobench_tools import array_fields
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.settings import count, number, setting
@@ -67,9 +67,7 @@ class Stand:
         return float(self.thrust_N @ self.rotor2 / (self.rotor2 @ self.rotor2))
 
     def rows(self, keep: slice | np.ndarray) -> Stand:
-        part: dict[str, Any] = {name: None if (value := getattr(self, name)) is None else value[keep]
-                for name in ("u", "battery_V", "thrust_N", "rotor2", "current_A")}
-        return replace(self, **part)
+        return array_fields.rows(self, keep)
 
 
 def is_stand(flight: Flight) -> bool:

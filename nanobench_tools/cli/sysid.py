@@ -191,7 +191,7 @@ def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> Non
             continue
         name = row.model + " (no result)" * bool(row.trouble)
         labels = [name, row.information, row.truth, row.start, row.group]
-        counts = (str(row.n_windows), str(row.n_flights), sessions_text(row.sessions))
+        counts = (str(row.n_windows), str(row.n_flights), sessions_text(row.drawn.sessions))
         table.add_row(*map(escape, labels), *counts, *(_cell(row.metrics[m], row.ci95[m]) for m, _ in SHOWN))
         if row.published is not None:
             table.add_row(escape(row.model), "", "", "", "(published)", "", "", "",

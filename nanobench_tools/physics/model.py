@@ -31,6 +31,9 @@ def state_names(rotors: int) -> tuple[str, ...]:
 STATE = state_names(4)
 """Of a quadrotor."""
 
+Values = dict[str, Any]
+"""What a term holds: by parameter a float, or a tuple of its elements; which of both, its ``Parameter.length`` says."""
+
 
 class Slot(NamedTuple):
     """One number of the flat vector: which term, parameter and element."""
@@ -141,19 +144,17 @@ class Model:
         except ValueError:
             raise KeyError(f"no parameter {name}; {rules.nearest(name, self.names)}") from None
 
-    def values_of(self, term: str) -> dict[str, Any]:
-        """{parameter: float or tuple} of one term."""
-        found: dict[str, Any] = {}
+    def values_of(self, term: str) -> Values:
+        """Of one term."""
+        found: dict[str, tuple[float, ...]] = {}
+        scalars = {slot.parameter.name for slot in self.slots if slot.term.name == term and slot.parameter.length == 0}
         for slot, value in zip(self.slots, self.values.tolist(), strict=True):
             if slot.term.name == term:
-                if slot.parameter.length == 0:
-                    found[slot.parameter.name] = value
-                else:
-                    found[slot.parameter.name] = (*found.get(slot.parameter.name, ()), value)
-        return found
+                found[slot.parameter.name] = (*found.get(slot.parameter.name, ()), value)
+        return {name: value[0] if name in scalars else value for name, value in found.items()}
 
-    def as_dict(self) -> dict[str, dict[str, Any]]:
-        """{term: {parameter: float or tuple}} in the order of the terms."""
+    def as_dict(self) -> dict[str, Values]:
+        """In the order of the terms."""
         return {term.name: self.values_of(term.name) for term in self.terms}
 
     def with_values(self, values: Sequence[float] | np.ndarray) -> Model:
@@ -201,9 +202,9 @@ class Model:
         return bound
 
 
-def typical(term: Term, rotors: int) -> dict[str, Any]:
+def typical(term: Term, rotors: int) -> Values:
     """Where a fit of a term starts: its typical values, but for optional parameters."""
-    found: dict[str, Any] = {}
+    found: Values = {}
     for parameter in term.parameters:
         if not parameter.optional:
             many = parameter.length_on(rotors) or 0
@@ -212,10 +213,10 @@ def typical(term: Term, rotors: int) -> dict[str, Any]:
     return found
 
 
-def neutral(term: Term, vehicle: Vehicle) -> dict[str, Any] | None:
+def neutral(term: Term, vehicle: Vehicle) -> Values | None:
     """Values at which the term changes nothing, or None when there are none (a thrust map). Optional parameters are
     given too."""
-    found: dict[str, Any] = {}
+    found: Values = {}
     for parameter in term.parameters:
         value = parameter.neutral
         if value is None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from .. import array_fields
 from ..errors import UsageError
 from ..firmware.onboard import PERIOD_S, ControllerLog, Mellinger, PidCascade
 from ..methods import Reference, VehicleState
@@ -38,7 +39,8 @@ class OnboardFleet:
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         out = np.empty((len(state.position_m), 4))
         for name, rows in self._rows.items():
-            out[rows] = self._parts[name].command(time_s, _of(rows, state), _of(rows, reference))
+            out[rows] = self._parts[name].command(time_s, array_fields.rows(state, rows),
+                                                  array_fields.rows(reference, rows))
         return out
 
     @property
@@ -53,8 +55,3 @@ class OnboardFleet:
         return log
 
 
-def _of(rows: np.ndarray, batch: Batch) -> Batch:
-    """The vehicles ``rows`` of a batch."""
-    given: dict[str, Any] = {field.name: getattr(batch, field.name) for field in fields(batch)}
-    chosen: dict[str, Any] = {name: None if values is None else values[rows] for name, values in given.items()}
-    return type(batch)(**chosen)

@@ -13,14 +13,13 @@ vehicle; of its numbers only the motor lag comes from recordings of flights.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from .. import so3
+from .. import array_fields, so3
 from ..errors import InputError
-from ..methods import Past, Prediction, Predictor, Windows
+from ..methods import Prediction, Predictor, Windows
 from ..settings import number
 from .result_rows import Answer, AxisAnswer, CommandResponse
 from .task1 import Case
@@ -65,26 +64,14 @@ def probed(cases: Sequence[Case], past: bool) -> Windows | None:
         cut = cut_windows(case.flight, case.spans, "onboard", past=past)
         if cut is not None:
             rows = np.unique(np.linspace(0, len(cut[0]) - 1, PER_FLIGHT).astype(int))
-            parts.append(_taken([cut[0]], lambda x, rows=rows: x[0][rows]))
-    return _taken(parts, np.concatenate) if parts else None
-
-
-def _taken(parts: Sequence[Any], of: Any) -> Any:
-    """``of`` the arrays of several Windows or Past, field by field."""
-    found: dict[str, Any] = {}
-    for field in fields(parts[0]):
-        values = [getattr(part, field.name) for part in parts]
-        if isinstance(values[0], np.ndarray):
-            found[field.name] = of(values)
-        elif isinstance(values[0], Past):
-            found[field.name] = _taken(values, of)
-    return replace(parts[0], **found)
+            parts.append(array_fields.rows(cut[0], rows))
+    return array_fields.joined(parts) if parts else None
 
 
 def answers(predictor: Predictor, windows: Windows) -> dict[str, np.ndarray]:
     """{roll, pitch, yaw, thrust: (n, H)}: change of rad/s (thrust: m/s) 1..H rows after a step of STEP."""
     steps = [sign * STEP * np.array(mix) for mix in MIX.values() for sign in (1.0, -1.0)]
-    many = _taken([windows] * len(steps), np.concatenate)
+    many = array_fields.joined([windows] * len(steps))
     moved = np.concatenate([windows.motor + step for step in steps])
     found: Prediction = predictor.predict(replace(many, motor=moved))
     shape = (len(MIX), 2, len(windows), windows.horizon, 3)

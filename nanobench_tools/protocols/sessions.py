@@ -81,11 +81,11 @@ def sessions_of(recordings: Sequence[Any]) -> dict[str, int]:
 
 @dataclass(frozen=True, repr=False)
 class Drawn(Result):
-    """What the intervals of a row rest on: how many sessions its flights are of, the design effect of each metric, and
-    why no interval of it is there or to be trusted (empty: it is)."""
+    """What the intervals of a row rest on: how many sessions its flights are of, the design effect of each metric (in
+    Task 1 by horizon), and why no interval of it is there or to be trusted (empty: it is)."""
 
     sessions: int | None
-    design_effect: Mapping[str, float | None]
+    design_effect: Mapping[str, float | Mapping[str, float | None] | None]
     ci_why: str = field(default="", metadata=OPTIONAL)
 
     @classmethod

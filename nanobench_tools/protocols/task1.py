@@ -23,7 +23,7 @@ from .phases import flown_spans, is_cut
 from .published import Published, beside
 from .result_rows import ClockRatios, CommandResponse, Ratios
 from .selection import apart, distinct
-from .sessions import Sessions
+from .sessions import Drawn, Sessions
 from .usable import usable
 from .verb_needs import SYSID
 from .windows import HORIZON, TRUTHS, cut_windows
@@ -65,8 +65,8 @@ class WindowErrors(Result):
 @dataclass(frozen=True, repr=False, kw_only=True)
 class PredictionRow(Result):
     """One model on one group of windows: metrics {name: {"1", "10", "50", "sum"}} are means over windows; ci95 the same
-    over sessions and flights, None where ``ci_why`` says why; design_effect of the flights' means. Of the group ``all``
-    also curve {name: [h = 1..50]} and the answer to commands. fit: what is said of a fitted model."""
+    over sessions and flights, None where ``drawn`` says why; its design effects are of the flights' means. Of the group
+    ``all`` also curve {name: [h = 1..50]} and the answer to commands. fit: what is said of a fitted model."""
 
     model: str
     information: str
@@ -74,11 +74,9 @@ class PredictionRow(Result):
     group: str
     n_windows: int
     n_flights: int
-    sessions: int | None
+    drawn: Drawn = field(metadata=INLINE)
     metrics: Mapping[str, Mapping[str, float]]
     ci95: Mapping[str, Mapping[str, tuple[float, float] | None]]
-    design_effect: Mapping[str, Mapping[str, float | None]]
-    ci_why: str = field(default="", metadata=OPTIONAL)
     curve: Mapping[str, list[float]] | None = field(default=None, metadata=OPTIONAL)
     published: Published | None = field(default=None, metadata=INLINE)
     start: str = "centred"
@@ -285,8 +283,8 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Wind
         as_published = (truth, group, start) == ("onboard", "all", "centred")
         rows.append(PredictionRow(
             model=predictor.name, information=predictor.information, truth=truth, group=group,
-            n_windows=int(counts.sum()), n_flights=len(members), sessions=interval.sessions, metrics=metrics,
-            ci95=intervals, design_effect=effects, ci_why=interval.why, curve=curve, start=start,
+            n_windows=int(counts.sum()), n_flights=len(members), metrics=metrics, ci95=intervals,
+            drawn=Drawn(interval.sessions, effects, interval.why), curve=curve, start=start,
             published=beside("task1", "models", predictor.name) if as_published else None))
     return rows
 

@@ -95,7 +95,7 @@ def scored(factor, windows=range(1, 10), groups=("all", "seen")):
 
 def prediction(model, group, clock=""):
     return PredictionRow(model=model, information="state", truth="onboard", group=group, n_windows=9, n_flights=9,
-                         sessions=9, metrics={}, ci95={}, design_effect={}, clock=clock)
+                         drawn=Drawn(9, {}), metrics={}, ci95={}, clock=clock)
 
 
 def test_models_are_compared_with_the_best_over_the_same_windows():

@@ -1,11 +1,11 @@
 """Air brakes turning."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Air, Effect, near
+from .effect import Air, Effect, Parameters, near
 
 
 class AngularDamping(Effect):
@@ -15,7 +15,7 @@ class AngularDamping(Effect):
     wants = ("fast", "turning", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         rate = near(rng, {"small": 1.0, "medium": 3.3, "large": 10.0}[size])
         return {"d_r": [float(f"{rate * j:.4g}") for j in airframe.inertia_kg_m2]}
 

@@ -1,11 +1,11 @@
 """The centre of mass lies beside the point between the motors: forces turn the vehicle about it."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Air, Effect, near
+from .effect import Air, Effect, Parameters, near
 
 
 class ComOffset(Effect):
@@ -16,7 +16,7 @@ class ComOffset(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         length, way = near(rng, {"small": 5e-4, "medium": 1.5e-3, "large": 4e-3}[size]), rng.uniform(0.0, 2 * np.pi)
         return {"r_m": [float(f"{length * np.cos(way):.4g}"), float(f"{length * np.sin(way):.4g}"), 0.0]}
 

@@ -1,12 +1,12 @@
 """Commands reach the motors late: a slow bus, a busy radio. What is logged is when they were sent."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Effect
+from .effect import Effect, Parameters
 
 STEP_S = 0.002
 
@@ -19,7 +19,7 @@ class CommandDelay(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"delay_s": {"small": 0.006, "medium": 0.010, "large": 0.016}[size] + STEP_S * int(rng.integers(-1, 2))}
 
     def __init__(self, arrays: Mapping[str, np.ndarray]) -> None:

@@ -1,7 +1,7 @@
 """More drag than the simulator believes, in proportion to air speed; or drag where it believes in none."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class DragLinear(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         absent = bool(rng.uniform() < 0.4)
         before = (0.0, 0.0, 0.0) if absent else airframe.drag_N_s_m

@@ -1,11 +1,11 @@
 """Drag with the square of the air speed, on top of what the simulator knows."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Air, Effect, near
+from .effect import Air, Effect, Parameters, near
 
 
 class DragQuadratic(Effect):
@@ -16,7 +16,7 @@ class DragQuadratic(Effect):
     twins = ()
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         rate = {"small": 0.15, "medium": 0.35, "large": 0.80}[size]
         return {"q": [float(f"{near(rng, rate * share) * airframe.mass_kg:.4g}") for share in (1.0, 1.0, 0.5)]}
 

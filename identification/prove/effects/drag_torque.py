@@ -1,7 +1,7 @@
 """Air against the rotors, which lie off the centre of mass, turns the vehicle up or down as it flies sideways."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class DragTorque(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         more = -near(rng, {"small": 3.6e-5, "medium": 9e-5, "large": 2.2e-4}[size])
         absent = bool(rng.uniform() < 0.4)
         return {"c": float(f"{more + (0.0 if absent else airframe.drag_torque_N_s):.4g}"), "absent": absent}

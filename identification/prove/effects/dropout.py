@@ -1,6 +1,6 @@
 """Foreign: one motor loses strength for moments, at random: a loose contact."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +18,12 @@ class Dropout(Effect):
     wants = ("lateral",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"loss": near(rng, {"small": 0.15, "medium": 0.30, "large": 0.45}[size]), "every_s": near(rng, 1.5),
                 "motor": int(rng.integers(4)), "seed": int(rng.integers(2**31))}
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters:
         rng = np.random.default_rng([p["seed"], p["flight"]])
         begin = np.cumsum(0.2 + rng.exponential(p["every_s"], MOST))
         return {"begin": begin, "end": begin + rng.uniform(0.06, 0.18, MOST), "t": 0.0,

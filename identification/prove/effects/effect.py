@@ -20,6 +20,7 @@ from ..airframe import Airframe
 SIZES = ("small", "medium", "large")
 HOOKS = ("motor", "commanded", "wind", "thrust", "force", "push", "moment", "advance")
 Parameters = Mapping[str, Any]
+"""Numbers, lists of numbers and words by name, as they stand in the JSON of a case's sealed truth."""
 
 
 @dataclass

@@ -1,11 +1,11 @@
 """A constant force in the world: a cable's pull, a magnet far away."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Air, Effect, near, turned
+from .effect import Air, Effect, Parameters, near, turned
 
 
 class ForceWorld(Effect):
@@ -15,7 +15,7 @@ class ForceWorld(Effect):
     wants = ("turning", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         strength = near(rng, {"small": 0.06, "medium": 0.15, "large": 0.4}[size]) * airframe.mass_kg
         return {"f_N": [float(f"{x:.4g}") for x in turned(rng, strength)]}
 

@@ -4,7 +4,7 @@ Thrust, IMU and motors keep their axes; the tracked quaternion is turned. The on
 IMU. Acts in the logging chain, not in the air.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class FrameTilt(Effect):
     wants = ("turning", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         angle = np.radians(near(rng, {"small": 0.35, "medium": 1.0, "large": 2.5}[size]))
         way = rng.uniform(0.0, 2.0 * np.pi)
         return {"roll_rad": float(f"{angle * np.cos(way):.4g}"), "pitch_rad": float(f"{angle * np.sin(way):.4g}")}

@@ -1,7 +1,7 @@
 """Foreign: slow random gusts far above the air of a closed room."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,12 +20,12 @@ class Gusts(Effect):
     wants = ("lateral",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"sd_m_s2": near(rng, {"small": 0.25, "medium": 0.5, "large": 0.8}[size]),
                 "time_s": near(rng, 1.2), "seed": int(rng.integers(2**31)), "mass_kg": airframe.mass_kg}
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters:
         rng = np.random.default_rng([p["seed"], p["flight"]])
         series = correlated_noise(rng, TICKS, 3, p["time_s"]) * np.array([1.0, 1.0, 0.6])
         return {"series": p["sd_m_s2"] * p["mass_kg"] * series}

@@ -1,6 +1,6 @@
 """Foreign: motors lose strength as they get warm, whatever the voltage."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,11 +15,11 @@ class Heating(Effect):
     wants = ("charges", "lateral", "vertical")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"loss": near(rng, {"small": 0.04, "medium": 0.06, "large": 0.08}[size]), "time_s": near(rng, 12.0)}
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters:
         return {"loss": p["loss"], "time_s": p["time_s"], "warm": 0.0}
 
     def commanded(self, thrust_N: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Another inertia about roll and pitch than the simulator's table; yaw stays, where only k_m / J_z could be seen."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class Inertia(Effect):
     wants = ("lateral", "fast")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         way = either(rng)
         share = near(rng, {"small": 0.15, "medium": 0.30, "large": 0.60 if way > 0.0 else 0.40}[size])
         axes = ((True, True), (True, False), (False, True))[int(rng.integers(3))]

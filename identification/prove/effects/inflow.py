@@ -1,11 +1,11 @@
 """Climbing takes thrust, flying sideways gives some."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Air, Effect, near
+from .effect import Air, Effect, Parameters, near
 
 
 class Inflow(Effect):
@@ -16,7 +16,7 @@ class Inflow(Effect):
     wants = ("vertical", "fast", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         k_z, k_h = {"small": (0.02, 0.005), "medium": (0.05, 0.015), "large": (0.12, 0.04)}[size]
         return {"k_z": near(rng, k_z), "k_h": near(rng, k_h)}
 

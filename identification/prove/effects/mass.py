@@ -1,7 +1,7 @@
 """Another mass than the simulator's, at the place of the centre of mass: inertia stays."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ class Mass(Effect):
     twins = ("thrust_scale",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         share = near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng)
         return {"m": float(f"{airframe.mass_kg * (1.0 + share):.5g}")}
 

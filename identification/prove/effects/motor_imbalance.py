@@ -1,11 +1,11 @@
 """Motors of unequal strength: a chipped propeller, a worn bearing."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Effect
+from .effect import Effect, Parameters
 
 
 class MotorImbalance(Effect):
@@ -15,7 +15,7 @@ class MotorImbalance(Effect):
     wants = ("lateral", "vertical", "turning")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         g = rng.standard_normal(4)
         g -= g.mean()
         g *= {"small": 0.02, "medium": 0.05, "large": 0.10}[size] / np.abs(g).max()

@@ -1,7 +1,7 @@
 """Rotors that follow slower or faster than the simulator believes, or where it believes in no lag at all."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class MotorLag(Effect):
     wants = ("fast", "lateral", "turning")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         if rng.uniform() < 0.4:
             tau = near(rng, {"small": 0.015, "medium": 0.030, "large": 0.050}[size])
             return {"tau_up_s": tau, "tau_down_s": near(rng, 1.1 * tau), "absent": True}

@@ -1,6 +1,6 @@
 """Foreign: a force that swings at a fixed frequency, with another phase in every flight."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,13 +15,13 @@ class Periodic(Effect):
     wants = ("lateral",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"amplitude_m_s2": near(rng, {"small": 0.2, "medium": 0.45, "large": 0.9}[size]),
                 "frequency_hz": float(f"{np.exp(rng.uniform(np.log(0.5), np.log(3.0))):.3g}"),
                 "push": turned(rng, 1.0, np.pi / 2), "mass_kg": airframe.mass_kg}
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters:
         phase = 2.399963 * (p["flight"] + 1)  # the golden angle: no two flights alike
         return {"f": [p["amplitude_m_s2"] * p["mass_kg"] * x for x in p["push"]], "phase": phase,
                 "w": 2.0 * np.pi * p["frequency_hz"]}

@@ -1,11 +1,11 @@
 """Rotors resist the turning of their axes. Only the sum over both senses of rotation counts, small in steady flight."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import SPIN, Airframe
-from .effect import Air, Effect, near
+from .effect import Air, Effect, Parameters, near
 
 
 class RotorGyro(Effect):
@@ -16,7 +16,7 @@ class RotorGyro(Effect):
     wants = ("spinning", "fast", "turning")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"J_r": -near(rng, {"small": 1e-7, "medium": 5e-7, "large": 2e-6}[size])}
 
     def moment(self, air: Air) -> np.ndarray:

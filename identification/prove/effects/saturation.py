@@ -1,11 +1,11 @@
 """Motors that can do no more than so much, though asked."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Effect
+from .effect import Effect, Parameters
 
 
 class Saturation(Effect):
@@ -16,7 +16,7 @@ class Saturation(Effect):
     wants = ("full", "vertical", "turning", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         more = 1.0 + {"small": 0.15, "medium": 0.13, "large": 0.11}[size]
         return {"T_max_N": float(f"{more * airframe.mass_kg * 9.81 / 4.0:.4g}")}
 

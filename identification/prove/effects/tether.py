@@ -1,6 +1,6 @@
 """Foreign: an elastic tether to a point of the floor, or a cable whose weight grows with the height."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class Tether(Effect):
     wants = ("vertical", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         strength = near(rng, {"small": 0.2, "medium": 0.5, "large": 1.0}[size]) * airframe.mass_kg
         if rng.uniform() < 0.5:
             return {"kind": "cable", "N_per_m": strength}
@@ -28,7 +28,7 @@ class Tether(Effect):
                 "length_m": float(rng.uniform(0.8, 1.0))}
 
     @staticmethod
-    def arrays(p: Parameters, airframe: Airframe) -> dict[str, Any]:
+    def arrays(p: Parameters, airframe: Airframe) -> Parameters:
         cable = p["kind"] == "cable"
         return {"anchor": [0.0, 0.0, 0.0] if cable else p["anchor_m"], "length": 0.0 if cable else p["length_m"],
                 "k": p["N_per_m"], "cable": float(cable)}

@@ -1,7 +1,7 @@
 """All motors weaker or stronger by one factor: worn propellers, thin air."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class ThrustScale(Effect):
     twins = ("mass",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"s": near(rng, {"small": 0.02, "medium": 0.05, "large": 0.12}[size]) * either(rng) + 1.0}
 
     @staticmethod

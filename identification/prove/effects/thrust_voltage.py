@@ -3,7 +3,7 @@
 The case's flights begin with different charges; the size is how different, and with it how far the voltage strays.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class ThrustVoltage(Effect):
     wants = ("charges", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         return {"charges": list(CHARGES[size])}
 
     @staticmethod

@@ -1,11 +1,11 @@
 """The air of the room moves."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..airframe import Airframe
-from .effect import Effect, near, turned
+from .effect import Effect, Parameters, near, turned
 
 
 class Wind(Effect):
@@ -15,7 +15,7 @@ class Wind(Effect):
     wants = ("turning", "fast", "lateral")
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         speed = near(rng, {"small": 0.15, "medium": 0.4, "large": 1.0}[size])
         return {"w_m_s": [float(f"{x:.4g}") for x in turned(rng, speed, 0.2)]}
 

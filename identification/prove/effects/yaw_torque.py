@@ -1,7 +1,7 @@
 """The rotors' drag turns the vehicle more or less than the simulator believes."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class YawTorque(Effect):
     twins = ("inertia",)
 
     @staticmethod
-    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> dict[str, Any]:
+    def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
         share = near(rng, {"small": 0.20, "medium": 0.35, "large": 0.60}[size]) * either(rng)
         return {"k_m": float(f"{airframe.yaw_arm_m * (1.0 + share):.5g}")}
 
