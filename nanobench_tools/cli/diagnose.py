@@ -123,7 +123,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if body.get("refit"):
         options.show(body["refit"]["sentence"] + "\n")
     if body.get("bound"):
-        options.show(body["bound"]["sentence"] + "\n")
+        options.show(body["bound"].sentence + "\n")
     _write_page(options, verdict, recordings)
     return options.finish("verdict", body)
 

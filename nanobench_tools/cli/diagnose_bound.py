@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
 from ..methods import Prediction, Predictor, Windows
 from ..metrics.prediction import HORIZONS, QUANTITIES, window_errors
+from ..result import Result
 from .options import Options
 
 if TYPE_CHECKING:
@@ -22,9 +25,27 @@ GIVEN = ("start state, inputs of the window and of the half second before; the n
          "corrected simulator all of them")
 
 
-def flexible(options: Options, verdict: Verdict, recordings: Recordings, simulator: Model) -> dict[str, Any] | None:
-    """{flights, windows, given, simulator, flexible, corrected: {quantity: {"1", "10", "50", "sum"}}, share, sentence};
-    None where too few flights can be predicted, which is said."""
+Errors = Mapping[str, Mapping[str, float]]
+"""{quantity: {"1", "10", "50", "sum"}}: mean errors over all windows."""
+
+
+@dataclass(frozen=True, repr=False)
+class Bound(Result):
+    """Errors of the simulator, with a network beside it and with what was named, over so many flights and windows;
+    share: of what the network takes away, what the names do, None where it takes away nothing."""
+
+    flights: int
+    windows: int
+    given: str
+    simulator: Errors
+    flexible: Errors
+    corrected: Errors
+    share: Mapping[str, float | None]
+    sentence: str
+
+
+def flexible(options: Options, verdict: Verdict, recordings: Recordings, simulator: Model) -> Bound | None:
+    """None where too few flights can be predicted, which is said."""
     from identification.greybox.fit_windows import cut
     from identification.learned.bound import flexible_bound
 
@@ -46,13 +67,12 @@ def flexible(options: Options, verdict: Verdict, recordings: Recordings, simulat
     after = before if verdict.corrected is None else ModelPredictor(verdict.corrected)
     found = errors_of(after, flights)
     share = {q: None if not np.isfinite(s) else s for q, s in bound.share(found).items()}
-    body = {"flights": bound.flights, "windows": bound.windows, "given": GIVEN, "simulator": bound.simulator,
-            "flexible": bound.flexible, "corrected": found, "share": share}
-    return {**body, "sentence": _sentence(body, verdict.corrected is not None)}
+    made = Bound(bound.flights, bound.windows, GIVEN, bound.simulator, bound.flexible, found, share, "")
+    return replace(made, sentence=_sentence(made, verdict.corrected is not None))
 
 
 def errors_of(predictor: Predictor, flights: list[tuple[str, Windows, Prediction]]) -> dict[str, dict[str, float]]:
-    """{quantity: {"1", "10", "50", "sum"}}: mean errors over all windows."""
+    """See ``Errors``."""
     sums, count = {q: np.zeros(flights[0][1].horizon) for q in QUANTITIES}, 0
     for _, windows, came in flights:
         for q, errors in window_errors(predictor.predict(windows), came).items():
@@ -62,12 +82,12 @@ def errors_of(predictor: Predictor, flights: list[tuple[str, Windows, Prediction
             for q, s in sums.items()}
 
 
-def _sentence(body: dict[str, Any], named: bool) -> str:
+def _sentence(found: Bound, named: bool) -> str:
     parts = []
     for q, title, unit in (("position_mae_m", "position", "m"), ("rate_mae_rad_s", "rate", "rad/s")):
-        before, best, after = (body[k][q]["50"] for k in ("simulator", "flexible", "corrected"))
+        before, best, after = (errors[q]["50"] for errors in (found.simulator, found.flexible, found.corrected))
         parts.append(f"{title} {before:.3f} {unit} by the simulator, {best:.3f} with the network"
                      + (f", {after:.3f} with what was named" if named else ""))
-    return (f"A network that knows no physics, trained on the other flights ({body['flights']} held out in turn, "
-            f"{body['windows']} windows), says what equations of state and inputs could take away at least. After half "
+    return (f"A network that knows no physics, trained on the other flights ({found.flights} held out in turn, "
+            f"{found.windows} windows), says what equations of state and inputs could take away at least. After half "
             f"a second: {'; '.join(parts)}.")

@@ -21,7 +21,7 @@ def load_methods(group: str, names: Sequence[str]) -> list[Any]:
     """One instance per name, each once. UsageError for an unknown name, a class that cannot be made without arguments
     or that lacks an attribute, and two methods of the same name."""
     protocol, attributes = KINDS[group]
-    found: dict[str, Any] = {}
+    found: dict[str, Estimator | Predictor | Controller] = {}
     for name in dict.fromkeys(names):
         kind = load(group, name)
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +12,12 @@ import click
 
 from ..errors import UsageError
 from ..harness.progress import Progress, Task
+from ..result import OPTIONAL, Result, to_json
 from .options import PATH, FiniteRange, Options, one_line, shared_options
 
 if TYPE_CHECKING:
+    from controllers.tuning import Compared, Flown, Trial
+
     from ..harness import Item, RunResult
     from ..practice.references import PathSpec
 
@@ -57,7 +61,7 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
     """
     from controllers.gains import dumps
     from controllers.simulated_flights import made, settled_s
-    from controllers.tuning import compared, evaluate, objective, shortlist
+    from controllers.tuning import Trial, compared, evaluate, objective, shortlist
 
     from ..physics.simulator import loads
     from ..protocols.simulated import specs_of
@@ -97,7 +101,7 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
         return options.finish("tune", {"controller": controller, "trials": trials})
     objectives = [objective(result.values[one.key]) for one in items]
     best = short[objectives.index(min(objectives))]
-    choices = [{"gains": gains, "objective": value} for gains, value in zip(short, objectives, strict=True)]
+    choices = list(map(Trial, short, objectives))
     items = [item(gains, judged, 2 * plants, options.seed, f"judge {word}") for gains, word in ((start, "before"),
                                                                                                (best, "after"))]
     result = options.run(items, "judge")
@@ -105,20 +109,35 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
         return options.finish("tune", {"controller": controller, "trials": trials, "choices": choices, "gains": best})
     before, after = (result.values[one.key] for one in items)
     found = compared(before, after, options.seed)
-    report = {"better": found["better"], "as_they_were": best == start, "ratio": found["ratio"], "ci95": found["ci95"],
-            "trials": len(trials),
-            "searched": sorted(families), "judged": sorted({spec.family for spec in judged}),
-            "plants": chosen.origin, "radio_delay_s": radio_delay_s, "seed": options.seed}
+    report = Report(found.better, best == start, found.ratio, found.ci95, len(trials), sorted(families),
+                    sorted({spec.family for spec in judged}), chosen.origin, radio_delay_s, options.seed)
     if options.out is not None:
         path = options.out / f"gains_{controller.replace(':', '.')}.toml"
-        write_bytes(path, dumps(controller, best, tunable, report).encode())
-        report["file"] = str(path)
+        write_bytes(path, dumps(controller, best, tunable, to_json(report)).encode())
+        report = replace(report, file=str(path))
     _show(options, controller, judged, before, after, found, report)
-    rows = [{"reference": spec.family, "speed_m_s": spec.params.get("speed_mps"), "before_m": before["rmse_m"][k],
-             "after_m": after["rmse_m"][k], "lost_before": before["lost"][k], "lost_after": after["lost"][k]}
+    rows = [{"reference": spec.family, "speed_m_s": spec.params.get("speed_mps"), "before_m": before.rmse_m[k],
+             "after_m": after.rmse_m[k], "lost_before": before.lost[k], "lost_after": after.lost[k]}
             for k, spec in enumerate(judged)]
     return options.finish("tune", {"controller": controller, "before": start, "gains": best, "rows": rows,
-                                   "verdict": {**found, **report}, "choices": choices, "trials": trials})
+                                   "verdict": to_json(found) | to_json(report), "choices": choices, "trials": trials})
+
+
+@dataclass(frozen=True, repr=False)
+class Report(Result):
+    """How gains were found and what they are worth; ``file`` holds them."""
+
+    better: bool
+    as_they_were: bool
+    ratio: float
+    ci95: tuple[float, float]
+    trials: int
+    searched: Sequence[str]
+    judged: Sequence[str]
+    plants: str
+    radio_delay_s: float
+    seed: int
+    file: str | None = field(default=None, metadata=OPTIONAL)
 
 
 class _Within(Progress):
@@ -133,7 +152,7 @@ class _Within(Progress):
         yield lambda done, failed=0, total=None: self._step(self._done + done)
 
 
-def _searched(options: Options, tunable: Mapping[str, Any], budget: int, item: Any) -> list[dict[str, Any]]:
+def _searched(options: Options, tunable: Mapping[str, Any], budget: int, item: Any) -> list[Trial]:
     """All trials; one that fails counts as one that loses every vehicle."""
     import math
 
@@ -153,34 +172,34 @@ def _searched(options: Options, tunable: Mapping[str, Any], budget: int, item: A
             return [objective(result.values[one.key]) if one.key in result.values else math.log(LOST_M)
                     for one in items]
 
-        return search(tunable, run, budget, options.seed)[1]
+        return search(tunable, run, budget, options.seed)
 
 
-def _show(options: Options, controller: str, judged: Sequence[PathSpec], before: Mapping[str, Any],
-          after: Mapping[str, Any], found: Mapping[str, Any], report: Mapping[str, Any]) -> None:
+def _show(options: Options, controller: str, judged: Sequence[PathSpec], before: Flown, after: Flown,
+          found: Compared, report: Report) -> None:
     import numpy as np
     from rich import box
     from rich.table import Table
 
-    table = Table(title=f"{one_line(controller)} tuned: SIMULATED flights of {found['plants']} plants and of families "
+    table = Table(title=f"{one_line(controller)} tuned: SIMULATED flights of {found.plants} plants and of families "
                   "not searched on", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("reference", no_wrap=True)
     for head in ("m/s", "RMSE before m", "after m", "worst plant before m", "after m", "lost before", "after"):
         table.add_column(head, justify="right")
     for k, spec in enumerate(judged):
-        b, a = np.array(before["rmse_m"][k], float), np.array(after["rmse_m"][k], float)
+        b, a = np.array(before.rmse_m[k], float), np.array(after.rmse_m[k], float)
         speed = spec.params.get("speed_mps")
         table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
-                      f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before["lost"][k])), str(sum(after["lost"][k])))
+                      f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
     options.show(table)
-    if report["as_they_were"]:
-        options.show(f"{one_line(controller)}: {report['trials']} trials found no gains that are better on plants not "
+    if report.as_they_were:
+        options.show(f"{one_line(controller)}: {report.trials} trials found no gains that are better on plants not "
                      "searched on; they stay as they are")
         return
-    word = "better" if found["better"] else "not shown to be better"
-    options.show(f"{one_line(controller)} tuned is {word}: RMSE {found['ratio']:.3f} times what it was (95 % "
-                 f"{found['ci95'][0]:.3f} to {found['ci95'][1]:.3f}), {found['lost_before']} of "
-                 f"{found['paths'] * found['plants']} flights lost before, {found['lost_after']} after; "
-                 f"{report['trials']} trials")
-    if "file" in report:
-        options.show(one_line(f"gains: {report['file']}"))
+    word = "better" if found.better else "not shown to be better"
+    options.show(f"{one_line(controller)} tuned is {word}: RMSE {found.ratio:.3f} times what it was (95 % "
+                 f"{found.ci95[0]:.3f} to {found.ci95[1]:.3f}), {found.lost_before} of "
+                 f"{found.paths * found.plants} flights lost before, {found.lost_after} after; "
+                 f"{report.trials} trials")
+    if report.file is not None:
+        options.show(one_line(f"gains: {report.file}"))

@@ -133,10 +133,10 @@ def test_the_bound_of_a_network_stands_beside_what_was_named(recordings, monkeyp
     said = []
     found = flexible(SimpleNamespace(say=said.append), SimpleNamespace(believed=None, corrected=None),
                      look_over(flights, audits, flights, audits), BELIEVED)
-    assert found["share"] == dict.fromkeys(found["simulator"], 0.0)
-    assert found["corrected"] == found["simulator"]
-    assert found["flexible"]["position_mae_m"]["50"] == 0.5 * found["simulator"]["position_mae_m"]["50"] > 0.0
-    assert f"{found['windows']} windows" in found["sentence"]
+    assert found.share == dict.fromkeys(found.simulator, 0.0)
+    assert found.corrected == found.simulator
+    assert found.flexible["position_mae_m"]["50"] == 0.5 * found.simulator["position_mae_m"]["50"] > 0.0
+    assert f"{found.windows} windows" in found.sentence
     hexa = SimpleNamespace(rotors=6)
     assert flexible(SimpleNamespace(say=said.append), SimpleNamespace(), look_over(flights, audits, flights, audits),
                     hexa) is None

@@ -9,7 +9,7 @@ from controllers import gains as of_gains
 from controllers.ensemble import shipped_simulator
 from controllers.gains import Gain, around, read_gains
 from controllers.simulated_flights import made
-from controllers.tuning import LOST_M, SHORT, compared, logs, objective, search, shortlist
+from controllers.tuning import LOST_M, SHORT, Flown, Trial, compared, logs, objective, search, shortlist
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.physics.simulator import loads
@@ -57,26 +57,30 @@ def test_the_search_finds_a_known_minimum_and_goes_on_where_it_was():
     def run(many):
         return [float(sum(np.log(gains[key] / goal[key])**2 for key in goal)) for gains in many]
 
-    best, trials = search(tunable, run, 80, seed=3)
+    trials = search(tunable, run, 80, seed=3)
+    best = min(trials, key=lambda trial: trial.objective).gains
     assert len(trials) == 80
-    assert trials[0]["gains"] == {"a": 1.0, "b": 10.0}
+    assert trials[0].gains == {"a": 1.0, "b": 10.0}
     for key, value in goal.items():
         assert best[key] == pytest.approx(value, rel=0.1)
-    again = search(tunable, run, 40, seed=3)[1]
-    assert [t["gains"] for t in again] == [t["gains"] for t in trials[:40]]  # kept trials are found again
+    again = search(tunable, run, 40, seed=3)
+    assert [t.gains for t in again] == [t.gains for t in trials[:40]]  # kept trials are found again
+
+
+def flown(rmse_m, lost):
+    return Flown(rmse_m, rmse_m, lost)
 
 
 def test_the_worst_quarter_counts_twice_and_a_lost_vehicle_is_among_it():
-    kept = {"rmse_m": [[0.1, 0.2], [0.3, 0.4]], "lost": [[False, False], [False, False]]}
+    kept = flown([[0.1, 0.2], [0.3, 0.4]], [[False, False], [False, False]])
     assert objective(kept) == pytest.approx(0.5 * (np.log(0.1 * 0.2 * 0.3 * 0.4) / 4.0 + np.log(0.4)))
-    lost = {**kept, "rmse_m": [[0.05, 0.1], [0.15, 9.0]], "lost": [[False, False], [False, True]]}
+    lost = flown([[0.05, 0.1], [0.15, 9.0]], [[False, False], [False, True]])
     assert logs(lost).mean() < logs(kept).mean() + 0.1  # hardly worse in the mean
     assert objective(lost) > objective(kept) + 1.0
 
 
 def test_the_gains_as_they_were_are_always_among_those_that_fly_on_other_plants():
-    trials = [{"gains": {"a": float(k)}, "objective": value} for k, value in enumerate((2.0, 1.0, 3.0, 0.5, 1.5, 1.2,
-                                                                                        1.1, 2.0))]
+    trials = [Trial({"a": float(k)}, value) for k, value in enumerate((2.0, 1.0, 3.0, 0.5, 1.5, 1.2, 1.1, 2.0))]
     assert [gains["a"] for gains in shortlist(trials)] == [0.0, 3.0, 1.0, 6.0, 5.0]
     assert len(shortlist(trials)) == 1 + SHORT
     assert shortlist([trials[1], trials[0], trials[2]]) == [{"a": 1.0}]  # nothing better was found
@@ -89,15 +93,15 @@ def judged(factor, spread, lost=0):
     none = np.zeros((6, 8), bool)
     gone = none.copy()
     gone[0, :lost] = True
-    return compared({"rmse_m": rmse.tolist(), "lost": none.tolist()}, {"rmse_m": after.tolist(), "lost": gone.tolist()})
+    return compared(flown(rmse.tolist(), none.tolist()), flown(after.tolist(), gone.tolist()))
 
 
 def test_better_is_said_only_when_the_interval_says_so():
-    assert judged(0.8, 0.1)["better"]
-    assert judged(0.8, 0.1)["ci95"][1] < 0.9
-    assert not judged(1.0, 0.3)["better"]
-    assert not judged(0.5, 0.1, lost=1)["better"]  # nothing makes up for a lost vehicle
-    assert logs({"rmse_m": [[0.1, 50.0, None]], "lost": [[True, False, False]]})[0] == pytest.approx(np.log(LOST_M))
+    assert judged(0.8, 0.1).better
+    assert judged(0.8, 0.1).ci95[1] < 0.9
+    assert not judged(1.0, 0.3).better
+    assert not judged(0.5, 0.1, lost=1).better  # nothing makes up for a lost vehicle
+    assert logs(flown([[0.1, 50.0, None]], [[True, False, False]]))[0] == pytest.approx(np.log(LOST_M))
 
 
 def test_tune_writes_gains_that_control_flies(tmp_path, capsys):
