@@ -244,20 +244,3 @@ def run_operations(sources: str) -> Callable[..., None]:
             trace[i] = core[0]
 
     return run_operations
-
-
-def externalize(core: np.ndarray, acc_g: np.ndarray) -> dict[str, np.ndarray]:
-    """kalmanCoreExternalizeState of (n,) CORE and the newest accelerometer samples (n, 3) g: what controllers are told.
-
-    position_m, velocity_m_s (n, 3) world; acceleration_g (n, 3) world, gravity taken off z; attitude_deg (n, 3) roll,
-    legacy pitch (nose up), yaw; quaternion (n, 4) x, y, z, w.
-    """
-    rotation, q = core["rotation"], core["quaternion"]
-    w, x, y, z = q.T
-    pitch = np.arcsin(np.clip(-2.0 * (x * z - w * y), -1.0, 1.0))
-    angles = np.stack([np.arctan2(2.0 * (y * z + w * x), w * w - x * x - y * y + z * z), -pitch,
-                       np.arctan2(2.0 * (x * y + w * z), w * w + x * x - y * y - z * z)], axis=1)
-    acceleration = np.einsum("nij,nj->ni", rotation, acc_g) - np.array([0.0, 0.0, 1.0], np.float32)
-    return {"position_m": core["state"][:, :PX].copy(),
-            "velocity_m_s": np.einsum("nij,nj->ni", rotation, core["state"][:, PX:D0]),
-            "acceleration_g": acceleration, "attitude_deg": np.degrees(angles), "quaternion": q[:, [1, 2, 3, 0]]}

@@ -65,7 +65,9 @@ def sense(s: Record, acc_g: np.ndarray, gyro_deg_s: np.ndarray) -> None:
 
 @nb.njit()
 def believe(s: Record, core: Record) -> None:
-    """kalmanCoreExternalizeState for one vehicle; ``kalman.externalize`` says what it writes."""
+    """kalmanCoreExternalizeState for one vehicle and its newest accelerometer sample [g]: position [m], velocity [m/s]
+    and acceleration [g] in the world, gravity taken off z; roll, legacy pitch (nose up), yaw [deg]; quaternion x, y, z,
+    w."""
     r, q, e = core.rotation, core.quaternion, s.estimate
     for i in range(3):
         e.position_m[i] = core.state[i]

@@ -103,6 +103,17 @@ def test_vehicles_fly_in_a_batch_as_they_do_alone():
         np.testing.assert_allclose(alone.command(0.01 * k, *one)[0], batch, atol=1e-9)
 
 
+def test_what_it_foresees_is_its_plan_flown():
+    controller = fresh("mpc_daqp")
+    controller.command(0.0, *resting(r_position_m=np.array([[0.2, 0.0, 0.1]])))
+    now, later, after = (controller.foreseen(seconds)[0] for seconds in (0.0, 0.3, 0.301))
+    np.testing.assert_allclose(now[:3], 0.0, atol=1e-9)
+    assert later[0] > 0.005
+    assert later[3] > 0.05
+    assert controller.foreseen(0.1)[0, 11] > 0.1  # it tips forward first
+    np.testing.assert_allclose((after[:3] - later[:3]) / 0.001, later[3:6], atol=5e-3)
+
+
 @pytest.mark.filterwarnings("ignore")  # pytest would keep those of osqp
 @pytest.mark.parametrize("name", KINDS)
 def test_commands_leave_no_memory_behind(name):

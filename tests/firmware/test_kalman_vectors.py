@@ -7,7 +7,7 @@ import pytest
 from firmware_tables import columns, read
 
 from estimators.firmware_ekf import FirmwareEkf
-from nanobench_tools.firmware import kalman
+from nanobench_tools.firmware import kalman, stabilizer
 from nanobench_tools.firmware.kalman_task import MEASUREMENT, RUN, TASK, run_task
 from nanobench_tools.sources import load_recordings
 
@@ -179,13 +179,18 @@ def test_what_controllers_are_told(real_data):
     core["quaternion"] = columns(told, *(f"q{c}" for c in "wxyz"))
     for i in range(3):
         core["rotation"][:, i] = columns(told, *(f"R{i}{j}" for j in range(3)))
-    found = kalman.externalize(core, columns(told, *(f"acc_{a}_g" for a in "xyz")).astype(np.float32))
+    found = np.zeros(len(core), stabilizer.LOOP)
+    found["acc_g"] = columns(told, *(f"acc_{a}_g" for a in "xyz"))
+    for vehicle, believed in zip(found, core, strict=True):
+        stabilizer.believe(vehicle, believed)
+    estimate = found["estimate"]
     for field, names in (("position_m", "xyz"), ("velocity_m_s", ("vx", "vy", "vz")),
                          ("acceleration_g", ("accx_g", "accy_g", "accz_g")), ("quaternion", ("qx", "qy", "qz", "qw"))):
-        assert relative(found[field], columns(told, *(f"out_{name}" for name in names))) < 2e-6, field
+        where = found if field == "acceleration_g" else estimate
+        assert relative(where[field], columns(told, *(f"out_{name}" for name in names))) < 2e-6, field
     upright = told["case"] % 20 != 19
     angles = columns(told, "out_roll_deg", "out_pitch_legacy_deg", "out_yaw_deg")
-    off = (found["attitude_deg"] - angles + 180.0) % 360.0 - 180.0
+    off = (estimate["attitude_deg"] - angles + 180.0) % 360.0 - 180.0
     assert np.abs(off[upright]).max() < 1e-3
     assert np.abs(off[:, 1]).max() < 0.05
 

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("casadi")
 
-from controllers.mpc_setpoints import _Following
 from nanobench_tools import so3
+from nanobench_tools.firmware.onboard import STEPS, PidCascade, estimates
 from nanobench_tools.firmware.records import SETPOINT, VELOCITY
 from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
 from nanobench_tools.methods import Reference, VehicleState
@@ -19,6 +19,20 @@ from nanobench_tools.radio.fly_planned import MOST_RATE_RAD_S, TO_ROLL_PITCH, Pl
 BATTERY_V = 3.6
 RATE = np.array([0.3, -0.2, 0.0])
 HOVER = Reference(np.zeros((1, 3)), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+class Following(PidCascade):
+    """The firmware's cascade, told records instead of references."""
+
+    def follow(self, record, state, reference):
+        """record (n,) SETPOINT -> PWM ratios (n, 4)."""
+        state, _ = self.guard.admit(state, reference)
+        estimates(state, self._estimate[0])
+        self._setpoint[0] = record
+        self._step += STEPS
+        type(self)._run(np.array([self._step]), self.parameters, self.state, self._setpoint, self._estimate,
+                        self._control, self._no_trace)
+        return self.guard.release(self._drive(self._control[0], state.battery_V))
 
 
 class Planned:
@@ -52,7 +66,7 @@ def test_the_firmwares_loops_make_of_it_what_was_planned_at_once_and_after_a_sec
     planned = Planned([0.84, 0.80, 0.86, 0.88])
     pilot = PlannedPilot(lambda delay_s: planned)
     pilot.reset()
-    loops = _Following()
+    loops = Following()
     loops.reset(1)
     asked = TO_ROLL_PITCH @ counts(planned.ratios)
     for tick in range(100):
