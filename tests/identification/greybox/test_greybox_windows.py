@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nanobench_tools import array_fields
 from nanobench_tools.flight import Span
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import PAST_ALL, cut_windows
@@ -67,7 +68,6 @@ def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future
     from made_windows import TERMS
 
     from identification.greybox.fit import nuisances_of
-    from identification.greybox.fit_windows import _rows
     from identification.greybox.fitted_predictor import GreyBoxPredictor
     from identification.greybox.nuisance import terms_of
     from nanobench_tools.physics import Vehicle
@@ -81,12 +81,12 @@ def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future
     made = replace(made, gains=1e-4 * np.random.default_rng(0).normal(size=(len(nuisances), wide)))
     together = made.predict(windows)
     for i in (0, 1, 7, WINDOW, len(windows) - 1):
-        alone = made.predict(_rows(windows, slice(i, i + 1)))
+        alone = made.predict(array_fields.rows(windows, slice(i, i + 1)))
         np.testing.assert_allclose(alone.position_m[0], together.position_m[i], atol=1e-9)
         np.testing.assert_allclose(alone.rate_rad_s[0], together.rate_rad_s[i], atol=1e-7)
     start_s = flight["mocap"].time_s[300 + 10 * WINDOW]
     again, _ = cut_windows(spoiled(flight, start_s), SPANS, "onboard", past=True)
-    alone = made.predict(_rows(again, slice(WINDOW, WINDOW + 1)))
+    alone = made.predict(array_fields.rows(again, slice(WINDOW, WINDOW + 1)))
     np.testing.assert_allclose(alone.rate_rad_s[0], together.rate_rad_s[WINDOW], atol=1e-7)
 
 
