@@ -20,11 +20,12 @@ import numpy as np
 from prediction_table import COLUMNS, asked, line
 
 from identification.greybox.fit import GreyBox
-from identification.greybox.fit_windows import MOST_WINDOWS, Cut, _rows, cut, gather
+from identification.greybox.fit_windows import MOST_WINDOWS, Cut, cut, gather
 from identification.greybox.fitted_predictor import past_inputs, start_of
 from identification.greybox.ladder import FULL
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.solve import Prior, flown_errors
+from nanobench_tools import array_fields
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.physics.model import RATE, ROTOR
 from nanobench_tools.physics.rollout import rollout
@@ -64,8 +65,9 @@ def groups(cuts: Sequence[Cut]) -> Iterator[tuple[list[Cut], list[Cut]]]:
     for group in range(GROUPS):
         kept = [c for i, c in enumerate(cuts) if i % GROUPS != group]
         thin = max(1, round(sum(len(c.windows) for c in kept) / MOST_WINDOWS))
-        yield ([Cut(c.name, _rows(c.windows, slice(i % thin, None, thin)), _rows(c.came, slice(i % thin, None, thin)),
-                    thin) for i, c in enumerate(kept)], [c for i, c in enumerate(cuts) if i % GROUPS == group])
+        every = [slice(i % thin, None, thin) for i in range(len(kept))]
+        yield ([Cut(c.name, array_fields.rows(c.windows, keep), array_fields.rows(c.came, keep), thin)
+                for c, keep in zip(kept, every, strict=True)], [c for i, c in enumerate(cuts) if i % GROUPS == group])
 
 
 def best_constants(fitted: GreyBox, c: Cut) -> dict[str, np.ndarray]:

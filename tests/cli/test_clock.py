@@ -62,6 +62,7 @@ def test_the_published_table_is_never_retimed(nanobench, wandering):
     assert "the published table was made as recorded" in err
 
 
+@pytest.mark.slow
 def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nanobench, one_fit, wandering, tmp_path):
     code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path / "all", "--jobs", 1, "--quiet")
     assert code in (0, 1), err  # too few recordings for Task 1

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from nanobench_tools.cli import run as run_module
+from nanobench_tools.cli import run_clocks
 from nanobench_tools.cli.main import main
 from nanobench_tools.cli.options import Options
 from nanobench_tools.harness.store import Store
@@ -135,7 +136,11 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, r
     assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
 
 
-def test_without_recordings_it_simulates_practice_flights_once(nanobench, one_fit, tmp_path, monkeypatch):
+def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_path, monkeypatch):
+    """What the tasks make of recordings is of other tests: here each notes what it is given."""
+    given = []
+    for task in ("estimate_on", "control_on", "sysid_on"):
+        monkeypatch.setattr(run_clocks, task, lambda recordings: given.append(recordings) or {"rows": []})
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("NANOBENCH_DATA", raising=False)
     monkeypatch.setattr(run_module, "PRACTICE_SEEDS", 1)
@@ -146,6 +151,8 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, one_fi
     assert code == 0, err
     assert "practice flights, SYNTHETIC" in err
     assert "1 SYNTHETIC recording from results/practice" in err
+    assert len(given) == 3
+    assert all(len(one.flights) == len(one.audits) == 1 and one.flights[0].provenance.synthetic for one in given)
     assert (tmp_path / "results" / "report.html").exists()
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "practice" / "seed_0").iterdir()}
     again, folder = Options(out=Path("results"), jobs=1, quiet=True), Path("results", "practice")
