@@ -6,17 +6,21 @@ recording; ``Flight.epoch_s`` is the absolute (Unix) time of that row.
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .dataframes import arrays_of, frame_of, one_grid
 from .deprecation import warn_renamed
 from .errors import InputError
 
+if TYPE_CHECKING:
+    import pandas as pd
 
 def _each(names: str, unit: str, frame: str) -> dict[str, tuple[str, str]]:
     return dict.fromkeys(names.split(), (unit, frame))
@@ -208,6 +212,11 @@ class Stream:
             return np.asarray(np.interp(at_s, self.time_s, self[names]))
         return np.stack([np.interp(at_s, self.time_s, self[name]) for name in names], axis=1)
 
+    def to_pandas(self) -> pd.DataFrame:
+        """A DataFrame: index seconds, columns (quantity, unit); ``attrs`` hold units, frame and rate."""
+        return frame_of(self.time_s, self.values, self.quantities, self.unit,
+                        {"frame": self.frame, "rate_hz": self.rate_hz, "samples": self.samples})
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -254,6 +263,39 @@ class Flight:
         spans = [s.span for s in self.streams.values() if len(s)]
         return Span(min(s.start_s for s in spans), max(s.end_s for s in spans)) if spans else Span(0.0, 0.0)
 
+    def to_pandas(self, rate_hz: float = 100.0) -> pd.DataFrame:
+        """All streams on one grid of ``rate_hz``: columns (stream.quantity, unit), nan outside a stream's own time.
+
+        Values between samples are drawn by straight lines, angles by the shorter way, quaternions by slerp;
+        ``stream.interpolated`` is 1 in rows further from any sample than half a step. InputError where no stream has
+        two rows.
+        """
+        return one_grid(self.name, self.streams, rate_hz)
+
+    @classmethod
+    def from_pandas(cls, frames: Mapping[str, pd.DataFrame], units: Mapping[str, Mapping[str, str]] | None = None,
+                    name: str = "flight", metadata: Mapping[str, Any] | None = None) -> Flight:
+        """A flight of DataFrames: ``{"mocap": df, ...}``, streams and quantities of ``STREAM_QUANTITIES``.
+
+        The index is seconds, timedeltas or dates; the earliest row becomes time zero. units {stream: {quantity: unit}}
+        (``deg``, ``g``, ``mV``, ``pwm16`` ...); without them those of the columns' second level, else SI. Rows stay as
+        they are: stamps that do not rise are found by the audit. InputError names stream, column and row.
+        """
+        strange = next((s for s in {**frames, **(units or {})} if s not in STREAM_QUANTITIES), None)
+        if strange is not None:
+            raise InputError(f"DataFrame of {strange}", "is no stream", f"known: {', '.join(STREAM_QUANTITIES)}")
+        found = {s: arrays_of(s, frame, STREAM_QUANTITIES[s], (units or {}).get(s)) for s, frame in frames.items()}
+        filled = {s: parts for s, parts in found.items() if len(parts[0])}
+        if not filled:
+            raise InputError("DataFrames", "hold no row", "give at least one stream with rows")
+        first = min(float(time_s.min()) for time_s, _, _ in filled.values())
+        streams = {s: make_stream(s, time_s - first, values, quantities, rate_hz=_rate_hz(time_s))
+                   for s, (time_s, values, quantities) in filled.items()}
+        content = hashlib.sha256()
+        for s, stream in streams.items():
+            content.update(f"{s} {stream.quantities}".encode() + stream.time_s.tobytes() + stream.values.tobytes())
+        return cls(name, streams, dict(metadata or {}), Provenance(name, content.hexdigest(), "pandas"), first)
+
     def with_streams(self, **streams: Stream) -> Flight:
         """A copy with some streams replaced or added."""
         return replace(self, streams={**self.streams, **streams})
@@ -284,3 +326,9 @@ def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Seq
     frame = next(iter(known.values()))[1]
     return Stream(np.asarray(time_s, float), np.asarray(values, float), tuple(columns or quantities), tuple(quantities),
                   tuple(known[q][0] for q in quantities), frame=frame, **kwargs)
+
+
+def _rate_hz(time_s: np.ndarray) -> float:
+    steps = np.diff(time_s)
+    typical = float(np.median(steps)) if len(steps) else 0.0
+    return 1.0 / typical if typical > 0.0 else float("nan")

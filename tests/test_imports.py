@@ -13,10 +13,10 @@ ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
           "guard", "settings", "labels", "result_files", "cache_folder", "result", "fitted_values",
-          "array_fields")
+          "array_fields", "dataframes")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "auditing", "harness", "protocols",
-                       "report", "cli")
+                       "report", "cli", "api")
 """In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
 
 BESIDE: dict[str, set[str]] = {
@@ -24,7 +24,7 @@ BESIDE: dict[str, set[str]] = {
     "practice": {"firmware", "sources", "signals", "retiming", "faults"}}
 """What is used from several places of the path, and what each may import above the ground."""
 METHODS = ("estimators", "controllers", "identification")
-"""Handed to the protocols by the command line, which alone imports them."""
+"""Handed to the protocols by the command line and the Python functions, which alone import them."""
 
 
 def modules() -> dict[str, Path]:
@@ -119,9 +119,10 @@ def test_what_several_use_stands_below_them(name, packages):
     assert packages[f"nanobench_tools.{name}"] - allowed == set()
 
 
-def test_the_command_line_alone_knows_the_methods(graph):
+def test_the_surface_alone_knows_the_methods(graph):
     assert [name for name, others in graph.items()
-            if name.startswith("nanobench_tools.") and not name.startswith("nanobench_tools.cli.")
+            if name.startswith("nanobench_tools.")
+            and not name.startswith(("nanobench_tools.cli.", "nanobench_tools.api."))
             and any(other.split(".")[0] in METHODS for other in others)] == []
 
 

@@ -16,6 +16,7 @@ from nanobench_tools.settings import number
 from .commanded import WHY
 from .decide import Decision, Finding
 from .fitting import PRIOR_SD, Slopes
+from .headline import good_for, headline
 from .moments import Moments
 from .naming import LEAST_GAIN, PER_PARAMETER, started
 from .proof import HORIZONS, QUANTITIES, Proof
@@ -103,7 +104,7 @@ class Verdict(Result):
                                 "floor": _row(proof.floor[None], k) if proof.floor is not None else None,
                                 "relative_ci95": list(proof.interval[h]) if h in proof.interval else None}
                        for k, h in enumerate(HORIZONS)}
-        body = {"outcome": decision.outcome, "findings": findings, "unknown": unknown,
+        body: dict[str, Any] = {"outcome": decision.outcome, "findings": findings, "unknown": unknown,
                 "data_faults": data_faults(recordings), "power": power(moments, decision),
                 "improvement": {**improvement, "share_of_achievable": proof.share_of_achievable,
                                 "held_out": list(proof.flights) if proof.held_out else []},
@@ -113,6 +114,9 @@ class Verdict(Result):
                 "not_asked": [{"term": t, "why": WHY} for t in moments.wrench.unasked],
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
         body["paragraph"] = paragraph(body, recordings, proof)
+        body["good_for"], body["good_for_corrected"] = good_for(body["improvement"]), (
+            good_for(body["improvement"], "after") if named else None)
+        body["headline"] = headline(body)
         return cls(body, proof.models[1] if named else None, decision, proof, moments)
 
 

@@ -248,8 +248,16 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
     """The paragraph, and tables of findings and predictions."""
     from rich.table import Table
 
-    options.show(f"\n{body['outcome'].upper().replace('_', ' ')}. {body['paragraph']}\n")
+    from identification.mismatch.headline import RULES, headline, uses
+
     word = data_word(options)
+    options.show(f"\n{word} data, {body['outcome'].upper().replace('_', ' ')}. {headline(body)}")
+    if body.get("good_for"):
+        options.show(uses(body["good_for"]))
+        if body.get("good_for_corrected"):
+            options.show(f"Corrected: {uses(body['good_for_corrected'])}")
+        options.show("Rule: " + "; ".join(f"{use}: {rule}" for use, rule in RULES.items()) + ".")
+    options.show(f"\n{body['paragraph']}\n")
     if body["findings"]:
         table = Table(title=f"What the simulator leaves out, {word}", title_justify="left")
         for column in ("term", "or", "confidence", "parameter", "simulator", "flights say", "95 %", "unit"):

@@ -40,6 +40,9 @@ JUDGED = ("position", "velocity")
 LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
 """Hidden from every method on a clock that the logged position helped to set."""
 
+SHOWN_FIRST = ("ate_rmse_m", "end_error_5s_m", "drift_percent")
+"""The metric that stands for a row in one line: the first that it has."""
+
 COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
            ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
 

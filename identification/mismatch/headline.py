@@ -1,0 +1,68 @@
+"""The first lines of a verdict: what was left out, what mending brings, what the simulator is good enough for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+Good = Literal["yes", "no", "cannot say"]
+HOVER_M = 0.125
+"""Error of position after half a second that an acceleration wrong by 1 m/s^2 makes: an integrator takes that out."""
+MPC_M = 0.0625
+"""The same of 0.5 m/s^2: a prediction that is off by more is corrected late at every step."""
+LEARNING = 1.5
+"""Errors over those of the best model of the same flights: a learned policy uses whatever is wrong."""
+RULES = {
+    "hover": f"position error after 0.5 s below {100 * HOVER_M:.1f} cm (an acceleration error of 1 m/s^2)",
+    "mpc": f"position error after 0.5 s below {100 * MPC_M:.2g} cm (an acceleration error of 0.5 m/s^2)",
+    "learning": f"every error after 0.1 and 0.5 s at most {LEARNING:g} times that of the best model of these flights"}
+USES = {"hover": "hover and position control", "mpc": "model-predictive control", "learning": "simulation for learning"}
+
+
+def good_for(improvement: Mapping[str, Any] | None, which: str = "before") -> dict[str, Good]:
+    """{use: yes | no | cannot say} of the simulator as it is (``before``) or corrected (``after``), by ``RULES``.
+
+    improvement: as in verdict.json; errors of flights left out of the fit.
+    """
+    found = (improvement or {}).get("50") or {}
+    position = (found.get(which) or {}).get("position_m")
+    if position is None:
+        return dict.fromkeys(USES, "cannot say")
+    return {"hover": "yes" if position < HOVER_M else "no", "mpc": "yes" if position < MPC_M else "no",
+            "learning": _as_good(improvement or {}, which)}
+
+
+def _as_good(improvement: Mapping[str, Any], which: str) -> Good:
+    ratios = []
+    for h in ("10", "50"):
+        row = improvement.get(h) or {}
+        floor = row.get("floor")
+        if not floor:
+            return "cannot say"
+        ratios += [row[which][q] / best for q, best in floor.items() if best and row[which].get(q) is not None]
+    return "cannot say" if not ratios else "yes" if max(ratios) <= LEARNING else "no"
+
+
+def headline(body: Mapping[str, Any]) -> str:
+    """One sentence: what the simulator leaves out or not, how large the error is, and what is left after mending."""
+    improvement = body.get("improvement") or {}
+    half = improvement.get("50") or {}
+    before, after = ((half.get(k) or {}).get("position_m") for k in ("before", "after"))
+    flights = len(improvement.get("held_out") or [])
+    where = f" on {flights} flight{'s' * (flights != 1)} left out" if flights else ""
+    names = ", ".join(f"{f['term']} ({f['confidence']:.0%})" for f in body.get("findings") or [])
+    beside = " and something no term describes" if body.get("unknown") else ""
+    error = "" if before is None else f"; position error after 0.5 s {before:.3f} m{where}"
+    if names:
+        mended = "" if before is None or after is None else (
+            f"; position error after 0.5 s {before:.3f} -> {after:.3f} m{where}")
+        return f"The simulator is wrong about {names}{beside}{mended}."
+    return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
+            "unknown": f"The simulator leaves out something that no term describes{error}.",
+            "data_fault": "The data are at fault; nothing is said about physics.",
+            }.get(body["outcome"], "Nothing can be said about physics.")
+
+
+def uses(good: Mapping[str, Good]) -> str:
+    """What it is good enough for, in a line."""
+    return "Good enough for: " + "; ".join(f"{USES[use]}: {answer}" for use, answer in good.items()) + "."

@@ -1,0 +1,136 @@
+"""``nb.estimate`` and ``nb.compare``: where was it, by an estimator, against motion capture."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..cli.estimate import SHOWN_FIRST, estimate_body, see
+from ..cli.named_methods import as_methods
+from ..dataframes import frame_of
+from ..errors import NanobenchError, UsageError
+from ..flight import Flight
+from ..protocols.result_rows import EstimateRow
+from ..protocols.task3 import check_protocol
+from .quiet_options import given, some
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TRAJECTORY = ("x", "y", "z", "qx", "qy", "qz", "qw")
+UNITS = ("m", "m", "m", "1", "1", "1", "1")
+
+
+@dataclass(frozen=True, repr=False)
+class Estimates:
+    """Scores of estimators. rows: as in estimate.json; trajectories {method: {flight: DataFrame}}, with the motion
+    capture under ``truth``: index Unix seconds, position in m in the world, quaternion x, y, z, w body to world.
+    failed: [{item, file, error}]."""
+
+    rows: tuple[EstimateRow, ...]
+    trajectories: Mapping[str, Mapping[str, pd.DataFrame]]
+    failed: tuple[dict[str, str], ...]
+
+    @property
+    def metrics(self) -> pd.DataFrame:
+        """One row per method, group of flights and metric: mean over flights with its interval, median, p90, n."""
+        return table_of(self.rows)
+
+    def plot(self, flight: str | None = None) -> Any:
+        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture."""
+        from .figures_of_results import paths_figure
+
+        names = list(next(iter(self.trajectories.values()), {}))
+        if not names:
+            raise UsageError("no trajectory to draw: blackouts score windows, use metrics")
+        return paths_figure({method: found[flight or names[0]] for method, found in self.trajectories.items()
+                             if (flight or names[0]) in found}, flight or names[0])
+
+    def __repr__(self) -> str:
+        lines = []
+        for row in self.rows:
+            if row.group == "all":
+                shown = next(((m, row.metrics[m]) for m in SHOWN_FIRST if m in row.metrics), None)
+                what = f"{shown[0]} {shown[1].mean:.4g}" if shown and shown[1].mean is not None else "no metric"
+                lines.append(f"{row.method}: {what} (n = {row.n} flights, {row.protocol}, clock {row.clock})")
+        return "\n".join(lines) or "no row"
+
+    def _repr_html_(self) -> str:
+        found: str = self.metrics[lambda t: t["group"] == "all"].to_html(index=False, max_rows=60)
+        return found
+
+
+def table_of(rows: Iterable[EstimateRow]) -> pd.DataFrame:
+    """``Estimates.metrics`` of rows; paired ratios to another method beside them where there are several methods."""
+    import pandas as pd
+
+    found = []
+    for row in rows:
+        for metric, s in row.metrics.items():
+            low, high = s.ci95 or (None, None)
+            ratio = None if row.ratios is None else row.ratios.ratio.get(metric)
+            between = (None if row.ratios is None else row.ratios.ci95.get(metric)) or (None, None)
+            found.append((row.protocol, row.method, row.group, metric, s.mean, low, high, s.median, s.p90, s.n,
+                          s.sessions, ratio, *between, "" if row.ratios is None else row.ratios.to, row.given,
+                          row.clock, s.ci_why))
+    return pd.DataFrame(found, columns=["protocol", "method", "group", "metric", "mean", "ci95_low", "ci95_high",
+                                        "median", "p90", "n", "sessions", "ratio", "ratio_low", "ratio_high",
+                                        "compared_with", "given", "clock", "ci_why"])
+
+
+def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", protocol: str = "aided",
+             clock: str = "as-recorded", seed: int = 0) -> Estimates:
+    """Runs estimators on flights and scores them against motion capture.
+
+    method: a name (``nanobench estimate --list``), an object or class behind the ``Estimator`` protocol, or several in
+    a list. protocol: ``aided`` (ten noisy poses a second), ``blackout`` (none after t0), ``whole-flight`` (none after
+    take-off), ``clean`` (the logged estimate), ``as-published``. clock: ``as-recorded``, ``offset``, ``retimed``.
+    Raises UsageError for a name nobody knows, InputError where no flight can be scored.
+
+    >>> import nanobench_tools as nb
+    >>> found = nb.estimate(nb.simulate(2, seed=1, seconds=12.0), "drag_ekf")
+    >>> found.metrics.query("metric == 'ate_rmse_m' and group == 'all'")["mean"].item() < 0.1
+    True
+    """
+    read = some(flights)
+    check_protocol(protocol)
+    with tempfile.TemporaryDirectory() as folder:
+        options = given(read, out=Path(folder), clock=clock, seed=seed)
+        methods = as_methods("estimators", method)
+        audits, _ = options.audit(read)
+        body = estimate_body(options, see(options, read, audits), (protocol,), methods)
+        if not body.rows:
+            raise NanobenchError(options.failed[0]["error"] if options.failed else "no flight was scored")
+        return Estimates(tuple(body.rows), _trajectories(Path(folder) / "trajectories"), tuple(options.failed))
+
+
+def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol: str = "aided",
+            clock: str = "as-recorded", seed: int = 0) -> pd.DataFrame:
+    """Estimators against each other on the same flights: a row per method and metric over all flights.
+
+    ``ratio`` is the mean error over that of ``compared_with`` on the same flights, with the interval of the pairs:
+    a method is better where ``ratio_high`` is below one. Arguments as ``estimate``.
+
+    >>> import nanobench_tools as nb
+    >>> flights = nb.simulate(2, seed=1, seconds=12.0)
+    >>> table = nb.compare(flights, ["drag_ekf", "strapdown"])
+    >>> sorted(set(table["method"]))
+    ['drag_ekf', 'strapdown']
+    """
+    if isinstance(methods, str) or not isinstance(methods, Sequence) or len(methods) < 2:
+        raise UsageError("compare needs a list of two methods or more")
+    found = estimate(flights, methods, protocol, clock, seed).metrics
+    return found[found["group"] == "all"].drop(columns="group").reset_index(drop=True)
+
+
+def _trajectories(folder: Path) -> dict[str, dict[str, pd.DataFrame]]:
+    import numpy as np
+
+    found: dict[str, dict[str, pd.DataFrame]] = {}
+    for path in sorted(folder.glob("*/*.tum")):
+        rows = np.loadtxt(path, ndmin=2)
+        found.setdefault(path.parent.name, {})[path.stem] = frame_of(rows[:, 0], rows[:, 1:8], TRAJECTORY, UNITS)
+    return found

@@ -1,0 +1,82 @@
+"""Figures of the Python functions, by plotly (extra ``report``), which is imported when something is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..audit_verdict import AuditVerdict
+from ..errors import MissingExtraError
+from ..flight import Flight
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHADES = {"gap": "#888", "clock_wander": "#3b82f6", "clock_offset": "#3b82f6", "clock_drift": "#3b82f6"}
+FAULT, USABLE = "#d97706", "#16a34a"
+MOST_POINTS = 2000
+
+
+def _plotly() -> tuple[Any, Any]:
+    try:
+        import plotly.graph_objects as go
+        from plotly.subplots import make_subplots
+    except ImportError:
+        raise MissingExtraError("plotly", "report") from None
+    return go, make_subplots
+
+
+def audit_figure(flight: Flight, verdict: AuditVerdict) -> Any:
+    """Height and speed over time, faults shaded, usable spans as a bar."""
+    go, make_subplots = _plotly()
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.75, 0.25], vertical_spacing=0.06)
+    for stream, quantity, label in (("mocap", "pz", "height, motion capture"), ("estimator", "z", "height, estimate")):
+        if stream in flight and quantity in flight[stream]:
+            source = flight[stream]
+            rows = slice(None, None, max(1, len(source) // MOST_POINTS))
+            figure.add_trace(go.Scatter(x=source.time_s[rows], y=source[quantity][rows], name=label, mode="lines"),
+                             row=1, col=1)
+    events = [e for e in verdict.events if not e.information]
+    for k, event in enumerate(events):
+        for span in event.spans:
+            figure.add_vrect(x0=span.start_s, x1=span.end_s, fillcolor=SHADES.get(event.kind, FAULT), opacity=0.08,
+                             line_width=0, row=1, col=1)
+        x = [t for s in event.spans for t in (s.start_s, s.end_s, None)]
+        figure.add_trace(go.Scatter(x=x, y=[k + 1 if t is not None else None for t in x], mode="lines", name=event.kind,
+                                    line={"width": 9, "color": SHADES.get(event.kind, FAULT)},
+                                    hovertext=event.sentence, showlegend=False), row=2, col=1)
+    x = [t for s in verdict.usable for t in (s.start_s, s.end_s, None)]
+    figure.add_trace(go.Scatter(x=x, y=[0 if t is not None else None for t in x], mode="lines", name="usable",
+                                line={"width": 9, "color": USABLE}, showlegend=False), row=2, col=1)
+    figure.update_yaxes(title_text="height, m", row=1, col=1)
+    figure.update_yaxes(tickvals=list(range(len(events) + 1)), ticktext=["usable", *(e.kind for e in events)], row=2,
+                        col=1)
+    figure.update_xaxes(title_text="time, s", row=2, col=1)
+    figure.update_layout(title=f"{flight.name}: {verdict.sentence}")
+    return figure
+
+
+def paths_figure(trajectories: Mapping[str, pd.DataFrame], flight: str) -> Any:
+    """x over y of every method, in m, to one scale."""
+    go, _ = _plotly()
+    figure = go.Figure()
+    for method, frame in trajectories.items():
+        rows = frame.iloc[::max(1, len(frame) // MOST_POINTS)]
+        figure.add_trace(go.Scatter(x=np.ravel(rows["x"]), y=np.ravel(rows["y"]), name=method, mode="lines",
+                                    line={"color": "#888"} if method == "truth" else None))
+    figure.update_yaxes(scaleanchor="x", title_text="y, m")
+    figure.update_layout(title=f"{flight} from above", xaxis_title="x, m")
+    return figure
+
+
+def improvement_figure(table: pd.DataFrame) -> Any:
+    """Bars of the error before and after, by horizon and quantity, on a logarithmic axis."""
+    go, _ = _plotly()
+    figure = go.Figure()
+    labels = [f"{quantity}, {10 * steps} ms" for steps, quantity in table.index]
+    for column in ("before", "after"):
+        figure.add_trace(go.Bar(x=labels, y=table[column], name=column))
+    figure.update_layout(title="Prediction of flights left out", yaxis={"type": "log", "dtick": "D1"}, barmode="group")
+    return figure

@@ -1,0 +1,113 @@
+"""``nb.load`` and ``nb.load_flight``: recordings as a list of flights with a table as its ``repr``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+from ..errors import InputError
+from ..flight import Flight
+from .quiet_options import given
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Place = str | os.PathLike[str]
+
+
+class Flights(Sequence[Flight]):
+    """Flights in the order of their paths. ``failed``: [{path, error}] of files that are no recording.
+
+    ``flights[0]`` and ``flights["name"]`` give a flight, ``flights[2:5]`` some; ``table`` is a DataFrame of them.
+    """
+
+    def __init__(self, flights: Iterable[Flight], failed: Sequence[dict[str, str]] = ()) -> None:
+        self._flights = list(flights)
+        self.failed = list(failed)
+
+    @overload
+    def __getitem__(self, key: int | str) -> Flight: ...
+    @overload
+    def __getitem__(self, key: slice) -> Flights: ...
+    def __getitem__(self, key: int | str | slice) -> Flight | Flights:
+        if isinstance(key, slice):
+            return Flights(self._flights[key])
+        if isinstance(key, str):
+            for flight in self._flights:
+                if flight.name == key:
+                    return flight
+            raise KeyError(f"no flight {key!r}; there are {', '.join(self.names[:5])} ...")
+        return self._flights[key]
+
+    def __len__(self) -> int:
+        return len(self._flights)
+
+    def __iter__(self) -> Iterator[Flight]:
+        return iter(self._flights)
+
+    @property
+    def names(self) -> list[str]:
+        return [flight.name for flight in self._flights]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per flight: source, length in s, streams, REAL or SYNTHETIC."""
+        import pandas as pd
+
+        rows = [(f.provenance.source, round(f.span.duration_s, 1), " ".join(f.streams),
+                 "SYNTHETIC" if f.provenance.synthetic else "REAL") for f in self._flights]
+        return pd.DataFrame(rows, index=pd.Index(self.names, name="flight"),
+                            columns=["source", "length_s", "streams", "data"])
+
+    def __repr__(self) -> str:
+        table = f"\n{self.table.to_string(max_rows=20, max_colwidth=60)}" if self._flights else ""
+        return self._head() + table
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self._head()}</p>{self.table.to_html(max_rows=20)}" if self._flights else f"<p>{self._head()}</p>"
+
+    def _head(self) -> str:
+        failed = f", {len(self.failed)} files failed (see .failed)" if self.failed else ""
+        return f"{len(self)} flight{'s' * (len(self) != 1)}{failed}"
+
+
+def load(path: Place | Sequence[Place] | None = None, columns: Place | None = None) -> Flights:
+    """Reads every recording below ``path``: a file, a folder, or several.
+
+    path: None for the default places ($NANOBENCH_DATA, ./data). columns: a column map (TOML) for tables of your own;
+    ``nanobench columns FILE`` drafts one. A file that cannot be read is listed in ``failed`` and stops nothing.
+    Raises InputError where no recording is found.
+
+    >>> import nanobench_tools as nb
+    >>> from nanobench_tools.sources import write_nanobench
+    >>> import pathlib, tempfile
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> for flight in nb.simulate(2, seed=1, seconds=12.0):
+    ...     _ = write_nanobench(flight, folder / f"{flight.name}.csv")
+    >>> len(nb.load(folder))
+    2
+    """
+    places = [] if path is None else [path] if isinstance(path, (str, os.PathLike)) else list(path)
+    options = given(data=tuple(Path(place) for place in places), columns=None if columns is None else Path(columns))
+    flights = options.load()
+    return Flights(flights, [{"path": f["file"], "error": f["error"]} for f in options.failed])
+
+
+def load_flight(file: Place, columns: Place | None = None) -> Flight:
+    """Reads one recording. InputError names the file and what is wrong with it; more than one recording is an error.
+
+    >>> import nanobench_tools as nb
+    >>> from nanobench_tools.sources import write_nanobench
+    >>> import pathlib, tempfile
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "flight.csv"
+    >>> _ = write_nanobench(nb.simulate(2, seed=1, seconds=12.0)[0], file)
+    >>> flight = nb.load_flight(file)
+    >>> flight["imu"].to_pandas()["gyro_x"].columns.tolist()
+    ['rad/s']
+    """
+    found = load(file, columns)
+    if len(found) > 1:
+        raise InputError(os.fspath(file), f"holds {len(found)} recordings", "use load for a folder")
+    return found[0]

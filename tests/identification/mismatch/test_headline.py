@@ -1,0 +1,43 @@
+"""The first lines of a verdict, by hand-made bodies."""
+
+import pytest
+
+from identification.mismatch.headline import good_for, headline, uses
+
+
+def improvement(position, floor=None, held_out=("a", "b")):
+    row = {"before": {"position_m": position, "attitude_rad": 0.1}, "after": {"position_m": 0.05, "attitude_rad": 0.1},
+           "floor": None if floor is None else {"position_m": floor, "attitude_rad": 0.08}}
+    return {"10": row, "50": row, "held_out": list(held_out)}
+
+
+@pytest.mark.parametrize(("position", "floor", "expected"), [
+    (0.5, None, ("no", "no", "cannot say")),
+    (0.1, 0.05, ("yes", "no", "no")),
+    (0.06, 0.05, ("yes", "yes", "yes")),
+    (None, None, ("cannot say",) * 3),
+])
+def test_good_for(position, floor, expected):
+    assert tuple(good_for(improvement(position, floor)).values()) == expected
+
+
+def test_half_a_second_of_constant_acceleration_is_what_the_limits_say():
+    for acceleration, expected in ((0.9, "yes"), (1.1, "no")):
+        assert good_for(improvement(0.5 * acceleration * 0.5**2))["hover"] == expected
+        assert good_for(improvement(0.5 * 0.5 * acceleration * 0.5**2))["mpc"] == expected
+
+
+def test_without_a_prediction_nothing_is_claimed():
+    assert set(good_for(None).values()) == set(good_for({}).values()) == {"cannot say"}
+
+
+def test_headlines():
+    body = {"outcome": "named", "findings": [{"term": "drag_linear", "confidence": 0.97}], "unknown": None,
+            "improvement": improvement(0.763)}
+    assert headline(body) == ("The simulator is wrong about drag_linear (97%); position error after 0.5 s "
+                              "0.763 -> 0.050 m on 2 flights left out.")
+    assert "something no term describes" in headline({**body, "unknown": {}} | {"unknown": {"hint": "x"}})
+    quiet = {"outcome": "none", "findings": [], "unknown": None, "improvement": improvement(0.05, held_out=())}
+    assert headline(quiet).endswith("position error after 0.5 s 0.050 m.")
+    assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
+    assert uses(good_for(None)).count("cannot say") == 3
