@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import UsageError
+from ..result import INLINE, OPTIONAL, Result
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
 from .options import PATH, FiniteRange, Options, one_line, shared_options
-from .record import say_export, toc_cache
+from .record import RecordBody, say_export, toc_cache
 
 if TYPE_CHECKING:
     from ..practice.references import PathSpec
+    from ..radio.fly_outcome import FlightSummary
     from ..radio.fly_pilot import Pilot
     from ..radio.fly_session import Request
     from ..radio.safety import Limits
@@ -100,20 +103,29 @@ def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> 
     return options.finish("fly", {"synthetic": True, "sent": [list(row) for row in sent]})
 
 
+@dataclass(frozen=True, repr=False)
+class FlyBody(Result):
+    """fly.json of a flight."""
+
+    controller: str
+    trajectory: str
+    flown: FlightSummary = field(metadata=INLINE)
+    recording: RecordBody | None = field(default=None, metadata=OPTIONAL)
+
+
 def _fly(options: Options, request: Request) -> int:
     from ..radio.fly_outcome import summary
     from ..radio.fly_session import fly_session
 
     result = fly_session(request)
     outcome, ready = result.outcome, result.ready
-    body: dict[str, Any] = {"controller": request.pilot.name, "trajectory": request.spec.trajectory_id,
-                            **summary(outcome, ready)}
-    loop = body["loop"]
+    body = FlyBody(request.pilot.name, request.spec.trajectory_id, summary(outcome, ready))
+    loop = body.flown.loop
     options.say(f"loop: {loop['ticks']} ticks, {loop['missed']} deadlines missed; begin p50 {loop['begin_p50_ms']:.2f} "
                 f"p99 {loop['begin_p99_ms']:.2f} ms late, controller p50 {loop['call_p50_ms']:.2f} p99 "
                 f"{loop['call_p99_ms']:.2f} ms")
     if result.recording is not None:
-        body["recording"] = say_export(options, result.recording)
+        body = replace(body, recording=say_export(options, result.recording))
     elif result.raw is not None:
         options.say(f"what was recorded is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import UsageError
+from ..result import Result
 from .options import PATH, FiniteRange, Options, shared_options
 
 if TYPE_CHECKING:
@@ -44,8 +47,19 @@ def record(options: Options, uri: str | None, blocks: Path | None, mocap: str | 
     return options.finish("record", found)
 
 
+@dataclass(frozen=True, repr=False)
+class RecordBody(Result):
+    """record.json: the recording, the folder of its raw tables, packets by stream, and how its clock was found."""
+
+    csv: Path
+    parquet: Path
+    packets: Mapping[str, int]
+    clock: Mapping[str, float]
+    notes: Sequence[str]
+
+
 def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: str | None, seconds: float | None,
-            stamps: str) -> dict[str, Any]:
+            stamps: str) -> RecordBody:
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly_clock import HostClock
     from ..radio.fly_link import open_link
@@ -87,14 +101,14 @@ def _wait(options: Options, seconds: float | None, link: Any) -> None:
         options.say("ended by Ctrl-C")
 
 
-def _export(options: Options, raw: Path, stamps: str) -> dict[str, Any]:
+def _export(options: Options, raw: Path, stamps: str) -> RecordBody:
     from ..radio.record_export import export
 
     return say_export(options, export(raw, options.out, stamps))
 
 
-def say_export(options: Options, found: Exported) -> dict[str, Any]:
-    """Tells what was written; the keys of record.json."""
+def say_export(options: Options, found: Exported) -> RecordBody:
+    """Tells what was written."""
     for note in found.notes:
         options.say(note)
     clock = found.alignment
@@ -102,8 +116,7 @@ def say_export(options: Options, found: Exported) -> dict[str, Any]:
     options.say(f"clock: ticks to ± {1e3 * clock.ci95_s:.2f} ms (95 %, equal ways up and down; ± "
                 f"{1e3 * clock.bound_s:.1f} ms whatever the link does), drift {1e6 * (clock.rate - 1.0):+.1f} ppm, "
                 f"fastest packet {1e3 * clock.down_s:.1f} ms on its way; raw tables in {found.parquet}")
-    return {"csv": str(found.csv), "parquet": str(found.parquet), "packets": found.counts, "clock": clock.to_json(),
-            "notes": list(found.notes)}
+    return RecordBody(found.csv, found.parquet, found.counts, clock.to_json(), found.notes)
 
 
 def toc_cache() -> Path | None:

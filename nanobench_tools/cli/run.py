@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ..errors import NanobenchError
+from ..result import Result
 from ..retiming.votes import CLOCKS
 from .audit import audit_body, show_audits
 from .options import Options, shared_options
-
-if TYPE_CHECKING:
-    from ..result import Result
 
 OUT = Path("results")
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
@@ -100,19 +99,26 @@ def simulate(options: Options, folder: Path) -> Path:
     items = [make_item(practice_item, kwargs, f"practice flights of seed {kwargs['seed']}") for kwargs in wanted]
     for store in (options.store, None):
         result = run_items(items, store, options.jobs, None, options.progress, "simulate")
-        made = [(Path(value["folder"]), value["files"]) for value in result.values.values()]
-        if all(_hashes(place) == files for place, files in made):
+        if all(_hashes(made.folder) == made.files for made in result.values.values()):
             break
     options.failed += result.failed
     return folder
 
 
-def practice_item(folder: Path, n: int, seed: int) -> dict[str, Any]:
-    """Writes ``n`` practice flights and gives the content hashes of their files."""
+@dataclass(frozen=True, repr=False)
+class Practised(Result):
+    """A folder of practice flights, and the content hashes of its files by name."""
+
+    folder: Path
+    files: dict[str, str]
+
+
+def practice_item(folder: Path, n: int, seed: int) -> Practised:
+    """Writes ``n`` practice flights."""
     from ..practice.flights import write_practice
 
     write_practice(folder, n, seed)
-    return {"folder": str(folder), "files": _hashes(folder)}
+    return Practised(folder, _hashes(folder))
 
 
 def _hashes(folder: Path) -> dict[str, str]:

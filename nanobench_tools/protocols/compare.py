@@ -197,7 +197,8 @@ def _gate_errors(row: GateRow) -> dict[str, float]:
             "failed_share": float(not row.passed)}
 
 
-def _by_horizon(found: Sequence[PairedRatio]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _by_horizon(found: Sequence[PairedRatio]) -> tuple[
+        dict[str, dict[str, float | None]], dict[str, dict[str, tuple[float, float] | None]]]:
     """Ratios and intervals as {metric: {horizon: ...}}."""
     table = {name: dict(zip(KEYS, found[k:k + len(KEYS)], strict=True))
              for name, k in zip(QUANTITIES, range(0, len(found), len(KEYS)), strict=True)}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from ..result import Result
 from .fly_loop import Beat
 from .fly_prepare import Ready
 from .fly_state import Believed
@@ -33,8 +35,18 @@ class Outcome:
     phases: list[tuple[str, float]] = field(default_factory=list)
 
 
-def summary(outcome: Outcome, ready: Ready) -> dict[str, Any]:
-    """What is kept of a flight beside its recording."""
-    beat = outcome.beat.summary() if outcome.beat is not None else {}
-    return {"stopped": str(outcome.stop) if outcome.stop else None, "loop": beat,
-            "link_delay_s": ready.delay_s, "phases": [[name, time_s] for name, time_s in outcome.phases]}
+@dataclass(frozen=True, repr=False)
+class FlightSummary(Result):
+    """What is kept of a flight beside its recording. stopped: why it landed early; loop: ``Beat.summary``; phases:
+    (name, host time of its begin)."""
+
+    stopped: str | None
+    loop: Mapping[str, float]
+    link_delay_s: float
+    phases: Sequence[tuple[str, float]]
+
+
+def summary(outcome: Outcome, ready: Ready) -> FlightSummary:
+    """Of a flight that ended."""
+    return FlightSummary(str(outcome.stop) if outcome.stop else None,
+                         {} if outcome.beat is None else outcome.beat.summary(), ready.delay_s, outcome.phases)

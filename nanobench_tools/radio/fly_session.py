@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..practice.references import PathSpec
+from ..result import to_json
 from .blocks import Block
 from .checklist import check_tables, health_blocks
 from .fly_clock import Clock, HostClock
@@ -110,7 +111,7 @@ def fly_session(request: Request) -> Result:
             if not outcome.left:
                 clock.sleep_until(clock.now() + GROUND_S)
             feed.on_pose = None
-            recorder.sheet({"flight": summary(outcome, ready)})
+            recorder.sheet({"flight": to_json(summary(outcome, ready), nan=float)})
     raw = None if recorder is None else recorder.path
     return Result(outcome, ready, _exported(raw, outcome, request), raw)
 
