@@ -15,6 +15,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky.backend import resource_tracker as locks
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from ..user_folder import are_ours, keep_ours
@@ -100,6 +101,7 @@ def _take(jobs: int) -> ProcessPoolExecutor:
     if _pool is None or _size < jobs:
         _close()
         _silence_manager()
+        _silence_locks()
         _pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
                                     initargs=(os.getpid(), are_ours()))
         _size = jobs
@@ -117,6 +119,19 @@ def _silence_manager() -> None:
             shown(found)
 
     threading.excepthook = show
+
+
+@cache
+def _silence_locks() -> None:
+    """The process that cleans up locks warns of those that ended workers had; it inherits what it may say."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [before, "ignore:resource_tracker"]))
+    try:
+        locks.ensure_running()
+    finally:
+        os.environ.pop("PYTHONWARNINGS")
+        if before is not None:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _close() -> None:
