@@ -1,6 +1,6 @@
 """How long predictive controllers take from a measurement to the command, everything included; do-mpc beside them.
 
-    python benchmarks/speed/mpc_speed.py [--steps 2000] [--referee 40]
+    python benchmarks/speed/mpc_speed.py [--steps 2000] [--referee 40] [--json FILE]
 
 A SYNTHETIC vehicle is flown round a fast figure of eight; every command is timed on the clock of the wall and on that
 of the thread, which runs only while the thread does (on a machine with other work the first is longer). Horizons are 20
@@ -13,6 +13,7 @@ import argparse
 import importlib.util
 import os
 import time
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -30,6 +31,7 @@ from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles
+from nanobench_tools.result_files import write_json
 
 PRACTICE = mpc_model.practice_model()
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))
@@ -172,10 +174,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--referee", type=int, default=40, help="programs given to do-mpc; 0 leaves it out")
+    parser.add_argument("--json", type=Path, metavar="FILE")
     given = parser.parse_args()
     print(f"SYNTHETIC, n = {given.steps} commands each, N = 20; ms from measurement to command")
     print(f"{'':28}{'wall: median':>14}{'99 %':>8}{'thread: median':>16}{'99 %':>8}{'no plan':>9}  C code")
-    medians = {}
+    medians, rows = {}, []
     for name, create in ROWS.items():
         controller = create()
         spent = 1e3 * flown(controller, WARM + given.steps)[WARM:]
@@ -183,6 +186,10 @@ def main() -> None:
         print(f"{name:28}{wall:14.3f}{wall99:8.3f}{thread:16.3f}{thread99:8.3f}{controller.counts['solver']:9d}  "
               f"{'yes' if controller.compiled else 'no'}", flush=True)
         medians[name] = thread
+        rows.append({"row": name, "n": given.steps, "thread_ms": thread, "thread_p99_ms": thread99, "wall_ms": wall,
+                     "wall_p99_ms": wall99})
+    if given.json is not None:
+        write_json(given.json, {"rows": rows})
     for states in ("12 states", "12 + 4 rotors"):
         show(f"mpc_osqp / mpc_daqp, {states}, whole command, thread",
              medians[f"mpc_osqp, {states}"] / medians[f"mpc_daqp, {states}"], given.steps)

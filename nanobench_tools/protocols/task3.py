@@ -33,7 +33,7 @@ from .score_tables import group_order, groups_of, summaries
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
 from .selection import distinct, without_copies
 from .sessions import Drawn, Sessions
-from .usable import POSE, cut_by, missing, usable
+from .usable import POSE, cut_by, missing, stuck_clock, usable
 from .verb_needs import ESTIMATE
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
@@ -93,6 +93,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
             raise InputError(place, f"no {what} is left for protocol {protocol!r} among {len(flights)} recordings: "
                                     + "; ".join(f"{n} {cut}" for cut, n in Counter(cuts.values()).most_common(3)),
                              "nanobench audit shows the faults")
+        if all(stuck := [stuck_clock(f, ESTIMATE) for f in flights]):
+            raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings: {stuck[0]}")
         lacks = Counter(lack for f in flights if (lack := missing(f, ESTIMATE)))
         raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings"
                          + "".join(f"; {lack} in {n}" for lack, n in lacks.most_common(3)),

@@ -20,6 +20,8 @@ MOTORS = ("m1", "m2", "m3", "m4")
 SHORTEST_S = 0.5
 """A flight with less left than 50 rows at 100 Hz, or one window of prediction, is not scored."""
 
+OWN_TIME = "give every row its own time"
+
 Needed = Mapping[str, Sequence[str]]
 """Stream -> quantities a task cannot do without. ``a|b`` as the name of a stream means one of both."""
 
@@ -35,6 +37,20 @@ def missing(flight: Flight, needed: Needed) -> str | None:
             return f"no {', '.join(lacking)} in the {present[0]} stream"
         if len(flight[present[0]]) < 2:
             return f"no readable rows in the {present[0]} stream"
+    return None if "stand" in needed else stuck_clock(flight, needed)  # what stands still needs no clock
+
+
+def stuck_clock(flight: Flight, needed: Needed) -> str | None:
+    """In words, that most rows of a needed stream carry the stamp of another row; None if no stream is so.
+
+    Streams of one table share its time column: the first that is found is named.
+    """
+    for name in dict.fromkeys(part for names in needed for part in names.split("|") if part in flight):
+        time_s = flight[name].time_s
+        repeated = len(time_s) - len(np.unique(time_s))
+        if repeated > len(time_s) / 2:
+            return (f"the time column repeats itself, {repeated} of {len(time_s)} rows of the {name} stream carry the "
+                    f"stamp of another (duplicate_time); {OWN_TIME}")
     return None
 
 
