@@ -46,8 +46,22 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def to_text(value: Mapping[str, Any]) -> str:
-    """``value`` as indented JSON; nan and inf become null, bytes of file names that are not UTF-8 become U+FFFD."""
-    return SURROGATE.sub("\ufffd", json.dumps(to_json(value), indent=1, allow_nan=False, ensure_ascii=False)) + "\n"
+    """``value`` as JSON, a line per key and per entry of its lists and tables; nan and inf become null, bytes of file
+    names that are not UTF-8 become U+FFFD."""
+    lines = [f" {_dumps(str(key))}: {_entries(item)}" for key, item in to_json(value).items()]
+    return SURROGATE.sub("\ufffd", "{\n" + ",\n".join(lines) + "\n}") + "\n"
+
+
+def _entries(value: Any) -> str:
+    if isinstance(value, dict) and value:
+        return "{\n" + ",\n".join(f"  {_dumps(key)}: {_dumps(item)}" for key, item in value.items()) + "\n }"
+    if isinstance(value, list) and value and isinstance(value[0], (dict, list)):
+        return "[\n" + ",\n".join(f"  {_dumps(item)}" for item in value) + "\n ]"
+    return _dumps(value)
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(", ", ": "))
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:

@@ -71,14 +71,16 @@ def estimate_on(given: Recordings) -> EstimateBody:
     from .named_methods import load_methods
 
     def recorded(*protocols: str) -> EstimateBody:
-        return estimate_body(given.options, see(given.options, given.flights, given.audits), protocols)
+        # trajectories are what "nanobench estimate --out" writes: 90 MB that nothing here reads
+        seen = see(given.options, given.flights, given.audits)
+        return estimate_body(given.options, seen, protocols, trajectories=False)
 
     def moved(clock: str) -> EstimateBody:
         options = replace(given.options, clock=clock)
         alone = given.clock is not None
         seen = see(options, given.flights if alone else distinct(given.flights)[0], given.audits)
-        return estimate_body(options, seen, ("clean",), None if alone else load_methods("estimators", LOGGED), None,
-                             alone)
+        return estimate_body(options, seen, ("clean",), None if alone else load_methods("estimators", LOGGED),
+                             trajectories=False)
 
     def reckoned(clock: str, methods: Sequence[str] = RECKONING) -> EstimateBody:
         options = replace(given.options, clock=clock)
