@@ -86,7 +86,7 @@ def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, 
 
     >>> import nanobench_tools as nb
     >>> model = nb.fit(nb.simulate(2, seed=1, seconds=12.0), terms=["thrust_voltage", "motor_lag", "inertia"])
-    >>> model.parameters_.loc["thrust_voltage.c[0]", "value"] > 0
+    >>> bool(model.parameters_.loc["thrust_voltage.c[0]", "value"] > 0)
     True
     """
     from identification.greybox.fit import GreyBox
