@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 DISTRIBUTION = "nanobench-tools"
 """What pip installs. The index's ``nanobench`` is somebody else's; the command is called ``nanobench`` all the same."""
 
@@ -13,6 +16,16 @@ def how_to_install(extra: str) -> str:
     'pip install "nanobench-tools[mpc]"'
     """
     return f'pip install "{DISTRIBUTION}[{extra}]"'
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """``did you mean 'clean'? `` for a name that is near a known one, else nothing.
+
+    >>> did_you_mean("claen", ["clean", "aided"])
+    "did you mean 'clean'? "
+    """
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
 
 
 class NanobenchError(Exception):

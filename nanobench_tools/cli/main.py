@@ -47,6 +47,8 @@ VERBS: dict[str, tuple[str, str]] = {
                "nanobench record --uri URI --seconds 10 --out flights"),
     "convert": ("Recordings or a simulator.toml into another format.",
                 "nanobench convert --data LOGS --to parquet --out DIR"),
+    "columns": ("Draft a column map for a table of your own.", "nanobench columns FILE --out columns.toml"),
+    "sources": ("Formats that are read, and what each is good for.", "nanobench sources"),
     "settings": ("Numbers set by looking at data, and what they were set on.", "nanobench settings audit"),
     "report": ("One HTML page from the result files of a folder.", "nanobench report --out results"),
 }

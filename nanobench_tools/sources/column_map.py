@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..flight import STREAM_QUANTITIES, Stream
 from ..units import factor
 from .payload import read_file
@@ -139,13 +139,15 @@ def read_column_map(path: str | Path) -> ColumnMap:
     for stream, quantities in streams.items():
         known = STREAM_QUANTITIES.get(stream)
         if known is None:
-            raise reader.fail(f"streams.{stream}", "unknown stream", f"known: {', '.join(STREAM_QUANTITIES)}")
+            raise reader.fail(f"streams.{stream}", "unknown stream",
+                              f"{did_you_mean(stream, STREAM_QUANTITIES)}known: {', '.join(STREAM_QUANTITIES)}")
         if not isinstance(quantities, Mapping):
             raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see docs/recordings.md")
         for quantity, what in quantities.items():
             key = f"streams.{stream}.{quantity}"
             if quantity not in known:
-                raise reader.fail(key, "unknown quantity", f"{stream} has {', '.join(known)}")
+                raise reader.fail(key, "unknown quantity",
+                                  f"{did_you_mean(quantity, known)}{stream} has {', '.join(known)}")
             entries.append(_entry(reader, key, stream, quantity, what, known[quantity][0]))
     _check_once(reader, entries)
     if "time" not in content and not all(e.topic for e in entries):

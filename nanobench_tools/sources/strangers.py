@@ -18,7 +18,7 @@ from .names import listed
 from .payload import HEAD_BYTES
 
 STRANGE = "not a recording of any known format"
-MAP = "say in a column map what they are (--columns MAP.toml, docs/recordings.md)"
+MAP = "draft a column map (nanobench columns FILE --out MAP.toml) and read it with --columns MAP.toml"
 PARQUET_MAGIC = b"PAR1"
 
 

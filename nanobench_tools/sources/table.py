@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
@@ -49,7 +49,8 @@ class TableSource:
         names = set(header_of(head)[0])
         here = [c for c in self.map.columns if c in names]
         if self.map.time.column not in names:
-            return f"the time column {self.map.time.column} of {self.map.path} is not there" if here else None
+            return f"the time column {self.map.time.column} of {self.map.path} is not there" + (
+                f", {near.strip()}" if (near := did_you_mean(self.map.time.column, names)) else "") if here else None
         return f"of the columns of {self.map.path} only the time {self.map.time.column} is there"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
@@ -63,6 +64,10 @@ class TableSource:
         kept = np.flatnonzero(readable)
         if not len(kept):
             raise InputError(f"{place}: column {self.map.time.column}", "holds no time", "rows cannot be placed")
+        steps = np.diff(absolute[kept])
+        if len(steps) > 1 and 2 * np.count_nonzero(steps < 0.0) >= np.count_nonzero(steps > 0.0):
+            raise InputError(f"{place}: column {self.map.time.column}", "is no time: it falls as often as it rises, or "
+                             "stands still", f"{self.map.path} names it as time")
         cells.bad.pop(_key(self.map.time), None)
         cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
                        for r in np.flatnonzero(~readable)]

@@ -1,0 +1,56 @@
+"""``nanobench columns``: a column map for a table of one's own, drafted from names and numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..errors import InputError, UsageError
+from .options import PATH, Options, one_line, shared_options
+
+
+@click.command()
+@click.argument("file", type=PATH, metavar="FILE")
+@shared_options("data", "jobs", "scheduler", "seed", "clock", "columns")
+def columns(options: Options, file: Path) -> int:
+    """Draft a column map for a table, CSV or Parquet: which column is what, in which unit.
+
+    Meanings come from names; units from names and numbers (gravity, battery, full command, the motion capture). What
+    could not be guessed stands as a comment in the map. Check every line, then read the table with --columns MAP.toml.
+    --out MAP.toml writes it, without overwriting; else it is printed.
+    """
+    from ..signals.column_draft import draft_columns
+
+    if file.is_dir():
+        raise UsageError(f"{file} is a folder; give one file of it")
+    draft = draft_columns(file)
+    body = {"file": str(file), "map": draft.text, "unknown": dict(draft.unknown), "notes": list(draft.notes),
+            "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit}
+                        for (stream, quantity), (column, unit) in draft.mapped.items()]}
+    target = "MAP.toml"
+    if options.out is None:
+        options.show(one_line_each(draft.text))
+    else:
+        target = str(options.out)
+        try:
+            with open(options.out, "x", encoding="utf-8") as out:
+                out.write(draft.text)
+        except FileExistsError:
+            raise InputError(target, "is there already", "give another name or remove it") from None
+        except OSError as error:
+            raise InputError(target, f"cannot be written ({error.strerror})", "give another place") from None
+        for note in draft.notes:
+            options.show(one_line(note))
+        for column, why in draft.unknown.items():
+            options.show(one_line(f"not guessed: {column}: {why}"))
+        options.out = None
+    n = len(draft.mapped)
+    options.show(one_line(f"{n} of {n + len(draft.unknown)} columns mapped; next, after a look at the units: "
+                          f"nanobench audit {file} --columns {target}"))
+    return options.finish("columns", body)
+
+
+def one_line_each(text: str) -> str:
+    """``text`` with every line fit for a terminal."""
+    return "\n".join(map(one_line, text.splitlines()))

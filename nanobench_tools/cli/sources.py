@@ -1,0 +1,47 @@
+"""``nanobench sources``: the formats that are read, and what each is good for."""
+
+from __future__ import annotations
+
+import inspect
+
+import click
+
+from .options import Options, one_line, shared_options
+
+GOOD_FOR: dict[str, tuple[str, str]] = {
+    "nanobench": ("NanoBench CSV with its sheet", "every verb: motion capture, IMU, motors, battery, set-points"),
+    "usd": ("Crazyflie uSD deck log", "audit, thrust, motors; with --mocap (convert) also estimate and sysid"),
+    "stand": ("thrust-stand table", "thrust: force from PWM, voltage and rotor speed"),
+    "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
+    "ulog": ("PX4 log (.ulg)", "audit, diagnose; estimate where motion capture was logged"),
+    "rosbag": ("ROS 1 and 2 bag", "audit, estimate; with --columns also commands and motors"),
+    "table": ("your own CSV or Parquet", "what its columns hold; a map is needed: nanobench columns FILE"),
+}
+"""Source -> (what it is, what its recordings are good for)."""
+
+
+@click.command()
+@shared_options("data", "jobs", "scheduler", "seed", "clock", "columns")
+def sources(options: Options) -> int:
+    """The formats of recordings that are read, and what each is good for; those of other packages, too.
+
+    A file is recognised by its content, not by its name.
+    """
+    from rich import box
+    from rich.table import Table
+
+    from ..registry import load_all
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("source", "format", "good for"):
+        table.add_column(name, overflow="fold", no_wrap=name == "source")
+    found = dict(GOOD_FOR)
+    for name, kind in load_all("sources").items():
+        if name not in found:
+            found[name] = (((inspect.getdoc(kind) or "").splitlines() or [""])[0], "see its package")
+    for name, (what, use) in found.items():
+        table.add_row(one_line(name), one_line(what), one_line(use))
+    options.show(table)
+    options.show(f"{len(found)} formats; next: nanobench audit PATH")
+    return options.finish("sources", {"sources": [{"source": name, "format": what, "good_for": use}
+                                                  for name, (what, use) in found.items()]})

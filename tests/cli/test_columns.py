@@ -1,0 +1,131 @@
+"""``nanobench columns``: the drafted map loads and gives the numbers back in SI; bad files are one line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.column_map import read_column_map
+from nanobench_tools.sources.column_names import meaning, words_of
+
+N = 400
+
+
+@pytest.fixture
+def table():
+    """SI values of a made-up flight by (stream, quantity); 100 Hz."""
+    t = np.arange(N) / 100.0
+    still = np.zeros(N)
+    return {"time": 1000.0 + t, "px": np.sin(t), "py": np.cos(t), "pz": 1.0 + 0.1 * np.sin(3 * t),
+            "acc_x": 0.1 * np.sin(t), "acc_y": still, "acc_z": 9.81 + 0.2 * np.cos(5 * t),
+            "gyro_x": 0.3 * np.sin(2 * t), "m1": 0.5 + 0.1 * np.sin(t),
+            "m2": 0.5 + 0.1 * np.cos(t), "vbat": 3.9 - 0.01 * t}
+
+
+def write(path, columns, delimiter=","):
+    rows = [delimiter.join(columns)]
+    rows += [delimiter.join(repr(float(c[i])) for c in columns.values()) for i in range(N)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_the_draft_loads_and_finds_units_from_the_numbers(nanobench, tmp_path, table, delimiter):
+    path = write(tmp_path / "flüge.csv", {
+        "Timestamp": 1e3 * table["time"], "pos.x": table["px"], "pos.y": table["py"], "pos.z": table["pz"],
+        "accX": table["acc_x"] / 9.81, "accY": table["acc_y"] / 9.81, "accZ": table["acc_z"] / 9.81,
+        "gyro_x [deg/s]": np.rad2deg(table["gyro_x"]), "motor.m1": 65535 * table["m1"], "motor.m2": 65535 * table["m2"],
+        "vbat_mV": 1e3 * table["vbat"], "mood": np.ones(N)}, delimiter)
+    out = tmp_path / "map.toml"
+    code, shown, err = nanobench("columns", path, "--out", out, "--json", tmp_path / "c.json")
+    assert (code, err) == (0, "")
+    assert "not guessed: mood" in shown
+    assert "11 of 12 columns mapped" in shown
+    assert json.loads((tmp_path / "c.json").read_text())["unknown"].keys() == {"mood"}
+    (flight,) = load_recordings([path], columns=out, cache=False).flights
+    for stream, quantity in (("mocap", "pz"), ("imu", "acc_z"), ("imu", "gyro_x"), ("motor", "m1"),
+                             ("battery", "vbat")):
+        np.testing.assert_allclose(flight[stream][quantity], table[quantity], rtol=1e-6)
+    np.testing.assert_allclose(flight["imu"].time_s, table["time"] - 1000.0, atol=1e-6)
+    assert nanobench("columns", path, "--out", out)[0] == 2  # never overwrites
+
+
+def test_four_numbers_that_are_no_rotation_are_not_called_one(nanobench, tmp_path, table):
+    turn = {"qw": np.ones(N), "qx": 0.0 * np.ones(N), "qy": 0.0 * np.ones(N), "qz": 0.0 * np.ones(N)}
+    for length, known in ((1.0, True), (7.0, False)):
+        path = write(tmp_path / f"{length}.csv", {"t": table["time"], "x": table["px"],
+                                                  **{name: length * v for name, v in turn.items()}})
+        assert nanobench("columns", path, "--out", path.with_suffix(".toml"))[0] == 0
+        drafted = {e.quantity for e in read_column_map(path.with_suffix(".toml")).entries}
+        assert ("qw" in drafted) is known
+
+
+@pytest.mark.parametrize(("name", "is_what"), [
+    ("stateEstimate.x", ("estimator", "x")), ("ctrltarget.yaw", ("setpoint", "yaw")), ("imu/gyro.y", ("imu", "gyro_y")),
+    ("motor_3", ("motor", "m3")), ("rpm.m2", None), ("pm.vbat", ("battery", "vbat")), ("time [ms]", ("", "time")),
+    ("vx", ("mocap", "vx")), ("quat_w", ("mocap", "qw")), ("colour", None), ("", None)])
+def test_meanings_of_names(name, is_what):
+    found = meaning(name)
+    if name == "rpm.m2":
+        is_what = ("rpm", "m2")
+    assert found == is_what
+
+
+def test_units_in_names():
+    assert words_of("acc_x_m_s2") == (["acc", "x"], "m/s^2")
+    assert words_of("gyro.z (dps)")[1] == "deg/s"
+
+
+@pytest.mark.parametrize(("content", "says"), [
+    (b"", "empty"), (b"\x00\x01\x02" * 50, "no table"), (b"a,b\n1,2\n", "no column is named like a time"),
+    (b"t,mood\n1,2\n2,3\n", "no column beside 't'"), (b"t,x\n", "no row"),
+    (b"t,x\n1,2\n2,9" + b"9" * 400 + b"\n", None), (b"t,x,x\n1,2,3\n2,3,4\n", None), (b"t;x\n1;2\n2;3\n", None)])
+def test_bad_tables_are_one_line(nanobench, tmp_path, content, says):
+    (tmp_path / "f.csv").write_bytes(content)
+    code, out, err = nanobench("columns", tmp_path / "f.csv")
+    if says is None:
+        assert (code, err) == (0, "")
+        return
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert says in err
+    assert "bug" not in err
+
+
+def test_a_folder_and_an_absent_file_are_one_line(nanobench, tmp_path):
+    for path in (tmp_path, tmp_path / "absent.csv"):
+        code, _, err = nanobench("columns", path)
+        assert (code, err.count("\n")) == (2, 1)
+        assert str(path) in err
+
+
+def test_an_unknown_table_names_its_columns_and_this_command(nanobench, tmp_path, table):
+    path = write(tmp_path / "f.csv", {"when": table["time"], "height": table["pz"]})
+    code, _, err = nanobench("audit", path, "--quiet", "--jobs", 1)
+    assert code == 2
+    assert "when, height" in err
+    assert "nanobench columns FILE" in err
+
+
+def test_a_wrong_time_column_is_named_by_its_own_word(nanobench, tmp_path, table):
+    path = write(tmp_path / "f.csv", {"when": table["time"], "height": table["px"]})
+    (tmp_path / "m.toml").write_text('schema = "nanobench-columns/1"\ntime = "height"\n[streams.mocap]\npx = "when"\n')
+    code, _, err = nanobench("audit", path, "--columns", tmp_path / "m.toml", "--quiet", "--jobs", 1)
+    assert code == 2
+    assert "column height: is no time" in err
+    assert "m.toml" in err
+
+
+def test_near_names_are_offered(nanobench, tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text('schema = "nanobench-columns/1"\ntime = "t"\n[streams.imu]\nacc_xx = "a"\n')
+    assert "did you mean 'acc_x'?" in nanobench("audit", tmp_path, "--columns", path)[2]
+    assert "did you mean 'drag_ekf'?" in nanobench("estimate", tmp_path, "--method", "darg_ekf")[2]
+
+
+def test_sources_are_listed(nanobench, tmp_path):
+    code, shown, _ = nanobench("sources", "--json", tmp_path / "s.json")
+    assert code == 0
+    assert "nanobench columns FILE" in shown
+    found = {entry["source"] for entry in json.loads((tmp_path / "s.json").read_text())["sources"]}
+    assert {"nanobench", "usd", "stand", "tum", "ulog", "rosbag", "table"} <= found
