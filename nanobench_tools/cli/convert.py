@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from .options import PATH, Options, one_line, shared_options
+from .options import Options, one_line, shared_options
 
 if TYPE_CHECKING:
     from ..flight import Flight
@@ -24,7 +24,6 @@ ALL = "all-simulators"
 
 @click.command()
 @shared_options("seed", "clock")
-@click.argument("simulator", required=False, type=PATH, metavar="[SIMULATOR.toml]")
 @click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
               metavar="FORMAT",
               help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the mocap "
@@ -37,19 +36,21 @@ ALL = "all-simulators"
               help="SIMULATOR.toml: battery voltage at which the greatest thrust is taken. [default: 3.7]")
 @click.option("--k-f", "k_f", type=float, metavar="N_s2/rad2",
               help="SIMULATOR.toml without thrust_rpm: thrust over rotor speed squared. [default: 2.3e-8]")
-def convert(options: Options, simulator: Path | None, to: str, mocap: Path | None, battery_V: float | None,
-            k_f: float | None) -> int:
+def convert(options: Options, to: str, mocap: Path | None, battery_V: float | None, k_f: float | None) -> int:
     """Write recordings of any source that is understood in another format, one per recording into --out DIR; or a
     simulator.toml as parameters of other simulators, saying what each of them cannot express.
 
     \b
-    nanobench convert --data log.bin --out csv            an onboard log as CSV with its sheet
-    nanobench convert --data log.bin --mocap traj.tum --out csv    the same, with its motion capture
+    nanobench convert log.bin --out csv            an onboard log as CSV with its sheet
+    nanobench convert log.bin --mocap traj.tum --out csv    the same, with its motion capture
     nanobench convert simulator.toml --to rotorpy --out DIR        a fitted vehicle for RotorPy
     """
     if options.out is None:
         raise UsageError("nanobench convert: --out DIR is needed")
-    if simulator is not None or to not in FORMATS:
+    models = [path for path in options.data if to not in FORMATS or path.suffix.lower() == ".toml"]
+    if models or to not in FORMATS:
+        simulator = models[0] if models else None
+        options.data = tuple(path for path in options.data if path != simulator)
         return _convert_simulator(options, simulator, to, mocap, {"battery_V": battery_V, "k_f": k_f})
     if battery_V is not None or k_f is not None:
         raise UsageError("nanobench convert: --battery and --k-f belong to a SIMULATOR.toml")
@@ -97,7 +98,7 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
     if to in FORMATS:
         raise UsageError(f"nanobench convert: --to {to} is for recordings; give one of {', '.join(SIMULATORS)}, {ALL}")
     if mocap is not None or options.data:
-        raise UsageError("nanobench convert: --data and --mocap do not go with a SIMULATOR.toml")
+        raise UsageError("nanobench convert: other paths and --mocap do not go with a SIMULATOR.toml")
     given = replace(Assumed(), **{name: value for name, value in assumed.items() if value is not None})
     found = export_simulators(read_simulator(path), options.out, SIMULATORS if to == ALL else (to,), given)
     for name, exported in found.items():

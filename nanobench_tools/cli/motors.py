@@ -13,7 +13,7 @@ import click
 from ..errors import MissingExtraError, UsageError
 from ..physics.vehicle import BOUNDS
 from ..result import to_json
-from .options import PATH, Options, one_line, shared_options
+from .options import PATH, Options, no_paths_beside, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     """
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
+    if train:
+        no_paths_beside(options, "--train")
     low, high = BOUNDS["mass_kg"]
     if mass_kg is not None and not low <= mass_kg <= high:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")

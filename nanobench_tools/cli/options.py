@@ -93,7 +93,7 @@ class Options:
 
         for path in self.data:
             if not os.path.exists(path):  # Path.exists raises where a folder above may not be entered
-                raise InputError(f"--data {path}", "does not exist")
+                raise InputError(str(path), "does not exist", "give the path of a recording, or of a folder of them")
         places = list(self.data) or default_data()
         if not places:
             raise UsageError("no recordings in $NANOBENCH_DATA, ./data or ../shared/data/nanobench; give --data DIR, "
@@ -293,8 +293,8 @@ def cores() -> int:
 
 OPTIONS: dict[str, Callable[..., Any]] = {
     "data": click.option("--data", multiple=True, type=PATH, metavar="PATH",
-                         help="Folder (read recursively) or file; may repeat. Default: $NANOBENCH_DATA, ./data, "
-                              "../shared/data/nanobench."),
+                         help="Folder (read recursively) or file, the same as PATH; may repeat. Default: "
+                              "$NANOBENCH_DATA, ./data, ../shared/data/nanobench."),
     "out": click.option("--out", type=PATH, metavar="DIR",
                         help="Folder for results; a killed run that is started again goes on from what is there."),
     "json": click.option("--json", type=click.Path(path_type=Path, allow_dash=True), metavar="FILE",
@@ -324,14 +324,24 @@ def shared_options(*leave_out: str) -> Callable[[Callable[..., Any]], Callable[.
             from ..harness.pool import shared_workers
 
             shared = {name: kwargs.pop(name) for name in OPTIONS if name in kwargs}
+            if "data" in shared:
+                shared["data"] += kwargs.pop("paths")
             with shared_workers():
                 return function(Options(**shared), **kwargs)
 
         for name in reversed([name for name in OPTIONS if name not in leave_out]):
             with_options = OPTIONS[name](with_options)
+        if "data" not in leave_out:
+            with_options = click.argument("paths", nargs=-1, type=PATH, metavar="[PATH]...")(with_options)
         return with_options
 
     return decorate
+
+
+def no_paths_beside(options: Options, option: str) -> None:
+    """UsageError where paths stand beside an ``option`` (--train) that holds all recordings: ``--train A B``."""
+    if options.data:
+        raise UsageError(f"{options.data[-1]} stands beside {option}; write {option} (or --test) before every path")
 
 
 def clock_line(clock: str, time_offsets: Sequence[TimeOffset | None], evidence: Sequence[str],

@@ -18,13 +18,17 @@ RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
 def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
-    Reads audit.json, estimate.json, sysid.json, thrust.json and control.json in --out, as far as they are there, and
-    writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights need the recordings:
-    those of --data, else of the default places, that audit.json names by content; without them the page has none.
+    Reads audit.json, estimate.json, sysid.json, thrust.json and control.json in --out (or in the one PATH), as far as
+    they are there, and writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights
+    need the recordings: those of --data, else of the default places, that audit.json names by content; without them
+    the page has none.
     """
     from ..report import write_report
     from ..result_files import read_json
 
+    if options.out is None and len(options.data) == 1 and any(
+            (options.data[0] / f"{name}.json").is_file() for name in RESULTS):
+        options.out, options.data = options.data[0], ()
     if options.out is None:
         raise UsageError("report needs --out DIR, the folder that holds the result files")
     if not options.out.is_dir():

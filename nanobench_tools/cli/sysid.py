@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from ..retiming.votes import AS_RECORDED, evidence_of
 from .named_methods import load_methods
-from .options import PATH, Options, shared_options
+from .options import PATH, Options, no_paths_beside, shared_options
 from .result_bodies import ClockModels, SysidBody
 from .show import data_word, sessions_text, show_left_out, show_ratios
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
@@ -62,6 +62,8 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         share_process()
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
+    if train:
+        no_paths_beside(options, "--train")
     if train and train_family:
         raise UsageError("--train and --train-family both choose what trains; give one")
     low, high = BOUNDS["mass_kg"]

@@ -10,7 +10,7 @@ import click
 
 from ..errors import InputError, UsageError
 from ..result import to_json
-from .options import PATH, Options, one_line, shared_options
+from .options import PATH, Options, no_paths_beside, one_line, shared_options
 from .show import data_word
 
 if TYPE_CHECKING:
@@ -43,6 +43,8 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
 
     if bool(train) != bool(test):
         raise UsageError("--train and --test go together")
+    if train:
+        no_paths_beside(options, "--train")
     mass_kg = Vehicle().mass_kg if mass is None else mass
     models(mass_kg)  # a mass that cannot be is said before anything is read
     flights = options.load([*train, *test] if train else None)

@@ -55,7 +55,7 @@ def test_one_simulator_and_nothing_but_json(nanobench, simulator, tmp_path):
     (("SIM", "--to", "rotorpy"), "--out DIR is needed"),
     (("SIM", "--to", "gazebo", "--out", "o"), "gazebo"),
     (("absent.toml", "--to", "c", "--out", "o"), "absent.toml: cannot be read"),
-    (("SIM", "--to", "rotorpy", "--out", "o", "--data", "x"), "--data and --mocap do not go with"),
+    (("SIM", "--to", "rotorpy", "--out", "o", "--data", "x"), "other paths and --mocap do not go with"),
     (("SIM", "--to", "rotorpy", "--out", "o", "--battery", "0"), "assumed battery_V: 0.0; give a number from 1 to 60"),
     (("SIM", "--to", "rotorpy", "--out", "o", "--battery", "1.5"), "cannot hover"),
     (("--battery", "3.7", "--out", "o"), "--battery and --k-f belong to a SIMULATOR.toml")])

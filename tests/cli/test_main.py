@@ -50,7 +50,9 @@ def test_version(nanobench):
     (["audit", "--jobs", "0"], "nanobench audit: Invalid value for '--jobs'"),
     (["audit", "--jobs", "two"], "'two' is not a valid integer"),
     (["audit", "--data"], "nanobench audit: Option '--data' requires an argument"),
-    (["audit", "stray"], "nanobench audit: Got unexpected extra argument"),
+    (["audit", "stray"], "nanobench: stray: does not exist"),
+    (["sysid", "--train", "{data}", "{empty}", "--test", "{data}"], "{empty} stands beside --train"),
+    (["simulate", "stray"], "nanobench simulate: Got unexpected extra argument"),
     (["audit", "--data", "/no/such/place"], "/no/such/place"),
     (["audit", "--data", "{empty}"], "{empty}"),
     (["audit", "--data", "{data}", "--out", "{file}/x"], "{file}/x"),
@@ -70,6 +72,17 @@ def test_bad_usage_and_input_is_one_line_and_exit_code_2(nanobench, recordings, 
     assert out == ""
     assert err.count("\n") == 1
     assert says.format(**places) in err
+
+
+def test_paths_by_themselves_are_the_same_as_data(nanobench, recordings, tmp_path):
+    first, *others = sorted(recordings.glob("*.csv"))
+    ways = {"bare": [first, *others], "named": ["--data", recordings], "both": [first, "--data", *others]}
+    for name, how in ways.items():
+        assert nanobench("audit", *how, "--quiet", "--jobs", 1, "--json", tmp_path / name)[0] == 0
+    bare, named, both = (sorted(flight["sha256"] for flight in json.loads((tmp_path / name).read_text())["flights"])
+                         for name in ways)
+    assert len(bare) == 3
+    assert bare == named == both
 
 
 def test_a_scheduler_nobody_answers_is_one_line(nanobench, recordings):
