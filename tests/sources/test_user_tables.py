@@ -129,7 +129,7 @@ def test_interpolated_rows_of_a_table_do_not_count(tmp_path):
         ('time = {column = "t", unit = "s"}', "", "time: the map names no time column"),
         ('unit = "s"', 'unit = "h"', "line 2, time.unit: unit 'h'; here: s, ms, us, ns"),
         ("[streams.imu]", "[streams.imus]", "line 7, streams.imus: unknown stream"),
-        ("gyro_x =", "gyro_q =", "line 8, streams.imu.gyro_q: unknown quantity; imu has acc_x"),
+        ("gyro_x =", "gyro_q =", "line 8, streams.imu.gyro_q: unknown quantity; did you mean 'gyro_z'. imu has acc_x"),
         ('unit = "deg/s"', 'unit = "m"', "line 8, streams.imu.gyro_x.unit: unit 'm'"),
         ("sign = -1", "sign = 2", "line 8, streams.imu.gyro_x.sign: sign 2"),
         ("index = 3}", "index = -3}", "line 6, streams.mocap.qw.index: index -3"),
