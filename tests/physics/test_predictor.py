@@ -96,7 +96,7 @@ def test_a_model_of_the_vehicle_predicts_it(flight):
     error = position_error(fitted)
     assert error < position_error(ModelPredictor(model.without("motor_lag")))
     assert error < 0.7 * position_error(Naive())
-    assert fitted.parameters["yaw_torque.k_m"]["unit"] == "m"
+    assert fitted.parameters["yaw_torque.k_m"].unit == "m"
 
 
 def test_predicts_from_a_file_and_without_casadi(flight, tmp_path, monkeypatch):
