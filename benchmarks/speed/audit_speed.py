@@ -1,16 +1,18 @@
 """Cold read and audit of all recordings: seconds, which part takes them, and a plain reader of the same files.
 
-python benchmarks/speed/audit_speed.py [--data DIR...] [--jobs 2] [--json FILE]
+python benchmarks/speed/audit_speed.py [--data DIR...] [--most N] [--jobs 2] [--json FILE]
 
 Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as a
 user's first ``nanobench audit`` does them; then the audits alone, on one core, with the largest named. The plain reader
-(``read_speed.py``: csv module and ``float``) says how fast the machine is.
+(``read_speed.py``: csv module and ``float``) says how fast the machine is. Without recordings, practice flights
+(SYNTHETIC).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 import time
 from pathlib import Path
 
@@ -20,10 +22,11 @@ from kept import show
 from read_speed import with_csv_module
 
 from nanobench_tools.auditing import audit
+from nanobench_tools.practice.flights import write_practice
 from nanobench_tools.sources.discover import default_data, find_recordings, read
 
 PLAIN = 10
-"""Recordings for the plain reader."""
+"""Recordings for the plain reader, and practice flights where there are no recordings."""
 
 
 def cold(recording) -> tuple[str, float, float]:
@@ -38,14 +41,23 @@ def cold(recording) -> tuple[str, float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", nargs="*", type=Path)
+    parser.add_argument("--most", type=int, help="audit that many recordings, spread over all; default: every one")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json")
     options = parser.parse_args()
-    data = options.data or default_data()
-    if not data:
-        raise SystemExit("no recordings found: give --data DIR or set NANOBENCH_DATA")
+    with tempfile.TemporaryDirectory() as folder:
+        data = options.data or default_data()
+        if not data:
+            write_practice(Path(folder), PLAIN, 0)
+            print("SYNTHETIC: practice flights")
+        measure(data or [Path(folder)], options)
+
+
+def measure(data: list[Path], options: argparse.Namespace) -> None:
     start = time.perf_counter()
     recordings, failed = find_recordings(data)
+    if options.most and len(recordings) > options.most:
+        recordings = [recordings[k] for k in np.linspace(0, len(recordings) - 1, options.most).astype(int)]
     rows = joblib.Parallel(n_jobs=options.jobs)(joblib.delayed(cold)(r) for r in recordings)
     wall = time.perf_counter() - start
     reading, auditing = (np.array([row[k] for row in rows]) for k in (1, 2))

@@ -16,30 +16,38 @@ from pathlib import Path
 TABLE = Path(__file__).with_name("results.csv")
 WORSE = 0.75
 """Below this share of the last kept ratio a script got clearly worse; repeats on one quiet machine differ by less."""
-LINE = re.compile(r"^ratio \[(?P<name>[^\]]+)\]: (?P<ratio>[0-9.]+) \(n = (?P<n>\d+)\)$", re.MULTILINE)
+LINE = re.compile(r"^ratio \[(?P<name>[^\]]+)\]: (?P<ratio>[0-9.]+) "
+                  r"\(n = (?P<n>\d+)(?:, required (?P<required>[0-9.]+))?\)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Kept:
-    """One row of the table; ``n``: repeats, windows or flights, as the script counts them."""
+    """One row of the table; ``n``: repeats, windows or flights, as the script counts them. ``required``: the ratio it
+    has to reach, where one was set."""
 
     script: str
     name: str
     ratio: float
     n: int
+    required: float | None
     date: str
     machine: str
     commit: str
 
 
-def show(name: str, ratio: float, n: int) -> None:
+def show(name: str, ratio: float, n: int, required: float | None = None) -> None:
     """The line that the runner keeps; ``name`` is peer over ours."""
-    print(f"ratio [{name}]: {format(ratio, '.0f' if ratio >= 100.0 else '.3g')} (n = {n})", flush=True)
+    print(f"ratio [{name}]: {format(ratio, '.0f' if ratio >= 100.0 else '.3g')} (n = {n}"
+          f"{'' if required is None else f', required {required:g}'})", flush=True)
 
 
-def found_in(text: str) -> list[tuple[str, float, int]]:
-    """(name, ratio, n) of every line of ``show`` in what a script printed."""
-    return [(m["name"], float(m["ratio"]), int(m["n"])) for m in LINE.finditer(text)]
+def found_in(text: str) -> list[tuple[str, float, int, float | None]]:
+    """(name, ratio, n, required) of every line of ``show`` in what a script printed."""
+    return [(m["name"], float(m["ratio"]), int(m["n"]), _number(m["required"])) for m in LINE.finditer(text)]
+
+
+def _number(cell: str | None) -> float | None:
+    return float(cell) if cell else None
 
 
 def machine() -> str:
@@ -56,7 +64,8 @@ def read(table: Path = TABLE) -> list[Kept]:
     if not table.exists():
         return []
     with table.open(encoding="utf-8", newline="") as rows:
-        return [Kept(**{**row, "ratio": float(row["ratio"]), "n": int(row["n"])}) for row in csv.DictReader(rows)]
+        return [Kept(**{**row, "ratio": float(row["ratio"]), "n": int(row["n"]),
+                        "required": _number(row["required"])}) for row in csv.DictReader(rows)]
 
 
 def add(rows: Iterable[Kept], table: Path = TABLE) -> None:
@@ -78,3 +87,9 @@ def worse(rows: Sequence[Kept], before: Sequence[Kept]) -> list[str]:
         if old is not None and row.ratio < WORSE * old.ratio:
             found.append(f"{row.script}, {row.name}: {row.ratio:g}, but {old.ratio:g} on {old.date} ({old.commit})")
     return found
+
+
+def short_of(rows: Iterable[Kept]) -> list[str]:
+    """A sentence for each of ``rows`` that does not reach the ratio it has to."""
+    return [f"{row.script}, {row.name}: {row.ratio:g}, required {row.required:g}" for row in rows
+            if row.required is not None and row.ratio < row.required]

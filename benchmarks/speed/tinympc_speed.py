@@ -1,13 +1,12 @@
 """TinyMPC beside our linear program: the same steady program about hover, from the same starts.
 
-    python -m venv tiny && tiny/bin/pip install "numpy<2" "scipy==1.11.4" tinympc==0.0.8
-    python benchmarks/speed/tinympc_speed.py --python tiny/bin/python [--starts 500]
+    python benchmarks/speed/tinympc_speed.py [--python OTHER] [--starts 500]
 
-SYNTHETIC. TinyMPC takes one A, B and diagonal costs; it needs numpy 1 and runs in an interpreter of its own. 12
-states, 4 thrusts, N = 20, thrusts bounded as on a battery of 3.5 V; starts are drawn so that about half meet a bound.
-Both have the program set up, or condensed, before the clock starts; timed is from a new start to the thrusts.
-``mpc_daqp`` does more in a command: it linearises along a moving target, condenses, observes and maps to PWM
-(``mpc_speed.py``).
+SYNTHETIC. TinyMPC takes one A, B and diagonal costs; it needs numpy 1 and runs in an interpreter of its own: OTHER, or
+that of ``.venv-tinympc``, which the first run makes (pip compiles TinyMPC in two minutes). 12 states, 4 thrusts,
+N = 20, thrusts bounded as on a battery of 3.5 V; starts are drawn so that about half meet a bound. Both have the
+program set up, or condensed, before the clock starts; timed is from a new start to the thrusts. ``mpc_daqp`` does more
+in a command: it linearises along a moving target, condenses, observes and maps to PWM (``mpc_speed.py``).
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import venv
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -31,6 +31,8 @@ from controllers import mpc_model
 from controllers.mpc_linear import MpcDaqp
 from controllers.mpc_qp import Daqp
 
+OWN = Path(__file__).parents[2] / ".venv-tinympc"
+PACKAGES = ("numpy<2", "scipy==1.11.4", "tinympc==0.0.8")
 HORIZON, VOLTAGE = 20, 3.5
 PENALTIES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Of TinyMPC's splitting: small ones answer better and later."""
@@ -88,20 +90,28 @@ def dense(given: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return reach.T @ cost @ reach + np.kron(np.eye(HORIZON), np.diag(given["r"])), reach.T @ cost @ free
 
 
+def interpreter() -> Path:
+    """One that has TinyMPC, made where there is none yet."""
+    python = OWN / "bin" / "python"
+    if not (OWN / ".installed").exists():
+        venv.create(OWN, clear=True, with_pip=True)
+        subprocess.run([str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PACKAGES],
+                       check=True)
+        (OWN / ".installed").touch()
+    return python
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--python", type=Path, help="interpreter that has tinympc; without it nothing is measured")
+    parser.add_argument("--python", type=Path, help="interpreter that has tinympc; default: one is made")
     parser.add_argument("--starts", type=int, default=500)
     parser.add_argument("--tolerance", type=float, default=1e-4, help="of TinyMPC's residuals; its own default is 1e-3")
     asked = parser.parse_args()
-    if asked.python is None:
-        print("NOT MEASURED: TinyMPC needs an interpreter of its own; make one as the first lines of this file say "
-              "and give it as --python, or to make bench as TINYMPC_PYTHON")
-        return
     try:
-        subprocess.run([str(asked.python), "-c", "import tinympc"], capture_output=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        sys.exit(f"--python {asked.python}: cannot import tinympc; see the first lines of this file")
+        python = asked.python or interpreter()
+        subprocess.run([str(python), "-c", "import tinympc"], capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        sys.exit(f"no interpreter with tinympc, give one as --python: {error}")
     given, rng = program(), np.random.default_rng(0)
     sizes = np.repeat([0.15, 0.3, 0.1, 1.0], 3)
     starts = rng.standard_normal((asked.starts, 12)) * sizes * rng.uniform(0.1, 1.5, (asked.starts, 1))
@@ -118,7 +128,7 @@ def main() -> None:
         task, answer = Path(folder) / "task.npz", Path(folder) / "answer.json"
         np.savez(task, **{k: v for k, v in given.items() if k != "p"}, horizon=HORIZON, starts=starts,
                  penalties=PENALTIES, tolerance=asked.tolerance)
-        run = [str(asked.python), "-c", DRIVER, str(task), str(answer)]
+        run = [str(python), "-c", DRIVER, str(task), str(answer)]
         subprocess.run(run, check=True, stdout=subprocess.DEVNULL)
         found = json.loads(answer.read_text(encoding="utf-8"))
     ours = 1e3 * np.array(mine)
