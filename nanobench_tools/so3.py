@@ -80,12 +80,15 @@ def make_continuous(quaternion: np.ndarray) -> np.ndarray:
 
 def euler_zyx(quaternion: np.ndarray) -> np.ndarray:
     """(..., 4) quaternions -> (..., 3) roll, pitch, yaw [rad]; atan2/arcsin form, no error at pitch 90 deg."""
-    x, y, z, w = np.moveaxis(np.asarray(quaternion, float), -1, 0)
-    norm = x * x + y * y + z * z + w * w
-    roll = np.arctan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x) / norm, -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    q = np.asarray(quaternion, float)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    xx, yy, zz = x * x, y * y, z * z
+    norm = xx + yy + zz + w * w
+    out = np.empty((*q.shape[:-1], 3))
+    out[..., 0] = np.arctan2(2 * (w * x + y * z), norm - 2 * (xx + yy))
+    out[..., 1] = np.arcsin(np.minimum(np.maximum(2 * (w * y - z * x) / norm, -1.0), 1.0))
+    out[..., 2] = np.arctan2(2 * (w * z + x * y), norm - 2 * (yy + zz))
+    return out
 
 
 def from_euler_zyx(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> np.ndarray:

@@ -112,8 +112,8 @@ def main() -> None:
     ratio = found["compiled chain, late"] / found["practice plant (NumPy)"]
     print(f"compiled chain over NumPy plant: {ratio:.1f}; required {REQUIRED:g} x real time: "
           f"{'reached' if found['compiled chain, late'] >= REQUIRED else 'missed'}")
-    show("practice plant (NumPy) / compiled chain", ratio, n)
-    show("practice plant (NumPy) / whole flight with the firmware's filter",
+    show("practice plant / compiled chain", ratio, n)
+    show("practice plant / whole flight with the firmware's filter",
          found["onboard"] / found["practice plant (NumPy)"], n)
     if given.json:
         given.json.write_text(json.dumps({"real_time": found, "ratio": ratio, "vehicles": n}, indent=1))

@@ -63,8 +63,8 @@ class Engine(Plant):
         for rows, effect in self._with["wind"]:
             self._wind[:, rows] = effect.wind()
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
-        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R (3, 3, n)."""
         columns = np.array(rotation_columns(s[QUATERNION]))
         v, rotor_N = s[VELOCITY], s[THRUST]
         velocity_b = _in_body(columns, v)
@@ -96,7 +96,7 @@ class Engine(Plant):
         force = push / self.vehicles.mass_kg + self.disturbance_m_s2
         if (s[2] < self.ground_z).any():
             self._add_contact(s, (columns[0][2], columns[1][2]), force, moment)
-        return force, moment, tuple(columns)
+        return force, moment, columns
 
     def derivative(self, s: np.ndarray) -> np.ndarray:
         """Time derivative of the state (17, n); the rotors follow faster or slower up and down."""

@@ -162,11 +162,11 @@ class RotorPyEngine(Engine):
         out[RATE] += moment / self._inertia
         return out
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Specific force in the world (3, n) m/s^2, moment (not used by any sensor, zero), columns of R."""
         force = self._first(s)[VELOCITY].copy()
         force[2] += self.gravity
-        return force, np.zeros_like(force), rotation_columns(s[QUATERNION])
+        return force, np.zeros_like(force), np.array(rotation_columns(s[QUATERNION]))
 
     def _first(self, s: np.ndarray) -> np.ndarray:
         """The derivative at the present state; velocity and rate do not depend on the command, which may change."""

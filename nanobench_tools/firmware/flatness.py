@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
 from ..units import GRAVITY_M_S2
 
 
+@nb.njit(cache=True)
 def body_rates(acceleration_m_s2: np.ndarray, jerk_m_s3: np.ndarray, yaw_rad: np.ndarray,
                yaw_rate_rad_s: np.ndarray) -> np.ndarray:
     """Acceleration, jerk (n, 3) world, yaw [rad] and its rate (n,) -> rates (n, 3) rad/s of the body that flies it.
@@ -14,12 +16,22 @@ def body_rates(acceleration_m_s2: np.ndarray, jerk_m_s3: np.ndarray, yaw_rad: np
     With t = a + g e3, z = t/|t|, y = z x (cos yaw, sin yaw, 0) normalised, x = y x z, h = (j - (j.z) z)/|t|:
     (-h.y, h.x, z_z yaw_rate). Zero where the path asks for free fall or for thrust along the heading.
     """
-    thrust = acceleration_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
-    length = np.linalg.norm(thrust, axis=1, keepdims=True)
-    z = thrust / np.where(length > 0.0, length, 1.0)
-    heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad), np.zeros_like(yaw_rad)], axis=1)
-    y = np.cross(z, heading)
-    side = np.linalg.norm(y, axis=1, keepdims=True)
-    y = y / np.where(side > 0.0, side, 1.0)
-    h = (jerk_m_s3 - np.sum(jerk_m_s3 * z, axis=1, keepdims=True) * z) / np.where(length > 0.0, length, np.inf)
-    return np.stack([-np.sum(h * y, axis=1), np.sum(h * np.cross(y, z), axis=1), z[:, 2] * yaw_rate_rad_s], axis=1)
+    out = np.zeros((len(yaw_rad), 3))
+    for i in range(len(yaw_rad)):
+        tx, ty, tz = acceleration_m_s2[i, 0], acceleration_m_s2[i, 1], acceleration_m_s2[i, 2] + GRAVITY_M_S2
+        length = np.sqrt(tx * tx + ty * ty + tz * tz)
+        if length == 0.0:
+            continue
+        zx, zy, zz = tx / length, ty / length, tz / length
+        c, s = np.cos(yaw_rad[i]), np.sin(yaw_rad[i])
+        yx, yy, yz = -zz * s, zz * c, zx * s - zy * c
+        side = np.sqrt(yx * yx + yy * yy + yz * yz)
+        if side > 0.0:
+            yx, yy, yz = yx / side, yy / side, yz / side
+        jx, jy, jz = jerk_m_s3[i, 0], jerk_m_s3[i, 1], jerk_m_s3[i, 2]
+        along = jx * zx + jy * zy + jz * zz
+        hx, hy, hz = (jx - along * zx) / length, (jy - along * zy) / length, (jz - along * zz) / length
+        out[i, 0] = -(hx * yx + hy * yy + hz * yz)
+        out[i, 1] = hx * (yy * zz - yz * zy) + hy * (yz * zx - yx * zz) + hz * (yx * zy - yy * zx)
+        out[i, 2] = zz * yaw_rate_rad_s[i]
+    return out

@@ -33,14 +33,19 @@ class OnboardFleet:
         self._parts = {name: CONTROLLERS[name]() for name in self._rows}
 
     def reset(self, n: int) -> None:
+        self._reference: Reference | None = None
         for name, rows in self._rows.items():
             self._parts[name].reset(len(rows))
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        if len(self._parts) == 1:
+            return next(iter(self._parts.values())).command(time_s, state, reference)
+        if reference is not self._reference:  # it stays the same for several commands
+            self._reference = reference
+            self._references = {name: array_fields.rows(reference, rows) for name, rows in self._rows.items()}
         out = np.empty((len(state.position_m), 4))
         for name, rows in self._rows.items():
-            out[rows] = self._parts[name].command(time_s, array_fields.rows(state, rows),
-                                                  array_fields.rows(reference, rows))
+            out[rows] = self._parts[name].command(time_s, array_fields.rows(state, rows), self._references[name])
         return out
 
     @property

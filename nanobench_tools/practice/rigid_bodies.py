@@ -1,13 +1,14 @@
 """The practice vehicle in the air and on the ground: n rigid bodies at once, RK4.
 
-States are kept component first, (17, n), so that every operation runs over the vehicles; ``Plant`` shows
-them with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same alone as in a crowd.
+States are kept component first, (17, n), so that every operation runs over the vehicles; what is evaluated four times a
+step is compiled. ``Plant`` shows states with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same alone as in a crowd.
 Equations (DESIGN terms): m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w,
 tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
 """
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
 from ..firmware.thrust_curve import thrust_of_voltage
@@ -45,13 +46,18 @@ def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V:
     return found
 
 
+@nb.njit(cache=True)
 def legs(depth_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
     """Specific force (3, n) m/s^2 of legs that are pressed in by depth (n,), at velocity (3, n) world: spring, damper
     and friction; zero for a vehicle in the air."""
-    push = CONTACT_RAD_S**2 * np.maximum(depth_m, 0.0) - 2 * CONTACT_DAMPING * CONTACT_RAD_S * velocity_m_s[2]
-    normal = np.where(depth_m > 0.0, np.maximum(push, 0.0), 0.0)
-    friction = -FRICTION * normal * np.tanh(velocity_m_s[:2] / FRICTION_SPEED_M_S)
-    return np.concatenate([friction, normal[None]])
+    out = np.zeros((3, len(depth_m)))
+    for i in range(len(depth_m)):
+        if depth_m[i] > 0.0:
+            push = CONTACT_RAD_S**2 * depth_m[i] - 2 * CONTACT_DAMPING * CONTACT_RAD_S * velocity_m_s[2, i]
+            out[2, i] = max(push, 0.0)
+            for k in range(2):
+                out[k, i] = -FRICTION * out[2, i] * np.tanh(velocity_m_s[k, i] / FRICTION_SPEED_M_S)
+    return out
 
 
 def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
@@ -62,6 +68,71 @@ def rotation_columns(q: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
     return ((1.0 - (yy + zz), xy + wz, xz - wy),
             (xy - wz, 1.0 - (xx + zz), yz + wx),
             (xz + wy, yz - wx, 1.0 - (xx + yy)))
+
+
+_axes = nb.njit(rotation_columns)
+
+
+@nb.njit(cache=True)
+def _in_the_air(s: np.ndarray, of: np.ndarray, disturbance_m_s2: np.ndarray) -> tuple[np.ndarray, np.ndarray,
+                                                                                     np.ndarray]:
+    """State (17, n), rows of ``Plant._of`` (6, n) -> specific force, moment (3, n), columns of R (3, 3, n)."""
+    n = s.shape[1]
+    force, moment, columns = np.empty((3, n)), np.empty((3, n)), np.empty((3, 3, n))
+    for i in range(n):
+        mass, arm, yaw_arm, lateral, difference, turning = of[0, i], of[1, i], of[2, i], of[3, i], of[4, i], of[5, i]
+        axes = _axes((s[6, i], s[7, i], s[8, i], s[9, i]))
+        for j in range(3):
+            for k in range(3):
+                columns[j, k, i] = axes[j][k]
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = axes
+        vx, vy, vz, t1, t2, t3, t4 = s[3, i], s[4, i], s[5, i], s[13, i], s[14, i], s[15, i], s[16, i]
+        right, left, forward, turn = t1 + t2, t3 + t4, t2 - t1, t3 - t4
+        lift = (right + left) / mass + difference * (vx * cx + vy * cy + vz * cz)
+        force[0, i] = disturbance_m_s2[0, i] - lateral * vx + cx * lift
+        force[1, i] = disturbance_m_s2[1, i] - lateral * vy + cy * lift
+        force[2, i] = disturbance_m_s2[2, i] - lateral * vz + cz * lift
+        moment[0, i] = (left - right) * arm - turning * (vx * bx + vy * by + vz * bz)
+        moment[1, i] = (forward + turn) * arm + turning * (vx * ax + vy * ay + vz * az)
+        moment[2, i] = (forward - turn) * yaw_arm
+    return force, moment, columns
+
+
+@nb.njit(cache=True)
+def _slope(s: np.ndarray, force: np.ndarray, moment: np.ndarray, command_N: np.ndarray, tau_s: np.ndarray,
+           inertia: np.ndarray, inertia_turn: np.ndarray, gravity_m_s2: float) -> np.ndarray:
+    """Time derivative of the state (17, n) under forces and moments."""
+    out = np.empty_like(s)
+    for i in range(s.shape[1]):
+        x, y, z, w = s[6, i], s[7, i], s[8, i], s[9, i]
+        wx, wy, wz = s[10, i], s[11, i], s[12, i]
+        hx, hy, hz = 0.5 * wx, 0.5 * wy, 0.5 * wz
+        for k in range(3):
+            out[k, i], out[3 + k, i] = s[3 + k, i], force[k, i]
+        out[5, i] -= gravity_m_s2
+        out[6, i] = w * hx + y * hz - z * hy
+        out[7, i] = w * hy + z * hx - x * hz
+        out[8, i] = w * hz + x * hy - y * hx
+        out[9, i] = -(x * hx + y * hy + z * hz)
+        out[10, i] = (moment[0, i] - inertia_turn[0, i] * (wy * wz)) / inertia[0, i]
+        out[11, i] = (moment[1, i] - inertia_turn[1, i] * (wz * wx)) / inertia[1, i]
+        out[12, i] = (moment[2, i] - inertia_turn[2, i] * (wx * wy)) / inertia[2, i]
+        for k in range(13, 17):
+            out[k, i] = (command_N[k - 13, i] - s[k, i]) / tau_s[i]
+    return out
+
+
+@nb.njit(cache=True)
+def _stand(s: np.ndarray, x_up: np.ndarray, y_up: np.ndarray, ground_z: np.ndarray, inertia: np.ndarray,
+           force: np.ndarray, moment: np.ndarray) -> None:
+    """``Plant._add_contact``; ``x_up``, ``y_up`` (n,): world height of the ends of body x and y."""
+    pushed = legs(ground_z - s[2], s[3:6])
+    for i in range(s.shape[1]):
+        share = min(pushed[2, i] / GRAVITY_M_S2, 1.0)
+        level = (-y_up[i], x_up[i], 0.0)
+        for k in range(3):
+            force[k, i] += pushed[k, i]
+            moment[k, i] += share * inertia[k, i] * (LEVELLING_RAD_S**2 * level[k] - LEVELLING_RAD_S * s[10 + k, i])
 
 
 class Plant:
@@ -88,26 +159,14 @@ class Plant:
         self.flicker = np.zeros((4, n))
         jx, jy, jz = vehicles.inertia_xx_kg_m2, vehicles.inertia_yy_kg_m2, vehicles.inertia_zz_kg_m2
         self._inertia, self._inertia_turn = np.stack([jx, jy, jz]), np.stack([jz - jy, jx - jz, jy - jx])
-        self._drag_difference = vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s
+        self._of = np.stack([vehicles.mass_kg, vehicles.arm_m, vehicles.yaw_arm_m, vehicles.drag_lateral_1_s,
+                             vehicles.drag_lateral_1_s - vehicles.drag_vertical_1_s, vehicles.drag_torque_N_s])
 
-    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, ...], ...]]:
-        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R."""
-        p = self.vehicles
-        columns = (ax, ay, az), (bx, by, bz), (cx, cy, cz) = rotation_columns(s[QUATERNION])
-        v, (t1, t2, t3, t4) = s[VELOCITY], s[THRUST]
-        vx, vy, vz = v
-        right, left, forward, turn = t1 + t2, t3 + t4, t2 - t1, t3 - t4
-        lift = (right + left) / p.mass_kg + self._drag_difference * (vx * cx + vy * cy + vz * cz)
-        force = self.disturbance_m_s2 - p.drag_lateral_1_s * v
-        force[0] += cx * lift
-        force[1] += cy * lift
-        force[2] += cz * lift
-        moment = np.empty((3, s.shape[1]))
-        moment[0] = (left - right) * p.arm_m - p.drag_torque_N_s * (vx * bx + vy * by + vz * bz)
-        moment[1] = (forward + turn) * p.arm_m + p.drag_torque_N_s * (vx * ax + vy * ay + vz * az)
-        moment[2] = (forward - turn) * p.yaw_arm_m
+    def forces(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """State (17, n) -> specific force in the world (3, n) m/s^2, moment (3, n) N m body, columns of R (3, 3, n)."""
+        force, moment, columns = _in_the_air(s, self._of, self.disturbance_m_s2)
         if (s[2] < self.ground_z).any():
-            self._add_contact(s, (az, bz), force, moment)
+            self._add_contact(s, (columns[0, 2], columns[1, 2]), force, moment)
         return force, moment, columns
 
     def _add_contact(self, s: np.ndarray, tilt: tuple[np.ndarray, np.ndarray], force: np.ndarray,
@@ -116,34 +175,13 @@ class Plant:
 
         tilt: world height of the ends of body x and y; the moment turns them to zero.
         """
-        w = s[RATE]
-        pushed = legs(self.ground_z - s[2], s[VELOCITY])
-        normal = pushed[2]
-        force += pushed
-        level = np.stack([-tilt[1], tilt[0], np.zeros_like(normal)])
-        share = np.minimum(normal / GRAVITY_M_S2, 1.0)
-        moment += share * self._inertia * (LEVELLING_RAD_S**2 * level - LEVELLING_RAD_S * w)
+        _stand(s, tilt[0], tilt[1], self.ground_z, self._inertia, force, moment)
 
     def derivative(self, s: np.ndarray) -> np.ndarray:
         """Time derivative of the state (17, n)."""
         force, moment, _ = self.forces(s)
-        w = s[RATE]
-        half = 0.5 * w
-        (x, y, z, qw), (wx, wy, wz), (hx, hy, hz) = s[QUATERNION], w, half
-        out = np.empty_like(s)
-        out[POSITION] = s[VELOCITY]
-        out[VELOCITY] = force
-        out[5] -= self.gravity
-        out[6] = qw * hx + y * hz - z * hy
-        out[7] = qw * hy + z * hx - x * hz
-        out[8] = qw * hz + x * hy - y * hx
-        out[9] = -(x * hx + y * hy + z * hz)
-        moment[0] -= self._inertia_turn[0] * (wy * wz)
-        moment[1] -= self._inertia_turn[1] * (wz * wx)
-        moment[2] -= self._inertia_turn[2] * (wx * wy)
-        out[RATE] = moment / self._inertia
-        out[THRUST] = (self.command_N - s[THRUST]) / self.vehicles.motor_tau_s
-        return out
+        return np.asarray(_slope(s, force, moment, self.command_N, self.vehicles.motor_tau_s, self._inertia,
+                                 self._inertia_turn, self.gravity))
 
     def apply(self, motor: np.ndarray) -> None:
         """PWM ratios (n, 4), clipped to 0..1, held from now on; sets battery_V and the thrust they ask for."""
