@@ -8,6 +8,8 @@ are finite and within 0..1. Everything replaced is counted.
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
@@ -59,12 +61,18 @@ def commanded(controller: Controller, time_s: float, state: VehicleState, refere
 
 
 @nb.njit(cache=True)
-def _within(values: np.ndarray, least: float, most: float) -> bool:
-    """Whether all absolute values lie between; one that is no number does not."""
+def _within(values: np.ndarray, i: int, most: float) -> bool:
+    """Whether all absolute values of a row are not above; one that is no number is."""
     good = True
-    for value in values:
-        good &= least <= abs(value) <= most
+    for k in range(values.shape[1]):
+        good &= abs(values[i, k]) <= most
     return good
+
+
+@nb.njit(cache=True)
+def _keep(kept: np.ndarray, given: np.ndarray, i: int) -> None:
+    for k in range(kept.shape[1]):
+        kept[i, k] = given[i, k]
 
 
 @nb.njit(cache=True)
@@ -75,16 +83,21 @@ def _measured(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: 
     and of bad batteries."""
     bad = empty = 0
     for i in range(place.shape[0]):
-        length = np.sum(attitude[i] * attitude[i])
-        good[i] = (_within(place[i], 0.0, LARGEST) and _within(speed[i], 0.0, LARGEST)
-                   and _within(rate[i], 0.0, LARGEST) and SHORTEST**2 <= length <= LONGEST**2)
+        length = 0.0
+        for k in range(4):
+            length += attitude[i, k] * attitude[i, k]
+        good[i] = (_within(place, i, LARGEST) and _within(speed, i, LARGEST) and _within(rate, i, LARGEST)
+                   and SHORTEST**2 <= length <= LONGEST**2)
         if good[i]:
-            kept_place[i], kept_speed[i], kept_rate[i] = place[i], speed[i], rate[i]
-            kept_attitude[i] = attitude[i] / np.sqrt(length)
+            _keep(kept_place, place, i)
+            _keep(kept_speed, speed, i)
+            _keep(kept_rate, rate, i)
+            for k in range(4):
+                kept_attitude[i, k] = attitude[i, k] / np.sqrt(length)
         else:
             bad += 1
-        if _within(battery[i], LEAST_V, MOST_V):
-            kept_battery[i] = battery[i]
+        if LEAST_V <= abs(battery[i, 0]) <= MOST_V:
+            kept_battery[i, 0] = battery[i, 0]
         else:
             empty += 1
     return bad, empty
@@ -98,17 +111,23 @@ def _asked(goal: np.ndarray, yaw: np.ndarray, turn: np.ndarray, speed: np.ndarra
     ``place`` while there was none, which ``known`` (n,) says. Counts the bad."""
     bad = 0
     for i in range(goal.shape[0]):
-        if (_within(goal[i], 0.0, LARGEST) and _within(yaw[i], 0.0, LARGEST) and _within(turn[i], 0.0, LARGEST)
-                and _within(speed[i], 0.0, LARGEST) and _within(acceleration[i], 0.0, LARGEST)
-                and _within(jerk[i], 0.0, LARGEST_JERK_M_S3)):
+        if (_within(goal, i, LARGEST) and _within(yaw, i, LARGEST) and _within(turn, i, LARGEST)
+                and _within(speed, i, LARGEST) and _within(acceleration, i, LARGEST)
+                and _within(jerk, i, LARGEST_JERK_M_S3)):
             known[i] = True
-            kept_goal[i], kept_yaw[i], kept_turn[i] = goal[i], yaw[i], turn[i]
-            kept_speed[i], kept_acceleration[i], kept_jerk[i] = speed[i], acceleration[i], jerk[i]
+            _keep(kept_goal, goal, i)
+            _keep(kept_yaw, yaw, i)
+            _keep(kept_turn, turn, i)
+            _keep(kept_speed, speed, i)
+            _keep(kept_acceleration, acceleration, i)
+            _keep(kept_jerk, jerk, i)
         else:
             bad += 1
             if not known[i]:
-                kept_goal[i] = place[i]
-            kept_speed[i], kept_acceleration[i], kept_jerk[i], kept_turn[i] = 0.0, 0.0, 0.0, 0.0
+                _keep(kept_goal, place, i)
+            kept_turn[i, 0] = 0.0
+            for k in range(3):
+                kept_speed[i, k] = kept_acceleration[i, k] = kept_jerk[i, k] = 0.0
     return bad
 
 
@@ -118,7 +137,9 @@ def _released(command: np.ndarray, last: np.ndarray, lost: np.ndarray, mean: np.
     """Writes what may be sent of command (n, 4) into out and learns from it what carries; counts the bad."""
     bad = 0
     for i in range(command.shape[0]):
-        good = np.isfinite(command[i]).all()
+        good = True
+        for k in range(4):
+            good &= math.isfinite(command[i, k])
         bad += not good
         total = 0.0
         for k in range(4):

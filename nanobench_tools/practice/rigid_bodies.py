@@ -1,7 +1,8 @@
 """The practice vehicle in the air and on the ground: n rigid bodies at once, RK4.
 
 States are kept component first, (17, n), so that every operation runs over the vehicles; what is evaluated four times a
-step is compiled. ``Plant`` shows states with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same alone as in a crowd.
+step is compiled. ``Plant`` shows states with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same
+alone as in a crowd.
 Equations (DESIGN terms): m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w,
 tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
 """
