@@ -98,10 +98,12 @@ def modules_of(areas: Collection[str]) -> set[str]:
 
 def _area(node: ast.AST) -> str:
     """Of the setting that a call asks for; empty for any other node."""
-    if not isinstance(node, ast.Call) or not node.args or ast.unparse(node.func).rpartition(".")[2] not in ASKS:
+    if not isinstance(node, ast.Call) or not node.args:
         return ""
     key = node.args[0]
-    return key.value.partition(".")[0] if isinstance(key, ast.Constant) and isinstance(key.value, str) else ""
+    if not isinstance(key, ast.Constant) or not isinstance(key.value, str):
+        return ""
+    return key.value.partition(".")[0] if ast.unparse(node.func).rpartition(".")[2] in ASKS else ""
 
 
 def literals(module: str, text: str) -> list[Literal]:

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+RECORDINGS = 3
+"""Of real ones, each with its sheet."""
 NAMES = ("my_log", "my_estimator", "my_vehicle", "my_simulator")
 
 
@@ -44,6 +46,6 @@ def test_my_simulator_is_told_that_it_is_too_heavy(monkeypatch):
 @pytest.mark.real
 @pytest.mark.parametrize("name", NAMES)
 def test_on_real_recordings(name, real_data, tmp_path, monkeypatch):
-    for path in sorted((real_data / "nanobench" / "datasets" / "dataset").glob("B2_circle_*"))[:8]:
+    for path in sorted((real_data / "nanobench" / "datasets" / "dataset").glob("B2_circle_*"))[:2 * RECORDINGS]:
         shutil.copy(path, tmp_path)
     assert not cells(name, monkeypatch, tmp_path)["flights"][0].provenance.synthetic
