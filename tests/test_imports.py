@@ -16,7 +16,7 @@ GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_fo
           "array_fields", "dataframes")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "auditing", "harness", "protocols",
-                       "report", "cli", "api")
+                       "pages", "cli", "api")
 """In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
 
 BESIDE: dict[str, set[str]] = {
@@ -127,7 +127,7 @@ def test_the_surface_alone_knows_the_methods(graph):
 
 
 def test_estimators_know_no_protocol(packages):
-    above = {f"nanobench_tools.{name}" for name in ("protocols", "harness", "report", "cli")}
+    above = {f"nanobench_tools.{name}" for name in ("protocols", "harness", "pages", "cli")}
     assert {name: others & above for name, others in packages.items()
             if name.split(".")[0] == "estimators" and others & above} == {}
 

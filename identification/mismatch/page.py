@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.flight import Fault
+from nanobench_tools.pages.environment import environment
+from nanobench_tools.pages.figure import spec
+from nanobench_tools.pages.packed import compressed
+from nanobench_tools.pages.quantities import DASH
+from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.physics.model import find_term
-from nanobench_tools.report.environment import environment
-from nanobench_tools.report.quantities import DASH
-from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
 from nanobench_tools.result import to_json
 from nanobench_tools.result_files import write_bytes
 from nanobench_tools.version import __version__
 
+from .drawings import drawings
 from .pictures import pictures
 from .proof import HORIZONS, QUANTITIES
 from .recordings import Recordings
@@ -52,15 +55,16 @@ def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     body, drawn = to_json(verdict.to_json()), to_json(pictures(verdict, recordings))
     held_out = bool(verdict.proof and verdict.proof.held_out)
     real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
+    n = f"n = {_flights(len({t.flight for t in recordings.tracks}))}, {recordings.judged_s:.0f} s{real}"
+    recorded = f"n = {_flights(len(recordings.flights))}{real}"
+    figures = drawings(drawn, [(h, f"{1e3 * h * ROW_S:.0f} ms") for h in HORIZONS], n, recorded)
     return environment(breakable=breakable, dash=DASH).get_template("mismatch.html").render(
-        label="SYNTHETIC" if synthetic else "", version=__version__, library=plotly_source(),
-        css=_template("report.css"), scripts=[_template("draw.js"), _template("mismatch.js")], sections=SECTIONS,
-        outcome=OUTCOMES[body["outcome"]], body=body, drawn=drawn, judged=verdict.moments is not None,
-        named=bool(body["findings"]), held_out=held_out, steps=[(h, f"{1e3 * h * ROW_S:.0f} ms") for h in HORIZONS],
-        quantities=[QUANTITY_UNITS[q][0] for q in QUANTITIES],
-        n=f"n = {_flights(len({t.flight for t in recordings.tracks}))}, {recordings.judged_s:.0f} s{real}",
-        recorded=f"n = {_flights(len(recordings.flights))}{real}", real=real,
-        tables=tables(verdict, body, drawn, recordings), data=safe_json(drawn))
+        label="SYNTHETIC" if synthetic else "", version=__version__, library=library(), css=template("report.css"),
+        scripts=[template(name) for name in FIGURE_SCRIPTS], sections=SECTIONS, outcome=OUTCOMES[body["outcome"]],
+        body=body, figures=figures, judged=verdict.moments is not None, torques=bool(drawn.get("rms", {}).get(
+            "samples", [0] * 6)[3]), named=bool(body["findings"]), held_out=held_out,
+        n=n, recorded=recorded, left_out=[], failed=[], tables=tables(verdict, body, drawn, recordings),
+        data=compressed({name: spec(figure) for name, figure in figures.items()}))
 
 
 def _flights(n: int) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 from nanobench_tools import so3
-from nanobench_tools.report.decimate import pack
 
 from .binned import binned, block_numbers
 from .decide import Decision
@@ -164,8 +163,8 @@ def timeline(left: Left) -> list[list[dict[str, Any]]]:
             first, number = int(slot.min()), int(np.ptp(slot)) + 1
             many = np.bincount(slot - first, minlength=number)
             lines.append({"start_s": first * MEAN_S, "step_s": MEAN_S,
-                          "sides": [pack(np.where(many > 0, np.bincount(slot - first, side[mine], number)
-                                                  / np.maximum(many, 1), np.nan), 1e-3) for side in left.of(c)]})
+                          "sides": [rounded(np.where(many > 0, np.bincount(slot - first, side[mine], number)
+                                                     / np.maximum(many, 1), np.nan)) for side in left.of(c)]})
         found.append(lines)
     return found
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.report.environment import environment
-from nanobench_tools.report.report_page import _template
+from nanobench_tools.pages.environment import environment
+from nanobench_tools.pages.report_page import template
 from nanobench_tools.result import to_json
 from nanobench_tools.result_files import write_bytes
 from nanobench_tools.version import __version__
@@ -32,7 +32,7 @@ def write_steady_page(cases: Mapping[str, Mapping[str, Any]], path: Path, synthe
     drawn = [{"id": f"case-{k}", "title": title, "body": to_json(body), **_pictures(to_json(body))}
              for k, (title, body) in enumerate(cases.items())]
     text = environment().get_template("steady.html").render(
-        label="SYNTHETIC" if synthetic else "", version=__version__, css=_template("report.css"), cases=drawn,
+        label="SYNTHETIC" if synthetic else "", version=__version__, css=template("report.css"), cases=drawn,
         summary=summary, heads=table[0], rows=table[1], dose=_dose(dose),
         ids={title: f"case-{k}" for k, title in enumerate(cases)}, width=WIDTH, height=HEIGHT, left=LEFT, bottom=BOTTOM)
     write_bytes(Path(path), text.encode(errors="replace"))

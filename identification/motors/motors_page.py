@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from nanobench_tools.pages.environment import environment
+from nanobench_tools.pages.figure import Axis, Colour, Drawing, Figure, Mark, Panel, spec, styled
+from nanobench_tools.pages.packed import Even, compressed
+from nanobench_tools.pages.quantities import DASH
+from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.compare import verdict
 from nanobench_tools.protocols.sessions import interval_note
-from nanobench_tools.report.environment import environment
-from nanobench_tools.report.quantities import DASH
-from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
-from nanobench_tools.result import to_json
 from nanobench_tools.version import __version__
 
 from .motor_parts import LagTimes, MotorResult, RotationRow
@@ -21,9 +22,10 @@ METRICS = (("roll_pitch_rate_mae_rad_s", "Roll, pitch rate", "rad/s"), ("yaw_rat
 
 def motors_page(found: MotorResult, synthetic: bool) -> str:
     """The page as text. ``synthetic``: every caption says so."""
+    drawn = figures(found)
     return environment(breakable=breakable, dash=DASH).get_template("motors.html").render(
-        label="SYNTHETIC" if synthetic else "", version=__version__, library=plotly_source(),
-        css=_template("report.css"), scripts=[_template("draw.js"), _template("motors.js")],
+        label="SYNTHETIC" if synthetic else "", version=__version__, library=library(), figures=drawn,
+        css=template("report.css"), scripts=[template(name) for name in FIGURE_SCRIPTS],
         words=words(found), lags=[{
             "model": r.model, "best": r.model == found.lag.best, "trouble": r.trouble, **_times(r.times),
             "interval": "" if r.ci95 is None else " .. ".join(f"{x:.2f}" for x in r.ci95), "rms": _rms(r.rms_rad_s)}
@@ -33,10 +35,39 @@ def motors_page(found: MotorResult, synthetic: bool) -> str:
                "rms": _rms(r.rms_rad_s)} for r in found.speed.ranked],
         metrics=METRICS, rotation=[_rotation(r) for r in found.rows], parameters=_parameters(found),
         steps=[f"{1e3 * h * found.step_s:.0f}" for h in (1, 10, 50)], left_out=found.left_out, failed=[],
-        data=safe_json(to_json({
-            "step_s": found.step_s, "example": found.lag.example, "curves": found.speed.curves,
-            "rotation": [{"input": r.input, "words": r.words, "roll_pitch": r.curves["roll_pitch_rate_mae_rad_s"],
-                          "attitude": r.curves["attitude_mae_rad"]} for r in found.rows]})))
+        data=compressed({name: spec(figure) for name, figure in drawn.items()}))
+
+
+VOLTAGES: tuple[Colour, ...] = ("red", "green", "blue")
+
+
+def figures(found: MotorResult) -> dict[str, Drawing]:
+    """One second of a rotor, the map, and errors of prediction over the time ahead."""
+    e = found.lag.example
+    drawn: dict[str, Drawing] = {"example": Figure(
+        "The second in which a rotor moves most", f"{e.flight}, motor {e.motor}. Held-out flights if there are any; "
+        "simulated speeds have the mean of the measured one.",
+        [Panel(Axis("time", "s"), Axis("rotor speed", "rad/s"), [
+            Mark("measured", e.time_s, e.measured_rad_s, colour="orange"),
+            *(Mark(name, e.time_s, y, colour=colour, dash=dash) for (name, y), colour, dash in zip(
+                e.simulated_rad_s.items(), ("grey", "blue") * 4, ("dot", "dash") * 4, strict=False))],
+            height=360, wide=True)])} if e is not None else {}
+    if found.speed.curves:
+        drawn["map"] = Figure(
+            "The chosen map", "Mean of the four rotors, after the lag, over the PWM and voltages of the flights.",
+            [Panel(Axis("PWM ratio", "1"), Axis("rotor speed", "rad/s"), [
+                Mark(f"{c.voltage_V:g} V", c.pwm, c.speed_rad_s, colour=colour)
+                for c, colour in zip(found.speed.curves, VOLTAGES, strict=False)], height=340, wide=True)])
+    if found.rows:
+        style = styled([row.input for row in found.rows], symbols=False)
+        step_ms = 1e3 * found.step_s
+        drawn["ahead"] = Figure("Error over the time ahead", "Mean over windows of the held-out flights.", [
+            Panel(Axis("time ahead", "ms"), Axis(title, unit, zero=True), [
+                Mark(row.input, Even(step_ms, step_ms, len(row.curves[key])), row.curves[key], **style[row.input])
+                for row in found.rows], title, 360)
+            for key, title, unit in (("roll_pitch_rate_mae_rad_s", "roll and pitch rate", "rad/s"),
+                                     ("attitude_mae_rad", "attitude", "rad"))])
+    return drawn
 
 
 def words(found: MotorResult) -> list[str]:

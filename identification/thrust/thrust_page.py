@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from nanobench_tools.fitted_values import Estimate
+from nanobench_tools.pages.environment import environment
+from nanobench_tools.pages.figure import (
+    COLOURS,
+    SYMBOLS,
+    Axis,
+    Colour,
+    Drawing,
+    Figure,
+    Mark,
+    Panel,
+    before_and_after,
+    spec,
+)
+from nanobench_tools.pages.packed import compressed
+from nanobench_tools.pages.quantities import DASH
+from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.sessions import interval_note
-from nanobench_tools.report.environment import environment
-from nanobench_tools.report.quantities import DASH
-from nanobench_tools.report.report_page import _template, breakable, plotly_source, safe_json
-from nanobench_tools.result import to_json
 from nanobench_tools.version import __version__
 
-from .error_rows import ErrorRow, InverseTable
+from .error_rows import ErrorRow, InverseTable, Points
 from .thrust_result import FlightResult, Series, StandResult, ThrustResult
 
 SECTIONS = {"stand": "Thrust stand", "flight": "Flights"}
+FEW = 8
+"""More files than this are told apart by split only."""
+VOLTAGES: tuple[Colour, ...] = ("red", "orange", "green", "sky", "blue")
 UNITS = {"stand": (1e3, "mN per motor", 2), "flight": (1.0, "m/s²", 4)}
 
 
@@ -25,10 +40,11 @@ def thrust_page(found: ThrustResult, synthetic: bool) -> str:
     """The page as text. ``synthetic``: every caption says so."""
     parts = [part(kind, mine, [r for r in found.rows if r.kind == kind])
              for kind, mine in (("stand", found.stand), ("flight", found.flight)) if mine is not None]
+    drawings = {f"{p['kind']}-{name}": figure for p in parts for name, figure in p["figures"].items()}
     return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
-        label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=plotly_source(),
-        css=_template("report.css"), scripts=[_template("draw.js"), _template("thrust.js")],
-        left_out=found.left_out, failed=[], data=safe_json({p["kind"]: p["pictures"] for p in parts}))
+        label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=library(),
+        css=template("report.css"), scripts=[template(name) for name in FIGURE_SCRIPTS], left_out=found.left_out,
+        failed=[], data=compressed({name: spec(figure) for name, figure in drawings.items()}))
 
 
 def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) -> dict[str, Any]:
@@ -44,10 +60,58 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) 
             "inverse": None if chosen is None else _inverse(chosen.inverse),
             "toml": "" if chosen is None else chosen.toml, "firmware": "" if chosen is None else chosen.firmware,
             "firmware_note": "" if chosen is None else chosen.firmware_note,
-            "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "pictures": to_json({
-                "unit": unit, "factor": factor, "curves": chosen.curves if chosen else (),
-                "points": chosen.points if chosen else (),
-                "half_width": chosen.interval_half_width if chosen else None, "pairs": mine.against_firmware})}
+            "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "figures": figures(kind, mine)}
+
+
+def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:
+    """The chosen map, what it leaves over PWM and voltage, and held-out files beside the firmware."""
+    factor, unit, _ = UNITS[kind]
+    chosen = mine.chosen
+    if chosen is None:
+        return {}
+    lines = [Mark(f"{c.voltage_V:g} V", c.pwm, [1e3 * t for t in c.thrust_N], colour=colour)
+             for c, colour in zip(chosen.curves, VOLTAGES, strict=False)]
+    rows = "Marks: rows of the series, thrust per motor." if kind == "stand" else "Motors warm, hovering."
+    seen = _points(chosen.points, lambda p: p.pwm, lambda p: [1e3 * t for t in p.measured]) if kind == "stand" else []
+    found: dict[str, Drawing] = {"map": Figure(
+        f"The chosen map, {mine.best}", f"Lines: thrust of one motor at battery voltages. {rows}",
+        [Panel(Axis("PWM ratio", "1"), Axis("thrust of one motor", "mN"), [*lines, *seen], height=420, wide=True)])}
+
+    def left(p: Points) -> list[float]:
+        return [factor * (v - m) for v, m in zip(p.predicted, p.measured, strict=True)]
+
+    edge = chosen.interval_half_width
+    rules = [] if edge is None else [("y", factor * edge), ("y", -factor * edge)]
+    panels = [Panel(Axis(title, of), Axis("error", unit, zero=True), marks, height=340, rules=rules)
+              for title, of, marks in (("PWM ratio", "1", _points(chosen.points, lambda p: p.pwm, left)),
+                                       ("battery", "V", _points(chosen.points, lambda p: p.voltage_V, left)))
+              if any(x is not None for mark in marks for x in mark.x)]  # type: ignore[union-attr]
+    if panels:
+        found["left"] = Figure("What is left, over PWM and battery voltage",
+                               "Prediction minus measurement; dotted: the 95 % prediction interval for a row of a new "
+                               "file. At most 300 rows of a file are drawn.", panels)
+    if pairs := sorted(mine.against_firmware, key=lambda p: -p.rms):
+        found["files"] = Figure("Held-out files: chosen map and firmware", "RMS of each file; the firmware is the "
+                                "better of its two curves, as published.",
+                                [before_and_after("RMS", unit, [p.file for p in pairs],
+                                                  ("firmware", [factor * p.firmware for p in pairs]),
+                                                  ("chosen map", [factor * p.rms for p in pairs]))])
+    return found
+
+
+def _points(points: Sequence[Points], x: Callable[[Points], Iterable[float | None]],
+            y: Callable[[Points], Iterable[float]]) -> list[Mark]:
+    """A mark per file, or one per split where there are too many files for a legend."""
+    if len(points) <= FEW:
+        groups = {f"{p.file} ({p.split})": [p] for p in points}
+    else:
+        groups = {}
+        for p in points:
+            groups.setdefault("flights that train" if p.split == "train" else "flights held out", []).append(p)
+    size = 6.0 if len(points) <= FEW else 3.0
+    return [Mark(name, [v for p in mine for v in x(p)], [v for p in mine for v in y(p)], "points",
+                 COLOURS[i % len(COLOURS)], symbol=SYMBOLS[i % len(SYMBOLS)], size=size,
+                 text=[p.file for p in mine for _ in x(p)]) for i, (name, mine) in enumerate(groups.items())]
 
 
 def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import MissingExtraError, UsageError, how_to_install
+from ..errors import MissingExtraError, UsageError
 from .diagnose_bound import flexible
 from .options import PATH, Options, shared_options
 from .show import data_word
@@ -230,12 +230,7 @@ def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Mod
 
 def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> None:
     """report.html into ``--out``."""
-    import importlib.util
-
     if options.out is None:
-        return
-    if importlib.util.find_spec("plotly") is None:
-        options.say(f"report.html was not written: its pictures need plotly; {how_to_install('report')}")
         return
     from identification.mismatch.page import write_page
 

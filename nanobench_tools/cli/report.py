@@ -23,7 +23,7 @@ def report(options: Options) -> int:
     need the recordings: those of --data, else of the default places, that audit.json names by content; without them
     the page has none.
     """
-    from ..report import write_report
+    from ..pages import write_report
     from ..result_files import read_json
 
     if options.out is None and len(options.data) == 1 and any(

@@ -48,8 +48,8 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     ``options.failed``; the others go on.
     """
     from ..harness import write_json
+    from ..pages import write_report
     from ..protocols.selection import distinct
-    from ..report import write_report
     from ..sources.discover import default_data
     from .run_clocks import COMPARED_CLOCKS, Recordings, control_on, estimate_on, sysid_on
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import re
@@ -16,6 +15,7 @@ from scipy.stats import t as student
 
 from identification.mismatch.binned import BLOCK_S, binned, block_numbers
 from identification.mismatch.decide import decide
+from identification.mismatch.drawings import drawings
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.moments import moments_of
 from identification.mismatch.naming import Hypothesis, Named
@@ -25,8 +25,6 @@ from identification.mismatch.proof import prove
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around
 from identification.mismatch.verdict import Verdict
-from nanobench_tools.cli import diagnose as verb
-from nanobench_tools.cli.options import Options
 from nanobench_tools.flight import Fault, Flight, Provenance
 
 NASTY = "flight_1 <script>alert(1)</script>"
@@ -90,8 +88,8 @@ def test_every_section_is_there_with_what_was_found(page, verdict):
     assert "wind changes less than the logging can feign" in text
     assert "no motor stream" in text
     assert "2 of 2" in text  # flights with the fault
-    for picture in ("whole", "spans", "rms-force", "rms-torque", "timeline", "share", "share-after", "covariate-0",
-                    "room", "room-up", "by-flight", "scores", "intervals", "errors"):
+    for picture in ("whole", "spans", "rms", "timeline", "share", "covariates", "room", "by_flight", "scores",
+                    "intervals", "errors"):
         assert f'id="fig-{picture}"' in page, picture
 
 
@@ -149,7 +147,21 @@ def test_without_a_name_only_the_simulator_as_given_is_drawn(recordings):
     found = pictures(plain, recordings)
     assert not found["named"]
     assert [len(k["sides"]) for k in found["covariates"]] == [1] * len(found["covariates"])
-    assert "share-after" not in without_scripts(page_text(plain, recordings, synthetic=True))
+    share = drawings(found, [(50, "500 ms")], "", "")["share"]
+    assert [panel.title for panel in share.panels] == ["simulator as given"]
+
+
+def test_the_figures_hold_what_was_found(drawn):
+    found = drawings(drawn, [(1, "10 ms"), (10, "100 ms"), (50, "500 ms")], "n = 2", "n = 2")
+    before, after = found["rms"].panels[0].marks[:2]
+    assert (before.high, after.high) == (drawn["rms"]["before"][:3], drawn["rms"]["after"][:3])
+    key = ("500 ms (h = 50)", "position")
+    assert next(iter(found["errors"].figures)) == key
+    assert found["errors"].figures[key].panels[0].marks[-1].x == drawn["errors"]["after"][2][0]
+    ways, heights = found["room"].first.panels
+    assert sum(len(mark.x) for mark in heights.marks) == len(drawn["room"]["maps"][-1]["x"])
+    assert ways.equal
+    assert found["whole"].panels[0].marks[-1].high == pytest.approx([100.0])
 
 
 def test_a_term_of_each_flight_is_taken_from_each_flight(verdict):
@@ -195,13 +207,6 @@ def test_a_bin_of_few_stretches_has_no_bar():
     assert np.isnan(found.half).all()
 
 
-def test_without_plotly_the_verb_says_what_is_missing(verdict, recordings, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    verb._write_page(Options(out=tmp_path), verdict, recordings)
-    assert "nanobench-tools[report]" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.browser
 def test_it_is_drawn_and_fits_phone_and_desk(verdict, recordings, tmp_path):
     binary = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -219,15 +224,19 @@ def test_it_is_drawn_and_fits_phone_and_desk(verdict, recordings, tmp_path):
         sheet.on("request", lambda r: trouble.append(r.url) if r.url.startswith(("http", "ws")) else None)
         sheet.goto(path.as_uri(), timeout=120_000)  # a busy machine is slow, not wrong
         sheet.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-        empty = sheet.evaluate("""[...document.querySelectorAll(".plot")].filter(p =>
-            !p.querySelector(".cartesianlayer path, .cartesianlayer image")).map(p => p.id)""")
+        for figure in sheet.query_selector_all("figure[data-figure]"):
+            figure.scroll_into_view_if_needed()
+            sheet.wait_for_selector(f"#{figure.get_attribute('id')}[data-drawn]")
+        empty = sheet.evaluate("""[...document.querySelectorAll("figure")].filter(f =>
+            !f.querySelector(".cartesianlayer path")).map(f => f.id)""")
         assert empty == []
-        before = sheet.evaluate("document.getElementById('plot-timeline').data[0].y[3]")
-        sheet.select_option("#time-channel", label="force y")
-        assert sheet.evaluate("document.getElementById('plot-timeline').data[0].y[3]") != before
+        first = "document.querySelector('#fig-timeline .plot').data[0].y[3]"
+        before = sheet.evaluate(first)
+        sheet.locator("#fig-timeline select").nth(1).select_option(label="force y")
+        assert sheet.evaluate(first) != before
         assert sheet.evaluate("document.scrollingElement.scrollWidth - window.innerWidth") <= 0
         sheet.set_viewport_size({"width": 1400, "height": 900})
-        sheet.wait_for_function("document.querySelector('#plot-spans .main-svg').clientWidth > 800")
+        sheet.wait_for_selector("#fig-spans .main-svg[width='1208']")
         assert sheet.evaluate("document.scrollingElement.scrollWidth - window.innerWidth") <= 0
         browser.close()
     assert trouble == []

@@ -1,0 +1,164 @@
+"""What a picture is, without a word of how it is drawn: panels of marks on axes with units. ``chart.js`` draws it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from .packed import Values, as_json
+
+Colour = str
+"""A name of the theme: ink, soft, grey, mocap, blue, orange, green, red, purple, sky."""
+COLOURS: tuple[Colour, ...] = ("blue", "red", "green", "purple", "orange", "sky", "ink", "grey")
+"""Of the first, second, ... line where a colour means nothing but which; told apart by colour-blind eyes."""
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "star", "cross", "triangle-down")
+DASHES = ("solid", "dash", "dot", "dashdot")
+Entry = float | str | None
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One series of a panel. ``name`` stands in the legend, once for all marks of that name.
+
+    x, y: values (n,), None or nan where there is none. kind: ``line``, ``points``, ``both``, ``area`` (a line filled
+    between ``low`` and ``high``) or ``bars`` (lying, from ``x`` to ``high``). low, high: ends of an interval (n,), of
+    ``x`` where ``across``, else of ``y``. text: what is said of each value (n,). size: of each point or of all, px.
+    fade: opacity of each point (n,). t: time of each value (n,), s: the cursor's dot is there at that time.
+    """
+
+    name: str
+    x: Values
+    y: Values
+    kind: Literal["line", "points", "both", "area", "bars"] = "line"
+    colour: Colour = "blue"
+    dash: str = "solid"
+    symbol: str = "circle"
+    width: float = 2.0
+    size: float | Sequence[float] = 8.0
+    low: Values | None = None
+    high: Values | None = None
+    across: bool = False
+    text: Sequence[str] | None = None
+    fade: Sequence[float] | None = None
+    t: Values | None = None
+    hidden: bool = False
+
+
+@dataclass(frozen=True)
+class Axis:
+    """log: logarithmic, with ticks that can be read. rows: names instead of numbers, the first on top (as y axis) or
+    left. range: first and last value, None: all there is. zero: the axis holds 0 and draws it. ticks: all others go."""
+
+    title: str = ""
+    unit: str = ""
+    log: bool = False
+    rows: Sequence[str] = ()
+    range: tuple[float, float] | None = None
+    zero: bool = False
+    ticks: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One plot. shaded: spans of x with a colour; rules: dotted lines (``x`` or ``y``, value). equal: both axes have
+    one scale. wide: it has a row of its own. timed: x is the time of the cursor; such panels zoom together."""
+
+    x: Axis
+    y: Axis
+    marks: Sequence[Mark]
+    title: str = ""
+    height: int = 260
+    shaded: Sequence[tuple[float, float, Colour]] = ()
+    rules: Sequence[tuple[str, float]] = ()
+    equal: bool = False
+    wide: bool = False
+    timed: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its caption and what is to be seen in it. cursor: first and last time [s] of a slider that shows
+    where everything is at one time. columns: panels beside each other where there is room."""
+
+    title: str
+    note: str
+    panels: Sequence[Panel]
+    columns: int = 2
+    cursor: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Several pictures in one place, chosen by lists: ``labels`` say what each list chooses, ``figures`` is by the
+    chosen entries."""
+
+    labels: tuple[str, ...]
+    figures: Mapping[tuple[str, ...], Figure]
+
+    @property
+    def first(self) -> Figure:
+        return next(iter(self.figures.values()))
+
+
+Drawing = Figure | Choice
+
+
+def spec(drawing: Drawing | Panel | Mark | Axis) -> dict[str, Any]:
+    """As ``chart.js`` reads it: JSON without what is as usual, arrays packed."""
+    if isinstance(drawing, Choice):
+        return {"labels": list(drawing.labels),
+                "options": [list(dict.fromkeys(key[i] for key in drawing.figures)) for i in range(len(drawing.labels))],
+                "figures": {"\t".join(key): spec(one) for key, one in drawing.figures.items()}}
+    values = ((f.name, getattr(drawing, f.name), f.default) for f in fields(drawing))
+    return {name: _plain(name, value) for name, value, usual in values if not _as_usual(value, usual)}
+
+
+def _as_usual(value: Any, usual: Any) -> bool:
+    return value is usual or (isinstance(value, (str, int, float, tuple)) and value == usual)
+
+
+def _plain(name: str, value: Any) -> Any:
+    if isinstance(value, Axis):
+        return spec(value)
+    if name in ("panels", "marks"):
+        return [spec(one) for one in value]
+    if name in ("x", "y", "low", "high", "t", "size", "fade") and not isinstance(value, (int, float)):
+        return as_json(value)
+    return list(value) if isinstance(value, (tuple, np.ndarray)) else value
+
+
+def styled(names: Sequence[str], symbols: bool = True) -> dict[str, dict[str, Any]]:
+    """Colour, dash and symbol of every name, in their order."""
+    return {name: {"colour": COLOURS[i % len(COLOURS)], "dash": DASHES[i // len(COLOURS) % len(DASHES)],
+                   **({"symbol": SYMBOLS[i % len(SYMBOLS)]} if symbols else {})} for i, name in enumerate(names)}
+
+
+def intervals(title: str, unit: str, names: Sequence[str], series: Mapping[str, tuple[Values, Values, Values]],
+              log: bool = False, zero: bool = False) -> Panel:
+    """One row a name and a point with its interval for every series: (value, low, high), each (n,)."""
+    style = styled(list(series))
+    at = np.arange(len(names), dtype=float)
+    shift = np.linspace(-0.14, 0.14, len(series)) if len(series) > 1 else [0.0]
+    marks = [Mark(name, value, at + off, "points", low=low, high=high, across=True, **style[name])
+             for (name, (value, low, high)), off in zip(series.items(), shift, strict=True)]
+    return Panel(Axis(title, unit, log=log, zero=zero), Axis(rows=names), marks, wide=True,
+                 height=70 + 26 * len(names))
+
+
+def before_and_after(title: str, unit: str, names: Sequence[str], before: tuple[str, Sequence[float | None]],
+                     after: tuple[str, Sequence[float | None]] | None) -> Panel:
+    """One row a name: the value before, the value after, and the way between."""
+    at = np.arange(len(names), dtype=float)
+    marks = [Mark(before[0], before[1], at, "points", "orange", size=9)]
+    if after is not None:
+        way = [v for a, b in zip(before[1], after[1], strict=True) for v in (a, b, None)]
+        marks = [Mark("", way, np.repeat(at, 3), colour="grey"), *marks,
+                 Mark(after[0], after[1], at, "points", "blue", symbol="square", size=9)]
+    return Panel(Axis(title, unit, zero=True), Axis(rows=names), marks, wide=True, height=80 + 24 * len(names))
+
+
+def noted(figure: Figure, note: str) -> Figure:
+    return replace(figure, note=f"{figure.note} {note}".strip())
