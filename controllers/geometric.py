@@ -62,7 +62,7 @@ def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np
 
 
 class Geometric(Lee):
-    """Full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
+    """Geometric control on SE(3): full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
 
     name = "geometric"
     tunable: Mapping[str, Gain] = TUNABLE

@@ -22,7 +22,7 @@ X, Y, VX, VY, ROLL, PITCH = 0, 1, 3, 4, 6, 7
 
 
 class LeadPid(PidCascade):
-    """Position setpoints in, as flown, but those of ``lead_s`` later: whoever streams them shifts the path. What costs
+    """The onboard PID, told position setpoints of ``lead_s`` later: whoever streams them shifts the path. What costs
     nothing and needs no model; anything with a model has to beat it."""
 
     name = "lead_pid"

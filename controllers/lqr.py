@@ -86,7 +86,7 @@ def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarr
 
 
 class Lqr:
-    """Full references in, motor PWM out, at 500 Hz. ``guard`` counts what was replaced."""
+    """Linear-quadratic regulator: full references in, motor PWM out, at 500 Hz. ``guard`` counts what was replaced."""
 
     name = "lqr"
     information = "preview"

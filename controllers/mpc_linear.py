@@ -52,7 +52,7 @@ def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 class MpcDaqp(Linearised):
-    """The condensed program."""
+    """Linear predictive control: the condensed program, solved by an active-set method."""
 
     name = "mpc_daqp"
 
@@ -115,7 +115,7 @@ class MpcDaqp(Linearised):
 
 
 class MpcOsqp(Linearised):
-    """The sparse program."""
+    """Linear predictive control: the sparse program, solved by operator splitting."""
 
     name = "mpc_osqp"
 

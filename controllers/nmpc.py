@@ -76,7 +76,7 @@ def near(residual: np.ndarray) -> int:
 
 
 class Nmpc(MpcDaqp):
-    """13 states and the rotors'. ``iterations``: programs solved for a command."""
+    """Nonlinear predictive control, 13 states and the rotors'. ``iterations``: programs solved for a command."""
 
     name = "nmpc"
 

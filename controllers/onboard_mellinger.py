@@ -19,13 +19,15 @@ TUNABLE = {"mass": Gain(0.029, 0.025, 0.05, "kg"), "kp_xy": around(0.4, "N/m"), 
 
 
 class OnboardMellinger(Mellinger):
-    """Position setpoints in, motor PWM out, at 500 Hz. As released it believes in 0.029 kg and hangs low."""
+    """The vehicle's own Mellinger controller: position setpoints in, motor PWM out, at 500 Hz. As released it
+    believes in 0.029 kg and hangs low."""
 
     name = "onboard_mellinger"
 
 
 class MellingerFull(Mellinger):
-    """The same gains with velocity, acceleration, yaw rate and the body rates that the jerk asks for."""
+    """The vehicle's Mellinger controller, told velocity, acceleration, yaw rate and the rates that the jerk
+    asks for."""
 
     name = "mellinger_full"
     information = "preview"

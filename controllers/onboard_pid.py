@@ -9,6 +9,7 @@ from nanobench_tools.firmware.onboard import PidCascade
 
 
 class OnboardPid(PidCascade):
-    """Position setpoints in, motor PWM out, at 500 Hz; reads state and gyro, knows no derivative of the reference."""
+    """The vehicle's own PID cascade: position setpoints in, motor PWM out, at 500 Hz; reads state and gyro, knows
+    no derivative of the reference."""
 
     name = "onboard_pid"

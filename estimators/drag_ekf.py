@@ -16,14 +16,14 @@ TUNED = setting("estimators.drag_ekf.drag_matrix_ekf")
 
 
 class DragEkf(Inertial):
-    """Linear drag, the same along x and y."""
+    """Dead reckoning on gyro, accelerometer and linear drag, the same along x and y."""
 
     name = "drag_ekf"
     settings: ClassVar = setting("estimators.drag_ekf.drag_ekf")
 
 
 class DragMatrixEkf(Inertial):
-    """Drag with cross terms (2 x 2) and a quadratic part."""
+    """Dead reckoning on gyro, accelerometer and drag with cross terms (2 x 2) and a quadratic part."""
 
     name = "drag_matrix_ekf"
     settings = TUNED

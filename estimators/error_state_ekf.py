@@ -15,7 +15,7 @@ from .inertial import Inertial
 
 
 class ErrorStateEkf(Inertial):
-    """Poses are used while they come; afterwards position follows from gyro, accelerometer and drag alone."""
+    """Error-state filter of poses, gyro and accelerometer; without poses, position follows from IMU and drag alone."""
 
     name = "error_state_ekf"
     settings: ClassVar = setting("estimators.error_state_ekf.error_state_ekf")
@@ -23,7 +23,7 @@ class ErrorStateEkf(Inertial):
 
 
 class Strapdown(Inertial):
-    """The same filter without drag: after the last pose, plain integration of the IMU."""
+    """Error-state filter without drag: after the last pose, plain integration of the IMU."""
 
     name = "strapdown"
     settings: ClassVar = setting("estimators.error_state_ekf.strapdown")

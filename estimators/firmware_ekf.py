@@ -27,7 +27,8 @@ _FIRST_MS = 1000
 
 
 class FirmwareEkf:
-    """Kalman core and 1 kHz task of firmware 2025.12.1 (``nanobench_tools.firmware.kalman``), default noise settings.
+    """The vehicle's own Kalman filter, run again: core and 1 kHz task of firmware 2025.12.1, default noise settings
+    (``nanobench_tools.firmware.kalman``).
 
     Given: the poses in ``mocap``, each applied at its stamp with no delay; the recorded IMU, which is a row per 10 ms
     of what the vehicle had each ms, so the samples between two rows are drawn on a straight line between them

@@ -66,7 +66,8 @@ vehicles bounce and slide on with motors running for as long as this."""
 
 
 class GtsamAided(GtsamBatch):
-    """Batch smoother of poses, IMU, drag and thrust. Without motors or battery it says so and goes on with drag."""
+    """Batch smoother of poses, IMU, drag and thrust; it looks ahead. Without motors or battery it says so and
+    goes on with drag."""
 
     name = "gtsam_aided"
     warms = 9

@@ -60,7 +60,8 @@ CONTRADICTED_M = number("smoothers.gtsam_batch.contradicted_m")
 
 
 class GtsamBatch:
-    """Batch smoother of poses and IMU. ``last`` is the Solution of the last flight: iterations, convergence, states."""
+    """Batch smoother of poses and IMU; it looks ahead. ``last`` is the Solution of the last flight:
+    iterations, convergence, states."""
 
     name = "gtsam_batch"
     causal = False

@@ -32,9 +32,9 @@ says nothing, and the estimate ends there."""
 
 
 class InvariantEkf:
-    """States: attitude, velocity, position, biases and the tracked frame; a late pose is used at the row of its
-    arrival, moved on with the velocity and the rate that the filter has. ``settings`` as of the other inertial rows,
-    those it knows."""
+    """Right-invariant filter of poses, gyro, accelerometer and drag. States: attitude, velocity, position, biases and
+    the tracked frame; a late pose is used at the row of its arrival, moved on with the velocity and the rate that the
+    filter has. ``settings`` as of the other inertial rows, those it knows."""
 
     name = "invariant_ekf"
     causal = True

@@ -68,7 +68,8 @@ class Weights:
 
 
 class LearnedVelocityEkf(Inertial):
-    """``drag_matrix_ekf`` with a learned velocity beside drag. Needs the streams ``motor`` and ``battery``."""
+    """``drag_matrix_ekf`` with a velocity learned from IMU and motors beside drag. Needs the streams
+    ``motor`` and ``battery``."""
 
     name = "learned_velocity_ekf"
     settings: ClassVar = {**TUNED, **OWN}

@@ -27,7 +27,7 @@ OMEGA_FULL_RAD_S = 25000.0 * 2.0 * np.pi / 60.0
 
 
 class PublishedPhysics:
-    """``thrust_to_weight`` limits the thrust at that multiple of the weight."""
+    """The published rigid body, thrust without limit. ``thrust_to_weight`` limits it at that multiple of the weight."""
 
     name = "published_physics"
     information = "state"
@@ -65,7 +65,7 @@ class PublishedPhysics:
 
 
 class PublishedPhysicsRatio2(PublishedPhysics):
-    """The limit as released: twice the weight."""
+    """The published rigid body, thrust limited at twice the weight, as released."""
 
     name = "published_physics_ratio2"
     thrust_to_weight = 2.0

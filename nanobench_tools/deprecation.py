@@ -1,6 +1,6 @@
 """What was renamed goes on working for one release, with a warning that names the new word.
 
-An option: one line of ``FORMER_OPTIONS``. A function, class or constant of a module:
+An option: one line of ``FORMER_OPTIONS``; a name behind an option: of ``FORMER_NAMES``. What a module has:
 ``__getattr__ = renamed(__name__, {"OLD": "package.module:new"})``; ``new()`` is written for a constant that is asked of
 a function today. The line goes with the release after the one that brought it (``version.py``).
 """
@@ -13,8 +13,18 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 FORMER_OPTIONS: dict[str, dict[str, str]] = {
-    "audit": {"--details": "--verbose", "--no-details": "--no-verbose"}}
+    "audit": {"--details": "--verbose", "--no-details": "--no-verbose"},
+    "control": {"--methods": "--learned"},
+    "prove": {"--kinds": "--kind"},
+    "simulate": {"--family": "--trajectory", "--duration": "--seconds", "--method": "--controller"},
+    "sysid": {"--methods": "--learned", "--train-family": "--train-trajectory"}}
 """Verb -> {former spelling of an option: today's}."""
+
+_TRAJECTORIES = {"figure8": "figure_eight", "battery_drain": "hover_until_landing"}
+FORMER_NAMES: dict[str, dict[str, str]] = {
+    "--trajectory": _TRAJECTORIES, "--judge": _TRAJECTORIES, "--learned": {"learned": "all"},
+    "--controller": {"pid": "onboard_pid", "mellinger": "onboard_mellinger"}}
+"""Option of today, whatever the verb -> {former name behind it: today's}."""
 
 
 def warn_renamed(former: str, today: str) -> None:
@@ -24,17 +34,32 @@ def warn_renamed(former: str, today: str) -> None:
 
 
 def todays_options(verb: str, words: Sequence[str]) -> list[str]:
-    """``words`` of a command line with former spellings (``--old 3`` and ``--old=3``) replaced, and a warning for each.
-    What stands behind ``--`` is no option."""
+    """``words`` of a command line with former options and names (``--old 3`` and ``--old=3``) replaced, and a warning
+    for each. What stands behind ``--`` is no option."""
     former = FORMER_OPTIONS.get(verb, {})
     end = words.index("--") if "--" in words else len(words)
     found = list(words)
     for i, word in enumerate(words[:end]):
         option, equals, value = word.partition("=")
-        if option in former:
-            warn_renamed(option, former[option])
-            found[i] = former[option] + equals + value
+        if not equals and i + 1 < end:
+            value = words[i + 1]
+        today = former.get(option, option)
+        name = FORMER_NAMES.get(today, {}).get(value, value)
+        if name != value:
+            warn_renamed(f"{option} {value}", f"{today} {name}")
+            found[i:i + (1 if equals else 2)] = [f"{today}={name}"] if equals else [today, name]
+        elif today != option:
+            warn_renamed(option, today)
+            found[i] = today + word.removeprefix(option)
     return found
+
+
+def todays_name(option: str, name: str) -> str:
+    """``name`` as it is called today where ``option`` takes it, and a warning for a former one."""
+    today = FORMER_NAMES[option].get(name, name)
+    if today != name:
+        warn_renamed(name, today)
+    return today
 
 
 def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:

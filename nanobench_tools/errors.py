@@ -61,3 +61,13 @@ class MissingExtraError(NanobenchError, ImportError):
 
     def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         return type(self), (self.package, self.extra)
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> UsageError:
+    """The error for a name that does not exist: the nearest known one, and all there are.
+
+    >>> str(unknown_name("protocol", "claen", ["clean", "aided"]))
+    "unknown protocol 'claen'; did you mean 'clean'? known: clean, aided"
+    """
+    there = list(known)
+    return UsageError(f"unknown {what} {name!r}; {did_you_mean(name, there)}known: {', '.join(there) or 'none'}")

@@ -12,7 +12,7 @@ import warnings
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .errors import UsageError, did_you_mean
+from .errors import UsageError, unknown_name
 from .user_folder import check_ours, load_module
 
 GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults", "simulators")
@@ -45,9 +45,7 @@ def load(group: str, name: str) -> Any:
         check_ours(entries[name].module)
         return entries[name].load()
     if ":" not in name:
-        known = ", ".join(entries) or "none"
-        raise UsageError(f"unknown name {name!r} among {group}; {did_you_mean(name, entries)}known: {known}; "
-                         "or give module:Class")
+        raise UsageError(f"{unknown_name(group.removesuffix('s'), name, entries)}; or give module:Class")
     module, _, attribute = name.partition(":")
     try:
         found = functools.reduce(getattr, attribute.split("."), load_module(module))

@@ -1,4 +1,4 @@
-"""What ``nanobench sysid --methods learned`` trains: predictors for the same windows as all rows."""
+"""What ``nanobench sysid --learned all`` trains: predictors for the same windows as all rows."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def family_parts(flights: Sequence[Flight], family: str) -> tuple[list[Flight], 
     inside = [family_of(flight) == family for flight in flights]
     if not any(inside):
         known = ", ".join(sorted({family_of(flight) for flight in flights}))
-        raise InputError("--train-family", f"no recording of {family!r}", f"families there are: {known}")
+        raise InputError("--train-trajectory", f"no recording of {family!r}", f"families there are: {known}")
     return ([f for f, mine in zip(flights, inside, strict=True) if mine],
             [f for f, mine in zip(flights, inside, strict=True) if not mine])
 

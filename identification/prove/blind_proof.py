@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.errors import InputError, unknown_name
 from nanobench_tools.harness import Item, RunResult, envelope, item_key, manifest, read_json, write_json
 from nanobench_tools.result import Result
 
@@ -76,7 +76,7 @@ def plan(n: int, seed: int, kinds: Sequence[str] = (), engine: str = "practice")
     """``n`` cases of ``kinds`` (all, in their quotas); engine ``both`` gives every other one to the second engine."""
     unknown = [kind for kind in kinds if kind not in QUOTAS]
     if unknown:
-        raise UsageError(f"--kinds: unknown name {unknown[0]!r}; known: {', '.join(QUOTAS)}")
+        raise unknown_name("kind", unknown[0], QUOTAS)
     whole = n if not kinds else int(2 * n / sum(QUOTAS[k] for k in set(kinds))) + 20
     specs = [s for s in plan_cases(whole, seed) if not kinds or s.kind in kinds][:n]
     return [replace(s, engine=("practice", "rotorpy")[i % 2] if engine == "both" else engine)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .closing import close, same
 from .options import Options, one_line, shared_options
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 EVENTS_UP_TO = 3
 """With at most this many recordings every event of each is shown without being asked for."""
 STYLES = {"fine": "green", "minor": "green", "cut": "yellow", "unusable": "red"}
-NEXT = {"estimate": "where was it, by every estimator", "diagnose": "where is my simulator wrong",
-        "control": "how well was it flown", "thrust": "thrust from PWM and voltage"}
+NEXT = {"estimate": "where was it, by every estimator", "control": "how well was it flown",
+        "thrust": "thrust from PWM and voltage", "motors": "motor lag and speed"}
 """Verb -> what it answers: the first one that the recordings suffice for is the next command."""
 
 
@@ -39,7 +40,7 @@ def audit(options: Options, verbose: bool) -> int:
     audits, copies = options.audit(flights)
     body = audit_body(flights, audits, copies)
     show_audits(options, audits, copies, verbose)
-    options.show(_next(options, body["flights"]))
+    _close(options, body["flights"])
     return options.finish("audit", body)
 
 
@@ -87,16 +88,16 @@ def event_table(verdict: AuditVerdict) -> Table:
     return table
 
 
-def _next(options: Options, entries: Sequence[Mapping[str, Any]]) -> str:
+def _close(options: Options, entries: Sequence[Mapping[str, Any]]) -> None:
     """The result in a line, and the next command."""
     worth = Counter(entry["severity"] for entry in entries)
     counts = ", ".join(f"{worth[severity]} {severity}" for severity in STYLES if worth[severity])
     verb = next((v for v in NEXT if any(not entry["can"][v] for entry in entries)), "")
-    where = " ".join(f"--data {path}" for path in options.data)
-    if not verb:
+    if verb:
+        close(options, counts, NEXT[verb], "nanobench", verb, *same(options))
+    else:
         lacks = Counter(lack for entry in entries for lack in entry["can"].values()).most_common(1)
-        return f"{counts}; no task can use these recordings" + (f": {lacks[0][0]}" if lacks else "")
-    return f"{counts}; next, {NEXT[verb]}: nanobench {' '.join(filter(None, [verb, where]))}"
+        close(options, f"{counts}; no task can use these recordings" + (f": {lacks[0][0]}" if lacks else ""))
 
 
 def numbers_table(audits: Mapping[str, Audit], title: str) -> Table:

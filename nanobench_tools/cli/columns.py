@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from ..errors import InputError, UsageError
+from .closing import close
 from .options import PATH, Options, one_line, shared_options
 
 
@@ -28,7 +29,7 @@ def columns(options: Options, file: Path) -> int:
     body = {"file": str(file), "map": draft.text, "unknown": dict(draft.unknown), "notes": list(draft.notes),
             "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit}
                         for (stream, quantity), (column, unit) in draft.mapped.items()]}
-    target = "MAP.toml"
+    target, written = "MAP.toml", options.out is not None
     if options.out is None:
         options.show(one_line_each(draft.text))
     else:
@@ -46,8 +47,11 @@ def columns(options: Options, file: Path) -> int:
             options.show(one_line(f"not guessed: {column}: {why}"))
         options.out = None
     n = len(draft.mapped)
-    options.show(one_line(f"{n} of {n + len(draft.unknown)} columns mapped; next, after a look at the units: "
-                          f"nanobench audit {file} --columns {target}"))
+    text = f"{n} of {n + len(draft.unknown)} columns mapped"
+    if written:
+        close(options, text, "after a look at the units", "nanobench", "audit", file, "--columns", target)
+    else:
+        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target)
     return options.finish("columns", body)
 
 

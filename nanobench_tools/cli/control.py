@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError, UsageError
+from ..errors import InputError, UsageError, unknown_name
 from ..retiming.votes import evidence_of
+from .closing import close_scores, controlled
 from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .result_bodies import ControlBody
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
@@ -38,15 +39,15 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
               help="Of real flights: as-published or clean; may repeat. Default: both.")
 @click.option("--controller", "controllers", multiple=True, metavar="NAME",
-              help="Real: pid, mellinger or the name of one of your own that flew. Simulated: a registered name or "
-                   "module:Class. May repeat. Default: all.")
+              help="Real: onboard_pid, onboard_mellinger or the name of one of your own that flew. Simulated: a "
+                   "registered name or module:Class. May repeat. Default: all.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the plant. Default: the recorded "
               "vehicle as identified from the training flights of Task 1, which the gate then leaves out.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH",
               help="Identify the plant from these recordings; may repeat.")
 @click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",
-              help="Simulated: a family of paths such as figure8; may repeat. Default: all; for mismatch figure8, "
-                   "star, linear_ramp.")
+              help="Simulated: a family of paths such as figure_eight; may repeat. Default: all; for mismatch "
+                   "figure_eight, star, linear_ramp.")
 @click.option("--speed", "speeds", multiple=True, type=FiniteRange(min=0.05, max=5.0), metavar="M_S",
               help="Simulated: speed along the path [m/s]; may repeat. Default: 0.5 and 1.0.")
 @click.option("--seconds", type=FiniteRange(min=5.0, max=600.0), default=12.0, show_default=True,
@@ -65,7 +66,7 @@ COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_
               metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
               help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")
-@click.option("--methods", "learned", type=click.Choice(["learned"]),
+@click.option("--learned", type=click.Choice(["all"]),
               help="Train policies cloned from the onboard PID; fly them and MPPI on learned dynamics and the plant.")
 @click.option("--dagger", type=click.IntRange(min=0, max=10), default=0, show_default=True, metavar="N",
               help="Learned: rounds in which the onboard PID corrects the policies on the plant.")
@@ -90,7 +91,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
     wanted = tuple(dict.fromkeys(plants or (() if learned else DEFAULT_PLANTS)))
     for name in wanted:
         if name not in PLANTS:
-            raise UsageError(f"unknown plant {name!r}; known: {', '.join(PLANTS)}")
+            raise unknown_name("plant", name, PLANTS)
     for name in protocols:
         task2.check_protocol(name)
     if simulator is not None and train:
@@ -122,6 +123,7 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
         flown, lessons = learned_rows(options, flights, audits, chosen, paths, members, body.gate.summary, dagger,
                                       gains)
         body = replace(body, rows=[*body.rows, *flown], learned=lessons)
+    close_scores(options, controlled(body), "controller")
     return options.finish("control", body)
 
 
@@ -130,17 +132,18 @@ def _real(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audi
     """Rows of the logged flights; ``shared``: names of controllers may also be meant for the simulated ones."""
     from ..protocols import task2
 
-    flew = sorted({audit.controller for audit in audits.values()} - set(task2.UNNAMED))
+    flew = {f"onboard_{name}" if name in task2.CONTROLLERS else name: name
+            for name in sorted({audit.controller for audit in audits.values()} - set(task2.UNNAMED))}
     for name in controllers:
         if name not in flew and not shared:
-            raise UsageError(f"unknown controller {name!r}; known in these recordings: {', '.join(flew) or 'none'}")
+            raise unknown_name("controller of these recordings:", name, flew)
     if options.clock != "as-recorded":
         if set(protocols) - {"clean"}:
             raise UsageError(f"--clock {options.clock} goes with --protocol clean only: the published rows were made "
                              "as recorded")
         protocols = ("clean",)
     flights, audits = options.on_clock(flights, audits)
-    known = tuple(name for name in controllers if name in flew)
+    known = tuple(flew[name] for name in controllers if name in flew)
     if controllers and not known:
         return ControlBody()
     return control_body(options, flights, audits, protocols, known)

@@ -1,4 +1,4 @@
-"""``nanobench control --methods learned``: cloned policies and MPPI, on learned dynamics and on the plant."""
+"""``nanobench control --learned all``: cloned policies and MPPI, on learned dynamics and on the plant."""
 
 from __future__ import annotations
 

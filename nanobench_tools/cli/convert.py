@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
+from .closing import close
 from .options import Options, one_line, shared_options
 
 if TYPE_CHECKING:
@@ -77,7 +78,11 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     result = run_items(items, None, options.jobs, options.scheduler, options.progress, "convert")
     options.failed += result.failed
     count = len(result.values)
-    options.say(f"{count} recording{'s' * (count != 1)} written to {options.out}")
+    text = f"{count} recording{'s' * (count != 1)} written to {options.out}"
+    if to == "parquet":  # a file per stream, for other programs
+        close(options, text)
+    else:
+        close(options, text, "what is in them", "nanobench", "audit", options.out)
     return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()]})
 
 
@@ -105,6 +110,8 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
         options.show(f"{name}: {', '.join(one_line(str(file)) for file in exported.files)}")
         for line in exported.account.lines():
             options.show(f"  {one_line(line)}")
+    close(options, f"{path} written for {', '.join(found)} to {options.out}", "fly this vehicle, simulated",
+          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850", "--simulator", path)
     return options.finish("convert", {"to": to, "simulator": str(path), **exported_body(found)})
 
 

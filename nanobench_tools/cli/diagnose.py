@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import MissingExtraError, UsageError
+from .closing import again, close
 from .diagnose_bound import flexible
 from .options import PATH, Options, shared_options
 from .show import data_word
@@ -125,6 +126,11 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if body.get("bound"):
         options.show(body["bound"].sentence + "\n")
     _write_page(options, verdict, recordings)
+    if options.out is None:
+        close(options, "", "a page, and the corrected simulator where there is one", *again("--out", "diagnosis"))
+    elif verdict.corrected is not None:
+        close(options, "", "fly the corrected vehicle, simulated", "nanobench", "simulate", "--serve",
+              "udp://127.0.0.1:19850", "--simulator", options.out / CORRECTED)
     return options.finish("verdict", body)
 
 

@@ -11,6 +11,7 @@ import click
 
 from ..errors import InputError, UsageError
 from ..retiming.votes import AS_RECORDED, voters, votes
+from .closing import close_scores, estimated
 from .estimate_pictures import aided_bands, attribution, blackout_bands
 from .named_methods import load_methods
 from .options import PATH, FiniteRange, Options, one_line, shared_options
@@ -116,6 +117,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
                          aidings=grid(rates, delays, noises, losses))
     if explained:
         body = replace(body, attribution=attribution(options, flights, audits))
+    close_scores(options, estimated(body), "estimator")
     return options.finish("estimate", body)
 
 

@@ -11,6 +11,7 @@ import click
 
 from ..errors import UsageError
 from ..result import INLINE, OPTIONAL, Result
+from .closing import again, close
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
 from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .record import RecordBody, say_export, toc_cache
@@ -100,6 +101,8 @@ def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> 
     for phase, time_s, text in sent:
         table.add_row(phase, f"{time_s:.2f}", one_line(text))
     options.show(table)
+    close(options, f"{len(sent)} set-points shown, nothing was sent", "a simulated vehicle to fly",
+          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850")
     return options.finish("fly", {"synthetic": True, "sent": [list(row) for row in sent]})
 
 
@@ -129,6 +132,11 @@ def _fly(options: Options, request: Request) -> int:
     elif result.raw is not None:
         options.say(f"what was recorded is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
+    said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"landed early: {stop}" if stop else "flown")
+    if body.recording is not None:
+        close(options, said, "is it a good recording", "nanobench", "audit", body.recording.csv)
+    else:
+        close(options, said, "fly it again and keep it", *again("--record", "flights"))
     if stop is not None:
         options.failed.append({"item": "fly", "file": request.uri, "error": f"landed early: {stop}"})
     code = options.finish("fly", body)

@@ -47,12 +47,16 @@ VERBS: dict[str, tuple[str, str]] = {
                "nanobench record --uri URI --seconds 10 --out flights"),
     "convert": ("Recordings or a simulator.toml into another format.",
                 "nanobench convert LOGS --to parquet --out DIR"),
+    "new": ("A method of your own to begin with, with its test.", "nanobench new estimator my_estimator"),
     "columns": ("Draft a column map for a table of your own.", "nanobench columns FILE --out columns.toml"),
     "sources": ("Formats that are read, and what each is good for.", "nanobench sources"),
     "settings": ("Numbers set by looking at data, and what they were set on.", "nanobench settings audit"),
     "report": ("One HTML page from the result files of a folder.", "nanobench report --out results"),
 }
 """Verb -> one line of help, an example. Help is printed from here, so that no verb is loaded for it."""
+
+LISTED = ("audit", "control", "convert", "diagnose", "estimate", "fly", "prove", "simulate", "sysid", "tune")
+"""Verbs with --list, see ``listing.LISTS``."""
 
 DONE, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
 
@@ -68,6 +72,10 @@ class Verbs(click.Group):
             return None
         command: click.Command = getattr(importlib.import_module(f"nanobench_tools.cli.{cmd_name}"), cmd_name)
         command.epilog = command.epilog or f"Example: {VERBS[cmd_name][1]}"
+        if cmd_name in LISTED and not any(parameter.name == "list" for parameter in command.params):
+            from .listing import list_option
+
+            command.params.append(list_option(cmd_name))
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str],
@@ -111,6 +119,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         keep_ours()
         with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes
+            context.meta["nanobench.words"] = words  # see ``closing``
             code = cli.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else DONE

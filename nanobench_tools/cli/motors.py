@@ -13,6 +13,7 @@ import click
 from ..errors import MissingExtraError, UsageError
 from ..physics.vehicle import BOUNDS
 from ..result import to_json
+from .closing import again, close
 from .options import PATH, Options, no_paths_beside, one_line, shared_options
 from .show import data_word
 
@@ -62,7 +63,15 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     for entry in found.left_out:
         options.say(f"left out: {one_line(entry.flight)}: {one_line(entry.reason)}")
     _show(options, found)
-    return options.finish("motors", to_json(replace(found, simulator=_write(options, study, found))))
+    simulator, lag = _write(options, study, found), found.lag.fit
+    result = (f"motor lag {1e3 * lag.tau_up_s:.1f} ms up, {1e3 * lag.tau_down_s:.1f} ms down, delay "
+              f"{1e3 * lag.delay_s:.1f} ms; speed from PWM by {found.speed.best or 'no map'}")
+    if simulator is None:
+        close(options, result, "as simulator.toml", *again("--out", "motors"))
+    else:
+        close(options, result, "for another simulator", "nanobench", "convert", simulator, "--to", "rotorpy", "--out",
+              Path(simulator).parent / "rotorpy")
+    return options.finish("motors", to_json(replace(found, simulator=simulator)))
 
 
 def _write(options: Options, study: Study, found: MotorResult) -> str | None:

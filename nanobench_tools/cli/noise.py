@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError
+from .closing import again, close, same
 from .options import Options, shared_options
 from .show import data_word
 
@@ -71,6 +72,13 @@ def noise(options: Options) -> int:
                       "gyro": float(np.median([p[1] for p in rows]))} for (low, high), rows in flown.power.items()]}
     _show(options, body)
     body["file"] = _write(options, result, body)
+    text = (f"gyro {result.gyro_rad_s_sqrtHz:.2g} rad/s/sqrt(Hz), accelerometer {result.acc_m_s2_sqrtHz:.2g} "
+            "m/s²/sqrt(Hz)")
+    if body["file"] is None:
+        close(options, text, "as a file for estimators", *again("--out", "noise"))
+    else:
+        close(options, text, "an estimator that reckons with it", "nanobench", "estimate", *same(options), "--protocol",
+              "aided", "--method", "error_state_ekf", "--imu-noise", body["file"])
     return options.finish("noise", body)
 
 

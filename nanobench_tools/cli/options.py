@@ -240,9 +240,10 @@ class Options:
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
-    def show(self, table: Any) -> None:
-        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. In a file or pipe a row of a table is
-        one line, however wide. A reader that has gone (head, less) does not stop the work."""
+    def show(self, table: Any, fold: bool = True) -> None:
+        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. In a file or pipe a row of a table or a
+        text is one line, however wide. ``fold=False``: a text is one line on a terminal too, so that it can be copied.
+        A reader that has gone (head, less) does not stop the work."""
         if self.quiet or str(self.json) == "-":
             return
         from rich.console import Console
@@ -259,9 +260,9 @@ class Options:
             size = Measurement.get(wide, wide.options, table)
             console.width = max(console.width, size.minimum if terminal else size.maximum)
         with console.capture() as text:
-            console.print(table)
+            console.print(table, soft_wrap=isinstance(table, str) and not (terminal and fold))
         try:
-            sys.stdout.write(text.get())
+            sys.stdout.write("\n".join(line.rstrip() for line in text.get().split("\n")))  # no padding
             sys.stdout.flush()
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -11,6 +11,7 @@ import click
 
 from ..errors import InputError, MissingExtraError, UsageError
 from ..result import to_json
+from .closing import again, close, shown_page
 from .options import PATH, Options, one_line, shared_options
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .show import data_word
@@ -32,7 +33,7 @@ DEFAULT_PLACES = "the default places"
 @shared_options("data", "columns", "clock")
 @click.option("--cases", type=click.IntRange(min=1), metavar="N",
               help=f"How many. Default: {CASES}, or {REAL_CASES} with --concealed.")
-@click.option("--kinds", multiple=True, metavar="KIND",
+@click.option("--kind", "kinds", multiple=True, metavar="KIND",
               help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
 @click.option("--engine", type=click.Choice(("practice", "rotorpy", "both")), default="both", show_default=True,
               help="Who flies: the engine of this project, RotorPy, or each every other case. What RotorPy cannot fly, "
@@ -70,7 +71,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     if real is not None:
         if concealed is not None or kinds or labels is None:
             raise UsageError("--real needs --labels FILE" if labels is None else
-                             "--real goes with neither --concealed nor --kinds")
+                             "--real goes with neither --concealed nor --kind")
         return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg)))
     if labels is not None or normal is not None or simulator is not None:
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
@@ -81,7 +82,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
             raise MissingExtraError("rotorpy", "rotorpy")
         return options.finish("prove", {**to_json(_blind(options, cases or CASES, kinds, engine)), "synthetic": True})
     if kinds:
-        raise UsageError("--kinds and --concealed do not go together")
+        raise UsageError("--kind and --concealed do not go together")
     return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG)))
 
 
@@ -100,6 +101,7 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof
     found = proof_of(sealed, open_and_score(sealed, verdicts, options.out))
     show_proof(options, found, "SYNTHETIC")
     options.show(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
+    _close(options, found.summary.right, found.summary.cases, found.summary.false_names)
     return found
 
 
@@ -128,6 +130,7 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProo
     scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
     found = RealProof(tuple(scored), summarise(scored), power_by_term(scored), tuple(train))
     show_real(options, found)
+    _close(options, found.summary.right, found.summary.cases, found.summary.false_names)
     return found
 
 
@@ -158,8 +161,15 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
         write_steady_page({**judged.verdicts, **{LEAVE_ONE_OUT + n: v for n, v in judged.alarms.items()}},
                           options.out / "report.html", options.synthetic, sentences(found), (HEADS, rows(found)),
                           to_json(found.summary.dose.all_motors))
-        options.say(str(options.out / "report.html"))
+        close(options, "", "see the verdicts", *shown_page(options.out / "report.html"))
+    else:
+        close(options, "", "the verdicts as a page", *again("--out", "proof"))
     return found
+
+
+def _close(options: Options, right: int, cases: int, false_names: int) -> None:
+    close(options, f"{right} of {cases} cases right, false names in {false_names}",
+          "other cases", *again("--seed", options.seed + 1))
 
 
 def show_proof(options: Options, found: Proof, word: str) -> None:

@@ -13,6 +13,7 @@ import click
 
 from ..errors import UsageError
 from ..result import Result
+from .closing import close
 from .options import PATH, FiniteRange, Options, shared_options
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def record(options: Options, uri: str | None, blocks: Path | None, mocap: str | 
         if uri is None or options.out is None:
             raise UsageError("--uri URI and --out DIR are needed (or --export FILE)")
         found = _record(options, uri, options.out, blocks, mocap, seconds, stamps)
+    close(options, f"recorded: {found.csv}", "is it a good recording", "nanobench", "audit", found.csv)
     return options.finish("record", found)
 
 

@@ -7,7 +7,11 @@ from typing import Any
 import click
 
 from ..errors import InputError, UsageError
+from .closing import close, shown_page
 from .options import Options, shared_options
+
+RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
+"""Result files the page is made from, ``<name>.json``."""
 
 
 @click.command()
@@ -15,12 +19,12 @@ from .options import Options, shared_options
 def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
-    Reads audit.json, estimate.json, sysid.json, thrust.json, control.json and verdict.json in --out (or in the one
-    PATH), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The pictures of
-    single flights need the recordings: those of --data, else of the default places, that audit.json names by content;
-    without them the page has none.
+    Reads audit.json, estimate.json, sysid.json, thrust.json and control.json in --out (or in the one PATH), as far as
+    they are there, and writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights
+    need the recordings: those of --data, else of the default places, that audit.json names by content; without them
+    the page has none.
     """
-    from ..pages.report_page import RESULTS, write_report
+    from ..pages import write_report
     from ..result_files import read_json
 
     if options.out is None and len(options.data) == 1 and any(
@@ -38,7 +42,8 @@ def report(options: Options) -> int:
     flights = recordings(options, results)
     synthetic = any(body.get("synthetic") for body in results.values())
     path = write_report(options.out, results, flights, {}, synthetic)
-    options.say(f"{path} ({path.stat().st_size / 1e6:.1f} MB, {len(flights)} recordings)")
+    close(options, f"{path} ({path.stat().st_size / 1e6:.1f} MB, {len(flights)} "
+          f"recording{'s' * (len(flights) != 1)})", "see it", *shown_page(path))
     return options.exit_code()
 
 

@@ -14,6 +14,7 @@ from ..errors import NanobenchError
 from ..result import Result
 from ..retiming.votes import CLOCKS
 from .audit import audit_body, show_audits
+from .closing import close, shown_page
 from .options import Options, shared_options
 
 OUT = Path("results")
@@ -36,6 +37,9 @@ def run(options: Options, clock_name: str | None, practice: bool) -> int:
     all result files in one: audit, estimate, control, sysid.
     """
     results = main_job(options, practice, clock_name)
+    page = (options.out or OUT) / "report.html"
+    close(options, f"{page}, tables as CSV and LaTeX and all results as JSON in {page.parent}", "see it",
+          *shown_page(page))
     if options.json is not None:
         options.write_json(options.envelope("run", results))
     return options.exit_code()
@@ -85,8 +89,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
             body = {"rows": []}
         keep(name, body, options.failed[before:])
     options.say(f"[{steps}/{steps}] report")
-    page = write_report(out, results, flights, audits, options.synthetic)
-    options.say(f"{page}, tables as CSV and LaTeX and all results as JSON in {out}")
+    write_report(out, results, flights, audits, options.synthetic)
     return results
 
 

@@ -7,23 +7,25 @@ from typing import Any
 import click
 
 from ..errors import UsageError
+from .closing import close
 from .options import FiniteRange, Options, shared_options
 from .simulate_serve import SERVE_OPTIONS, serve, serve_options
 
-KNOWN = "pid, mellinger, a registered name or module:Class"
+KNOWN = "A registered name (see --list) or module:Class"
 
 
 @click.command()
 @shared_options("data", "columns", "jobs", "scheduler", "clock")
 @click.option("--flights", type=click.IntRange(min=1), default=12, show_default=True, metavar="N", help="How many.")
-@click.option("--family", "families", multiple=True, metavar="NAME",
+@click.option("--trajectory", "families", multiple=True, metavar="NAME",
               help="circle, figure_eight, helix, linear_ramp, oval, star, trefoil, lissajous, which are the default in "
                    "turn; multisine_sysid, random_waypoints, staircase_climb, hover_until_landing. May repeat.")
 @click.option("--speed", "speeds", multiple=True, type=click.Choice(("slow", "medium", "fast")),
               help="May repeat. Default: all in turn.")
-@click.option("--controller", "--method", "controller", metavar="NAME",
-              help=f"{KNOWN}. Default: two of three pid, the others mellinger.")
-@click.option("--duration", "duration_s", type=FiniteRange(min=1.0), metavar="S", help="Length of every path [s].")
+@click.option("--controller", metavar="NAME",
+              help=f"{KNOWN}. Default: two of three onboard_pid, the others onboard_mellinger.")
+@click.option("--seconds", "duration_s", type=FiniteRange(min=1.0), metavar="S",
+              help="Length of every path [s]; with --serve: end by itself.")
 @click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
 @click.option("--wander-ms", type=FiniteRange(min=0.0), default=0.0, show_default=True,
@@ -39,28 +41,22 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     `nanobench fly` and `nanobench record` until Ctrl-C.
     """
     if serve_uri is not None:
-        return serve(options, serve_uri, served)
+        return serve(options, serve_uri, {**served, "seconds": duration_s})
     if any(served[name] is not None and served[name] is not False for name in SERVE_OPTIONS):
         raise UsageError("options of a served vehicle go with --serve URI")
-    from ..practice import CONTROLLERS, FAMILIES, LoggingChain, write_practice
-    from ..registry import names
+    from ..practice import CONTROLLERS, LoggingChain, write_practice
+    from ..practice.references import family_named
     from ..signals.controller import RESERVED
     from .named_methods import load_methods
 
     if options.out is None:
         raise UsageError("--out DIR is needed")
-    unknown = [name for name in families if name not in FAMILIES]
-    if unknown:
-        raise UsageError(f"--family: unknown name {unknown[0]!r}; known: {', '.join(FAMILIES)}")
-    how: dict[str, Any] = {"families": families or None, "duration_s": duration_s}
+    how: dict[str, Any] = {"families": tuple(map(family_named, families)) or None, "duration_s": duration_s}
     if speeds:
         how["speeds"] = speeds
-    if controller in CONTROLLERS:
-        how["controllers"] = (controller,)
+    if controller is not None and (onboard := controller.removeprefix("onboard_")) in CONTROLLERS:
+        how["controllers"] = (onboard,)
     elif controller is not None:
-        if ":" not in controller and controller not in names("controllers"):
-            raise UsageError(f"--controller: unknown name {controller!r}; known: "
-                             f"{', '.join([*CONTROLLERS, *names('controllers')])}; or give module:Class")
         own = load_methods("controllers", [controller])[0]
         if own.name in RESERVED:
             raise UsageError(f"--controller: {controller} is called {own.name!r}, which in recordings means what the "
@@ -69,5 +65,6 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     chain = LoggingChain(offset_s=1e-3 * offset_ms, drift=1e-6 * drift_ppm, wander_sd_s=1e-3 * wander_ms)
     paths = write_practice(options.out, flights, options.seed, suffix=suffix, chain=chain,
                            progress=lambda done, n: options.say(f"{done} of {n} flown"), **how)
-    options.say(f"{len(paths)} SYNTHETIC recordings written to {options.out}")
+    close(options, f"{len(paths)} SYNTHETIC recording{'s' * (len(paths) != 1)} written to {options.out}",
+          "what is in them", "nanobench", "audit", options.out)
     return options.finish("simulate", {"synthetic": True, "files": [path.name for path in paths]})

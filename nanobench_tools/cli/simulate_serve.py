@@ -77,11 +77,10 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
                  "ours."),
     click.option("--bind-anywhere", is_flag=True, default=None, help="Served: allow an address that others on the net "
                  "can reach."),
-    click.option("--seconds", "seconds", type=FiniteRange(min=0.0), metavar="S", help="Served: end by itself."),
 )
 SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
                  "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad", "mocap_delay_s",
-                 "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere", "seconds")
+                 "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere")
 
 
 def serve_options(function: Callable[..., Any]) -> Callable[..., Any]:

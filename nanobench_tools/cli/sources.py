@@ -6,6 +6,7 @@ import inspect
 
 import click
 
+from .closing import close
 from .options import Options, one_line, shared_options
 
 GOOD_FOR: dict[str, tuple[str, str]] = {
@@ -31,6 +32,7 @@ def sources(options: Options) -> int:
     from rich.table import Table
 
     from ..registry import load_all
+    from ..sources.discover import default_data
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("source", "format", "good for"):
@@ -42,6 +44,7 @@ def sources(options: Options) -> int:
     for name, (what, use) in found.items():
         table.add_row(one_line(name), one_line(what), one_line(use))
     options.show(table)
-    options.show(f"{len(found)} formats; next: nanobench audit PATH")
+    close(options, f"{len(found)} formats", *(("what is in yours", "nanobench", "audit") if default_data() else (
+        "recordings to try", "nanobench", "simulate", "--flights", "3", "--out", "practice")))
     return options.finish("sources", {"sources": [{"source": name, "format": what, "good_for": use}
                                                   for name, (what, use) in found.items()]})

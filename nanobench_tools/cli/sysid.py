@@ -12,6 +12,7 @@ import click
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from ..retiming.votes import AS_RECORDED, evidence_of
+from .closing import close, close_scores, predicted, same
 from .named_methods import load_methods
 from .options import PATH, Options, no_paths_beside, shared_options
 from .result_bodies import ClockModels, SysidBody
@@ -42,12 +43,13 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle.")
-@click.option("--methods", "learned", type=click.Choice(["learned", "own"]),
+@click.option("--learned", type=click.Choice(["all", "own"]),
               help="Train and score learned rows too: published networks and networks on the fitted physics, or these "
                    "(own) alone.")
 @click.option("--epochs", type=click.IntRange(min=1), default=500, show_default=True,
               help="Of the published networks.")
-@click.option("--train-family", metavar="NAME", help="Train on the recordings of this family, test on all others.")
+@click.option("--train-trajectory", "train_family", metavar="NAME",
+              help="Train on the recordings of this trajectory, test on all others.")
 def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], test: tuple[Path, ...], wanted: str,
           mass_kg: float, learned: str | None, epochs: int, train_family: str | None) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
@@ -65,7 +67,7 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     if train:
         no_paths_beside(options, "--train")
     if train and train_family:
-        raise UsageError("--train and --train-family both choose what trains; give one")
+        raise UsageError("--train and --train-trajectory both choose what trains; give one")
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
@@ -85,9 +87,15 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         from identification.learned.learned_study import family_parts
 
         parts = family_parts(flights, train_family)
-    return options.finish("sysid", sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
-                                              epochs=epochs if learned else None, published=learned != "own",
-                                              recorded=recorded))
+    body = sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
+                      epochs=epochs if learned else None, published=learned != "own", recorded=recorded)
+    if options.out is not None and body.models.simulator is not None:
+        options.data = tuple(test) or options.data
+        close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
+              "--simulator", body.models.simulator)
+    else:
+        close_scores(options, predicted(body), "predictor")
+    return options.finish("sysid", body)
 
 
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],

@@ -1,4 +1,4 @@
-"""The learned rows of ``nanobench sysid --methods learned``: trained, or found again in checkpoints."""
+"""The learned rows of ``nanobench sysid --learned all``: trained, or found again in checkpoints."""
 
 from __future__ import annotations
 

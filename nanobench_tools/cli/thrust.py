@@ -10,6 +10,7 @@ import click
 
 from ..errors import InputError, UsageError
 from ..result import to_json
+from .closing import again, close, shown_page
 from .options import PATH, Options, no_paths_beside, one_line, shared_options
 from .show import data_word
 
@@ -56,6 +57,16 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     found = thrust_result(options, flights, parts, mass_kg)
     if options.out is not None:
         _write(options, options.out, found)
+    part = found.flight or found.stand
+    _, factor, digits = UNITS["flight" if found.flight is not None else "stand"]
+    unit = UNITS["flight" if found.flight is not None else "stand"][0]
+    result = "no map is a result" if found.best is None or part is None else (
+        f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on training "
+        "files held out in turn")
+    if options.out is None:
+        close(options, result, "as files", *again("--out", "thrust"))
+    else:
+        close(options, result, "see it", *shown_page(options.out / "thrust.html"))
     return options.finish("thrust", to_json(found))
 
 

@@ -13,6 +13,7 @@ import click
 from ..errors import UsageError
 from ..harness.progress import Progress, Task
 from ..result import OPTIONAL, Result, to_json
+from .closing import again, close
 from .options import PATH, FiniteRange, Options, one_line, shared_options
 
 if TYPE_CHECKING:
@@ -195,11 +196,19 @@ def _show(options: Options, controller: str, judged: Sequence[PathSpec], before:
     if report.as_they_were:
         options.show(f"{one_line(controller)}: {report.trials} trials found no gains that are better on plants not "
                      "searched on; they stay as they are")
+        _close(options, controller, report)
         return
     word = "better" if found.better else "not shown to be better"
     options.show(f"{one_line(controller)} tuned is {word}: RMSE {found.ratio:.3f} times what it was (95 % "
                  f"{found.ci95[0]:.3f} to {found.ci95[1]:.3f}), {found.lost_before} of "
                  f"{found.paths * found.plants} flights lost before, {found.lost_after} after; "
                  f"{report.trials} trials")
-    if report.file is not None:
-        options.show(one_line(f"gains: {report.file}"))
+    _close(options, controller, report)
+
+
+def _close(options: Options, controller: str, report: Report) -> None:
+    if report.file is None:
+        close(options, "", "keep the gains", *again("--out", "tuned"))
+    else:
+        close(options, f"gains: {report.file}", "against the gains as they are", "nanobench", "control", "--plant",
+              "simulated", "--controller", controller, "--gains", report.file)

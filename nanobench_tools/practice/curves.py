@@ -72,13 +72,14 @@ def planner(share: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def circle(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Radius ``radius_m``, counter-clockwise, starts at (radius, 0)."""
+    """Circle of ``radius_m``, counter-clockwise, starts at (radius, 0)."""
     r = params["radius_m"]
     return _harmonics(t, params["speed_mps"] / r, [(0, 1, r, QUARTER), (1, 1, r, 0.0)], _height(params))
 
 
 def figure_eight(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Lemniscate of Gerono x = A sin, y = A sin cos, A = ``scale_m``; a lap is counted as 4 sqrt(2) A."""
+    """Figure eight, the lemniscate of Gerono: x = A sin, y = A sin cos, A = ``scale_m``; a lap is counted as
+    4 sqrt(2) A."""
     size = params["scale_m"]
     w = 2.0 * np.pi * params["speed_mps"] / (4.0 * np.sqrt(2.0) * size)
     return _harmonics(t, w, [(0, 1, size, 0.0), (1, 2, size / 2.0, 0.0)], _height(params))
@@ -104,7 +105,7 @@ def oval(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def star(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Pentagram of corners on ``radius_m``, its five edges at constant speed; the acceleration is zero on them."""
+    """Pentagram with corners on ``radius_m``, its five edges at constant speed; the acceleration is zero on them."""
     r, speed = params["radius_m"], params["speed_mps"]
     corner = 2.0 * np.pi * 2.0 / 5.0 * np.arange(6)
     corners = r * np.stack([np.cos(corner), np.sin(corner), np.zeros(6)], axis=1)
@@ -128,7 +129,7 @@ def trefoil(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def linear_ramp(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Along x to ``distance_m`` and back once in ``duration_s`` at constant speed."""
+    """Straight along x to ``distance_m`` and back once in ``duration_s`` at constant speed."""
     speed = 2.0 * params["distance_m"] / params["duration_s"]
     out = t < params["duration_s"] / 2.0
     p, v, a, j = np.zeros((4, len(t), 3))
@@ -138,7 +139,8 @@ def linear_ramp(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def lissajous(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """x = A_x sin(``freq_x`` s + phase), y = A_y sin(``freq_y`` s); lap length by summing 20,000 chords."""
+    """Lissajous figure x = A_x sin(``freq_x`` s + phase), y = A_y sin(``freq_y`` s); lap length by summing
+    20,000 chords."""
     fx, fy = params["freq_x"], params["freq_y"]
     terms = [(0, fx, params["amplitude_x_m"], np.radians(params["phase_deg"])), (1, fy, params["amplitude_y_m"], 0.0)]
     lap = _harmonics(np.linspace(0.0, 2.0 * np.pi, 20_001), 1.0, terms, np.zeros(3)).position_m
@@ -147,7 +149,8 @@ def lissajous(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def hover_until_landing(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """At (0, 0, ``altitude_m``); it is landed when the battery has fallen to ``min_voltage``, which no curve knows."""
+    """Hover at (0, 0, ``altitude_m``); it is landed when the battery has fallen to ``min_voltage``, which no
+    curve knows."""
     p, v, a, j = np.zeros((4, len(t), 3))
     return PathPoint(p + _height(params), v, a, j)
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from .. import array_fields
-from ..errors import UsageError
+from ..errors import unknown_name
 from ..firmware.onboard import PERIOD_S, ControllerLog, Mellinger, PidCascade
 from ..methods import Reference, VehicleState
 
@@ -27,7 +27,7 @@ class OnboardFleet:
     def __init__(self, names: Sequence[str]) -> None:
         unknown = sorted(set(names) - set(CONTROLLERS))
         if unknown:
-            raise UsageError(f"unknown controller {unknown[0]!r}; known: {', '.join(CONTROLLERS)}")
+            raise unknown_name("controller", unknown[0], CONTROLLERS)
         self.name = "+".join(sorted(set(names)))
         self._rows = {name: np.flatnonzero(np.array(names) == name) for name in CONTROLLERS if name in names}
         self._parts = {name: CONTROLLERS[name]() for name in self._rows}

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError
+from ..deprecation import todays_name
+from ..errors import UsageError, unknown_name
 from ..methods import Reference
 from .courses import minimum_snap, time_optimal_eight
 from .curves import (
@@ -139,14 +140,21 @@ ID_NAME = {"figure_eight": "figure8", "hover_until_landing": "battery_drain"}
 """Where the published trajectory_id spells a family differently from its trajectory_type."""
 
 
+def family_named(name: str) -> str:
+    """The family that ``name`` means; a former name warns. Raises UsageError with the nearest one for an unknown."""
+    family = todays_name("--trajectory", name)
+    if family not in FAMILIES:
+        raise unknown_name("trajectory", name, FAMILIES)
+    return family
+
+
 def path_spec(family: str = "circle", speed: str = "medium", *, speed_m_s: float | None = None,
               **params: Any) -> PathSpec:
     """The published parameters of a family at a speed, with ``speed_m_s`` and ``params`` replacing some of them.
 
     Raises UsageError for an unknown family, speed or parameter.
     """
-    if family not in FAMILIES:
-        raise UsageError(f"unknown family {family!r}; known: {', '.join(FAMILIES)}")
+    family = family_named(family)
     found = FAMILIES[family]
     if speed not in found.speeds:
         raise UsageError(f"unknown speed {speed!r}; known: {', '.join(found.speeds)}")

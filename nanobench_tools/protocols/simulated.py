@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from .. import so3
-from ..errors import UsageError
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
-from ..practice.references import FAMILIES, ID_NAME, RECORDED, PathSpec, path_spec
+from ..practice.references import FAMILIES, RECORDED, PathSpec, family_named, path_spec
 from ..result import OPTIONAL, Result
 
 TICK_S = 0.01
@@ -141,13 +140,10 @@ class MismatchRow(Result):
 
 
 def specs_of(names: Sequence[str], speeds: Sequence[float], seconds: float = SECONDS) -> list[PathSpec]:
-    """Paths by family (the sheets' short names too) and speed; a family of one speed once. Raises UsageError."""
-    short = {value: key for key, value in ID_NAME.items()}
+    """Paths by family and speed; a family of one speed once. Raises UsageError."""
     found = []
     for given in names or RECORDED:
-        name = short.get(given, given)
-        if name not in FAMILIES:
-            raise UsageError(f"unknown trajectory {given!r}; known: {', '.join([*FAMILIES, *short])}")
+        name = family_named(given)
         many = "speed_mps" in {**FAMILIES[name].defaults, **FAMILIES[name].speeds["slow"]}
         found += [path_spec(name, "slow", duration_s=seconds, **({"speed_m_s": float(v)} if many else {}))
                   for v in (speeds or SPEEDS_M_S)[:None if many else 1]]

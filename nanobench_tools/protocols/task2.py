@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import so3
 from ..auditing import Audit
-from ..errors import InputError, UsageError
+from ..errors import InputError, unknown_name
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
@@ -98,7 +98,7 @@ class TrackingRow(Result):
 def check_protocol(name: str) -> None:
     """UsageError that lists the protocols there are."""
     if name not in PROTOCOLS:
-        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(PROTOCOLS)}")
+        raise unknown_name("protocol", name, PROTOCOLS)
 
 
 def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:

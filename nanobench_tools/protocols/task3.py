@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import so3
 from ..auditing import Audit
-from ..errors import InputError, UsageError
+from ..errors import InputError, unknown_name
 from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
@@ -72,7 +72,7 @@ class Case:
 def check_protocol(name: str) -> None:
     """UsageError that lists the protocols there are."""
     if name not in KNOWN:
-        raise UsageError(f"unknown protocol {name!r}; known: {', '.join(KNOWN)}")
+        raise unknown_name("protocol", name, KNOWN)
 
 
 def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import UsageError
 from ..methods import Reference
 from ..practice.curves import planner
-from ..practice.references import FAMILIES, ID_NAME, PathSpec, path_spec
+from ..practice.references import FAMILIES, PathSpec, family_named, path_spec
 from ..so3 import wrap_angle
 
 TAKEOFF, HOVER, APPROACH, FADE_IN, PATH, FADE_OUT, HOVER_END, LANDING = PHASES = (
@@ -31,11 +31,8 @@ SPEED_LABELS = ((0.6, "slow"), (0.85, "medium"), (np.inf, "fast"))
 
 
 def chosen_path(name: str, speed_m_s: float | None, size_m: float | None, duration_s: float | None) -> PathSpec:
-    """The path of a family at a speed; the sheets' short names work too. Raises UsageError."""
-    short = {value: key for key, value in ID_NAME.items()}
-    family = short.get(name, name)
-    if family not in FAMILIES:
-        raise UsageError(f"--trajectory: unknown name {name!r}; known: {', '.join([*FAMILIES, *short])}")
+    """The path of a family at a speed. Raises UsageError."""
+    family = family_named(name)
     label = next(text for most, text in SPEED_LABELS if (0.5 if speed_m_s is None else speed_m_s) <= most)
     known = {**FAMILIES[family].defaults, **FAMILIES[family].speeds["slow"]}
     params: dict[str, float] = {}

@@ -13,7 +13,7 @@ import pytest
 import nanobench_tools as nb
 from nanobench_tools import Flight, InputError, UsageError
 
-EXAMPLES = ("loading", "audited", "practised", "reported")
+EXAMPLES = ("loading", "audited", "practised")
 LONG_EXAMPLES = ("estimated", "fitted", "diagnosed")
 
 

@@ -116,7 +116,7 @@ def test_the_command_says_it_in_a_screen(real_data, tmp_path, capsys):
     out = capsys.readouterr().out
     assert len(out.splitlines()) <= 24
     assert "s of flight usable" in out
-    assert "next, where was it" in out
+    assert "Next, where was it" in out
     (entry,) = json.loads((tmp_path / "a.json").read_text())["flights"]
     assert entry["severity"] == "minor"
     assert entry["usable"]

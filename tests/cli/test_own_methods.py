@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from nanobench_tools import Controller, Estimator, Predictor
+from nanobench_tools.cli.new import STARTERS
 from nanobench_tools.sources.discover import load_recordings
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "references"
 COMMAND = str(Path(sys.executable).with_name("nanobench"))
 METHODS = {"estimators": ("own_estimator", "GyroAndLine"), "predictors": ("own_predictor", "StraightOn"),
            "controllers": ("own_controller", "TiltAndTurn")}
@@ -25,7 +25,7 @@ def installed(tmp_path_factory):
     lines = ["[metadata]", "name = nanobench-own-methods", "version = 1.0", "[options]", "py_modules ="]
     lines += [f"    {module}" for module, _ in METHODS.values()] + ["[options.entry_points]"]
     for group, (module, name) in METHODS.items():
-        (project / f"{module}.py").write_text((EXAMPLES / f"{module}.py").read_text())
+        (project / f"{module}.py").write_text((STARTERS / f"{module}.py.txt").read_text())
         lines += [f"nanobench.{group} =", f"    {module} = {module}:{name}"]
     (project / "setup.cfg").write_text("\n".join(lines) + "\n")
     (project / "pyproject.toml").write_text('[build-system]\nrequires = ["setuptools"]\n'
@@ -48,7 +48,7 @@ def way(request, tmp_path):
         module, name = METHODS[group]
         if request.param == "entry point":
             return module, request.getfixturevalue("installed"), tmp_path
-        (tmp_path / f"{module}.py").write_text((EXAMPLES / f"{module}.py").read_text())
+        (tmp_path / f"{module}.py").write_text((STARTERS / f"{module}.py.txt").read_text())
         return f"{module}:{name}", tmp_path / "nothing", tmp_path
 
     return give
@@ -76,8 +76,8 @@ def test_an_own_predictor_is_scored(way, recordings, tmp_path):
 @pytest.mark.parametrize("way", ["entry point"], indirect=True)  # module:Class flies in practice/test_simulate_cli.py
 def test_an_own_controller_flies(way):
     name, path, cwd = way("controllers")
-    done = launched("simulate", "--controller", name, "--flights", 1, "--family", "circle", "--speed", "slow",
-                     "--duration", 5, "--out", "flown", path=path, cwd=cwd)
+    done = launched("simulate", "--controller", name, "--flights", 1, "--trajectory", "circle", "--speed", "slow",
+                     "--seconds", 5, "--out", "flown", path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     flight = load_recordings([cwd / "flown"]).flights[0]
     assert flight.provenance.synthetic
@@ -88,16 +88,18 @@ def test_an_own_controller_flies(way):
     assert mocap["pz"][streamed].min() > 0.7
 
 
-def test_the_examples_are_short_and_are_what_they_claim(monkeypatch):
-    monkeypatch.syspath_prepend(EXAMPLES)
+def test_the_examples_are_short_and_are_what_they_claim(monkeypatch, tmp_path):
+    for path in STARTERS.glob("own_*.txt"):
+        (tmp_path / path.stem).write_text(path.read_text())
+    monkeypatch.syspath_prepend(tmp_path)
     for (module, name), kind in zip(METHODS.values(), (Estimator, Predictor, Controller), strict=True):
         assert isinstance(getattr(__import__(module), name)(), kind)
-        lines = [line for line in (EXAMPLES / f"{module}.py").read_text().splitlines() if line.strip()]
+        lines = [line for line in (STARTERS / f"{module}.py.txt").read_text().splitlines() if line.strip()]
         assert len(lines) <= 36
 
 
 def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
-    text = (EXAMPLES / "own_estimator.py").read_text()
+    text = (STARTERS / "own_estimator.py.txt").read_text()
     call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",
             "e.json", "--out", "o", "--jobs", 1]
     found = []

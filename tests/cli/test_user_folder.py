@@ -133,8 +133,8 @@ def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder,
     pytest.param(*given, marks=pytest.mark.slow) for given in ((True, False), (False, True)))])
 def test_ours_fly_from_a_folder_with_controllers_of_its_own(folder, module, on_path):
     path = (folder, ROOT) if on_path else (ROOT,)
-    done = nanobench("simulate", "--controller", "geometric", "--flights", 1, "--family", "circle", "--speed", "slow",
-                     "--duration", 3, "--out", "flown", cwd=folder, path=path, module=module)
+    done = nanobench("simulate", "--controller", "geometric", "--flights", 1, "--trajectory", "circle", "--speed",
+                     "slow", "--seconds", 3, "--out", "flown", cwd=folder, path=path, module=module)
     assert done.returncode == 0, done.stderr
     assert list((folder / "flown").iterdir())
 
@@ -152,6 +152,6 @@ def test_a_script_with_controllers_of_its_own_is_told_in_one_line(folder):
 def test_a_folder_that_only_has_the_name_is_no_package(tmp_path):
     (tmp_path / "controllers").mkdir()
     (tmp_path / "controllers" / "notes.txt").write_text("none")
-    done = nanobench("simulate", "--controller", "controllers.geometric:Geometric", "--flights", 1, "--family",
-                     "circle", "--speed", "slow", "--duration", 3, "--out", "flown", cwd=tmp_path)
+    done = nanobench("simulate", "--controller", "controllers.geometric:Geometric", "--flights", 1, "--trajectory",
+                     "circle", "--speed", "slow", "--seconds", 3, "--out", "flown", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -132,7 +132,7 @@ def test_tune_writes_gains_that_control_flies(tmp_path, capsys):
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (["--controller", "onboard_pid"], "has no gains to tune"),
-    (["--controller", "no_such"], "unknown name 'no_such'"),
+    (["--controller", "no_such"], "unknown controller 'no_such'"),
     (["--controller", "lqr", "--trajectory", "circle", "--judge", "circle"], "that was searched on cannot judge")])
 def test_wrong_searches_are_one_line(arguments, words, capsys):
     assert main(["tune", *arguments]) == 2

@@ -147,7 +147,7 @@ def test_prove_deals_conceals_and_names_the_term(installed, tmp_path):
               f"print(next(s for s in range(999) if [(h.effect, h.size) for h in plan(1, s, ['single'])[0].concealed]\n"
               f"           == [({TERM!r}, 'large')]))")
     seed = python(tmp_path, installed, "-c", script).split()[-1]
-    nanobench(tmp_path, installed, "prove", "--cases", 1, "--kinds", "single", "--seed", seed, "--engine", "practice",
+    nanobench(tmp_path, installed, "prove", "--cases", 1, "--kind", "single", "--seed", seed, "--engine", "practice",
               "--out", "out", "--jobs", 1)
     (case,) = json.loads((tmp_path / "out" / "prove.json").read_text())["cases"]
     assert (case["truth"], case["named"], case["right"], case["false_name"]) == ([TERM], [TERM], True, False)
@@ -165,7 +165,7 @@ def test_its_estimator_is_scored(installed, case, tmp_path):
 
 def test_its_controller_flies(installed, tmp_path):
     nanobench(tmp_path, installed, "control", "--plant", "simulated", "--controller", "gentle_pid", "--trajectory",
-              "figure8", "--speed", 0.5, "--seconds", 7, "--plants", 1, "--json", "c.json", "--jobs", 1)
+              "figure_eight", "--speed", 0.5, "--seconds", 7, "--plants", 1, "--json", "c.json", "--jobs", 1)
     rows = json.loads((tmp_path / "c.json").read_text())["rows"]
     assert {row["controller"] for row in rows} == {"gentle_pid"}
     assert all(row["metrics"]["divergence_percent"] == 0.0 for row in rows)

@@ -1,4 +1,4 @@
-"""``control --methods learned`` from the command line: rows, correction by the teacher, tuned gains, what fails."""
+"""``control --learned all`` from the command line: rows, correction by the teacher, tuned gains, what fails."""
 
 import contextlib
 import functools
@@ -48,7 +48,7 @@ def job(places):
             patch.setattr(module, "MppiSettings", functools.partial(MppiSettings, horizon=2, samples=4))
         patch.setattr(pilots.MppiFar, "start", MppiSettings(horizon=5, samples=8, step_s=0.02, first=0.8, price=0.0))
         with contextlib.redirect_stdout(said[0]), contextlib.redirect_stderr(said[1]):
-            code = main(["control", "--methods", "learned", "--data", str(data), "--out", str(out), "--json",
+            code = main(["control", "--learned", "all", "--data", str(data), "--out", str(out), "--json",
                          str(out / "all.json"), "--jobs", "1", "--plants", "2", "--seconds", "7", "--dagger", "1",
                          "--gains", str(gains)])
     assert (out / "all.json").exists(), said[1].getvalue()
@@ -102,7 +102,7 @@ def test_too_few_flights_are_one_line(places, tmp_path, capsys, keep, says):
         if keep == 0 and path.suffix == ".csv":
             text = "\n".join(text.splitlines()[:150]) + "\n"  # the audit finds it never flew
         (tmp_path / path.name).write_text(text)
-    code = main(["control", "--methods", "learned", "--data", str(tmp_path), "--jobs", "1", "--quiet"])
+    code = main(["control", "--learned", "all", "--data", str(tmp_path), "--jobs", "1", "--quiet"])
     err = capsys.readouterr().err
     assert code == 2
     assert says in err

@@ -1,13 +1,13 @@
 """``nanobench simulate`` in process."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from nanobench_tools import InputError
 from nanobench_tools.cli.main import main
+from nanobench_tools.cli.new import STARTERS
 from nanobench_tools.practice import fly, path_spec
 from nanobench_tools.practice.timeline import Events
 from nanobench_tools.sources.discover import load_recordings
@@ -15,9 +15,9 @@ from nanobench_tools.sources.discover import load_recordings
 
 def test_it_writes_recordings_marked_synthetic(tmp_path, capsys):
     out = tmp_path / "practice"
-    assert main(["simulate", "--out", str(out), "--flights", "1", "--seed", "4", "--family", "oval", "--speed", "fast",
-                 "--controller", "mellinger", "--duration", "1", "--wander-ms", "20", "--suffix", ".csv.gz",
-                 "--json", "-"]) == 0
+    assert main(["simulate", "--out", str(out), "--flights", "1", "--seed", "4", "--trajectory", "oval", "--speed",
+                 "fast", "--controller", "onboard_mellinger", "--seconds", "1", "--wander-ms", "20", "--suffix",
+                 ".csv.gz", "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["synthetic"] is True
     assert [(out / name).exists() for name in result["files"]] == [True]
@@ -34,10 +34,11 @@ def test_it_writes_recordings_marked_synthetic(tmp_path, capsys):
 
 def test_flights_of_an_own_controller_are_scored_under_its_name(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "references")
+    (tmp_path / "own_controller.py").write_text((STARTERS / "own_controller.py.txt").read_text())
+    monkeypatch.syspath_prepend(tmp_path)
     out = tmp_path / "flown"
-    assert main(["simulate", "--controller", "own_controller:TiltAndTurn", "--flights", "1", "--family", "trefoil",
-                 "--speed", "medium", "--duration", "8", "--out", str(out)]) == 0
+    assert main(["simulate", "--controller", "own_controller:TiltAndTurn", "--flights", "1", "--trajectory", "trefoil",
+                 "--speed", "medium", "--seconds", "8", "--out", str(out)]) == 0
     flight = load_recordings([out], cache=False).flights[0]
     assert flight.metadata["controller"] == "tilt_and_turn"
     assert "pid" not in flight
@@ -49,8 +50,8 @@ def test_flights_of_an_own_controller_are_scored_under_its_name(tmp_path, monkey
                  str(tmp_path / "d.json")]) == 0
     assert json.loads((tmp_path / "d.json").read_text())["rows"] == rows
     capsys.readouterr()
-    assert main(["control", "--data", str(out), "--controller", "pid", "--jobs", "1", "--quiet"]) == 2
-    assert capsys.readouterr().err.endswith("unknown controller 'pid'; known in these recordings: tilt_and_turn\n")
+    assert main(["control", "--data", str(out), "--controller", "onboard_pid", "--jobs", "1", "--quiet"]) == 2
+    assert capsys.readouterr().err.endswith("of these recordings: 'onboard_pid'; known: tilt_and_turn\n")
 
 
 @pytest.mark.parametrize("name", ["pid", "mellinger", "none", "unknown"])
@@ -101,8 +102,8 @@ def test_rounding_beyond_the_range_is_cut_off():
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (["--flights", "1"], "--out DIR is needed"),
-    (["--out", "x", "--family", "spiral"], "unknown name 'spiral'; known: circle"),
-    (["--out", "x", "--controller", "indi"], "unknown name 'indi'; known: pid, mellinger"),
+    (["--out", "x", "--trajectory", "spiral"], "unknown trajectory 'spiral'; known: circle"),
+    (["--out", "x", "--controller", "indi"], "unknown controller 'indi'; known: geometric"),
     (["--out", "x", "--flights", "0"], "--flights")])
 def test_bad_usage_is_one_line_and_exit_2(arguments, says, capsys):
     assert main(["simulate", *arguments]) == 2

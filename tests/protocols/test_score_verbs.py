@@ -114,8 +114,8 @@ def test_control(call, folder):
     for row in result["rows"]:
         assert 0.0 < row["metrics"]["rmse_m"] < 2.0
         assert row["statistics"]["rmse_m"]["n"] == row["n"]
-    code, result, _, _ = call("control", "--data", folder, "--controller", "pid", "--protocol", "clean", "--plant",
-                              "real")
+    code, result, _, _ = call("control", "--data", folder, "--controller", "onboard_pid", "--protocol", "clean",
+                              "--plant", "real")
     assert {row["controller"] for row in result["rows"]} == {"pid"}
 
 
@@ -123,11 +123,11 @@ def test_control_says_why_a_recording_is_left_out(call, crowd, folder, tmp_path,
     flight = crowd.flight("mellinger oval")
     write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")
     places = ("--data", folder, "--data", tmp_path / "mellinger")
-    _, result, _, _ = call("control", *places, "--controller", "mellinger", "--plant", "real")
+    _, result, _, _ = call("control", *places, "--controller", "onboard_mellinger", "--plant", "real")
     assert {row["controller"] for row in result["rows"]} == {"mellinger"}
     assert [x["reason"] for x in result["left_out"]] == ["flown by pid, not requested"] * 3
     monkeypatch.setattr(task2, "score", fails)
-    code, result, _, err = call("control", *places, "--controller", "mellinger", "--plant", "real")
+    code, result, _, err = call("control", *places, "--controller", "onboard_mellinger", "--plant", "real")
     assert (code, result["rows"]) == (1, [])
     assert sorted(x["reason"] for x in result["left_out"]) == [
         "every method failed on it", *["flown by pid, not requested"] * 3]
@@ -166,14 +166,14 @@ def test_sysid(call, folder, tmp_path):
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (["estimate", "--protocol", "brownout"], "unknown protocol 'brownout'; known: as-published"),
-    (["estimate", "--method", "nonsense"], "unknown name 'nonsense' among estimators; known:"),
+    (["estimate", "--method", "nonsense"], "unknown estimator 'nonsense'; known:"),
     (["estimate", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
     (["estimate", "--method", "json:loads"], "is none of the estimators"),
     (["estimate", "--trajectory-dir", "nowhere"], "--trajectory-dir nowhere: is no folder"),
     (["control", "--plant", "moon"], "unknown plant 'moon'; known: real, gate, simulated"),
-    (["control", "--controller", "lqr", "--quiet"], "unknown controller 'lqr'; known in these recordings: "),
+    (["control", "--controller", "lqr", "--quiet"], "unknown controller of these recordings: 'lqr'; known: onboard_"),
     (["control", "--protocol", "x"], "unknown protocol 'x'; known: as-published, clean"),
-    (["sysid", "--method", "nonsense"], "unknown name 'nonsense' among predictors"),
+    (["sysid", "--method", "nonsense"], "unknown predictor 'nonsense'"),
     (["sysid", "--train", "x"], "--train and --test go together")])
 def test_bad_usage_is_one_line_and_exit_2(call, folder, arguments, says):
     code, result, _, err = call(*arguments, "--data", folder)

@@ -164,7 +164,7 @@ def test_a_dry_run_shows_every_phase_and_needs_no_link(capsys):
     (["--uri", "udp://127.0.0.1:bad"], "no URI"), ([], "--uri URI and --mocap SOURCE are needed"),
     (["--uri", "udp://127.0.0.1:1", "--blocks", "/no/such.yaml"], "cannot be read"),
     (["--uri", "udp://127.0.0.1:1", "--fence", "1", "0", "0", "1", "0", "1"], "each least below"),
-    (["--uri", "udp://127.0.0.1:1", "--trajectory", "spiral"], "unknown name 'spiral'"),
+    (["--uri", "udp://127.0.0.1:1", "--trajectory", "spiral"], "unknown trajectory 'spiral'"),
     (["--uri", "udp://127.0.0.1:9"], "udp://127.0.0.1:9: no"),  # nobody serves port 9
 ])
 def test_bad_input_is_one_line_and_exit_code_2(capsys, monkeypatch, arguments, words):

@@ -141,9 +141,9 @@ def test_the_verb(tmp_path, capsys):
 
 
 def test_the_verb_refuses(tmp_path, capsys, monkeypatch):
-    assert main(["prove", "--kinds", "none", "--quiet"]) == 2
-    assert "--kinds: unknown name 'none'" in capsys.readouterr().err
-    assert main(["prove", "--kinds", "null", "--concealed", str(tmp_path)]) == 2
+    assert main(["prove", "--kind", "none", "--quiet"]) == 2
+    assert "unknown kind 'none'; known: " in capsys.readouterr().err
+    assert main(["prove", "--kind", "null", "--concealed", str(tmp_path)]) == 2
     assert "do not go together" in capsys.readouterr().err
     assert main(["prove", "--concealed", str(tmp_path / "absent")]) == 2
     assert "does not exist" in capsys.readouterr().err

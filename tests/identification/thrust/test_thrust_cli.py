@@ -107,3 +107,19 @@ def test_nothing_to_fit_is_one_line(tmp_path, nanobench):
     assert code == 2
     assert len(err.strip().splitlines()) == 1
     assert "nothing to fit" in err
+
+
+def test_training_files_that_cannot_be_read_are_listed_and_the_others_fitted(tmp_path, nanobench):
+    train = series(tmp_path / "a", 1, 2)
+    (train / "torn.csv").write_bytes(b"\x00\x01\x02" * 50)
+    (train / "notes.csv").write_text("who,what\nme,nothing\n")
+    code, out, err = nanobench("--train", train, "--test", series(tmp_path / "b", 3), "--json", tmp_path / "r.json")
+    assert code == 1
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert sorted(f["file"].rpartition("/")[2] for f in found["failed"]) == ["notes.csv", "torn.csv"]
+    assert sum(line.startswith("failed: read: ") for line in err.splitlines()) == 2
+    whole = nanobench("--train", train / "s1.csv", "--train", train / "s2.csv", "--test", tmp_path / "b", "--json",
+                      tmp_path / "w.json")
+    assert whole[0] == 0
+    assert found["rows"] == json.loads((tmp_path / "w.json").read_text())["rows"]
+    assert "best map: " in out

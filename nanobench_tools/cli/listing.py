@@ -1,0 +1,141 @@
+"""``nanobench VERB --list``: the names a verb takes, those of other packages too, each with a sentence."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import click
+
+from ..errors import MissingExtraError
+
+Names = Mapping[str, str]
+"""Name -> its sentence."""
+
+TASK3 = {
+    "as-published": "The published table with its faults, digit by digit.",
+    "as-published-corrected": "The recordings of the published table, with their faults mended.",
+    "clean": "Every distinct flight, faults cut; the motion capture only judges.",
+    "aided": "Few, late and noisy poses all along: --pose-rate, --pose-delay, --pose-noise, --pose-loss.",
+    "blackout": "Poses until t0 and none afterwards; scored 1, 5, 10 and 20 s later.",
+    "whole-flight": "No pose after take-off."}
+TASK2 = {"as-published": "The published pair of rows with its faults.",
+         "clean": "The phase in which a path was streamed, by family, speed and controller."}
+PLANTS = {"real": "The logged flights.", "gate": "Held-out flights flown again on the plant, against their logs.",
+          "simulated": "An ensemble of plants that the vehicle may be.",
+          "mismatch": "Plants unlike what controllers assume."}
+KINDS = {"null": "Nothing is concealed.", "single": "One effect is concealed.", "pair": "Two effects are concealed.",
+         "twin": "One effect that is easily confused with another.", "change": "An effect from one flight on.",
+         "fault": "The data are wrong, not the simulator.", "foreign": "Physics that no term describes."}
+TARGETS = {"nanobench": "Recordings as CSV with its sheet.", "parquet": "Recordings, a file per stream, SI units.",
+           "tum": "The motion-capture trajectory of recordings.", "rotorpy": "simulator.toml for RotorPy.",
+           "crazyflow": "simulator.toml for Crazyflow and drone-models.",
+           "urdf": "simulator.toml for gym-pybullet-drones.", "c": "simulator.toml as C code.",
+           "casadi": "simulator.toml as CasADi functions.", "all-simulators": "All of the simulators at once."}
+OWN = {"estimators": "estimator", "predictors": "predictor", "controllers": "controller"}
+"""Registry group -> what ``nanobench new`` calls one of it."""
+
+
+def first_sentence(found: Any) -> str:
+    """That of a class or function; of its module where it has no text of its own."""
+    own = found.__doc__ if isinstance(found, type) else inspect.getdoc(found)
+    text = " ".join((own or sys.modules[found.__module__].__doc__ or "").replace("``", "").split())
+    return shortened(text)
+
+
+def shortened(text: str) -> str:
+    """The first sentence, without what stands behind a semicolon.
+
+    >>> shortened("Stays where it was (Busetto et al. 2025); no model. And more.")
+    'Stays where it was (Busetto et al. 2025).'
+    """
+    return re.split(r"(?<=[.!?])\s+(?=[A-Z\"])|; ", text, maxsplit=1)[0].rstrip(".:") + "."
+
+
+def registered(group: str) -> Names:
+    """Methods of a group; of one that needs what is not installed it says how to get it."""
+    from ..registry import load, names
+
+    found = {}
+    for name in names(group):
+        try:
+            found[name] = first_sentence(load(group, name))
+        except MissingExtraError as error:
+            found[name] = str(error)
+        except Exception as error:  # a package of somebody else
+            found[name] = f"cannot be loaded: {type(error).__name__}: {error}"
+    return found
+
+
+def trajectories() -> Names:
+    from ..practice.references import FAMILIES
+
+    return {name: first_sentence(family.path) for name, family in FAMILIES.items()}
+
+
+def terms() -> Names:
+    from ..registry import load_all
+
+    return {name: shortened(term.sentence) for name, term in load_all("terms").items()}
+
+
+def faults() -> Names:
+    from ..faults.kinds import kinds
+
+    return {name: shortened(" ".join(kind.doc.replace("``", "").split()).removeprefix(f"{name}: "))
+            for name, kind in kinds().items()}
+
+
+def methods(group: str) -> Callable[[], Names]:
+    return lambda: registered(group)
+
+
+LISTS: dict[str, dict[str, Callable[[], Names]]] = {
+    "audit": {"faults": faults},
+    "control": {"--plant": lambda: PLANTS, "--protocol": lambda: TASK2, "--controller": methods("controllers"),
+                "--trajectory": trajectories},
+    "convert": {"--to": lambda: TARGETS},
+    "diagnose": {"terms": terms, "--simulator": methods("simulators")},
+    "estimate": {"--protocol": lambda: TASK3, "--method": methods("estimators")},
+    "fly": {"--controller": methods("controllers"), "--trajectory": trajectories},
+    "prove": {"--kind": lambda: KINDS},
+    "simulate": {"--controller": methods("controllers"), "--trajectory": trajectories},
+    "sysid": {"--method": methods("predictors"), "terms": terms},
+    "tune": {"--controller": methods("controllers"), "--trajectory": trajectories}}
+"""Verb -> what it takes names for -> the names."""
+
+
+def show_lists(verb: str) -> None:
+    """Prints the names of a verb, one line each; a terminal folds long ones."""
+    from .options import Options
+
+    options = Options()
+    for what, names in LISTS[verb].items():
+        options.show(_table(what, names()))
+
+
+def _table(what: str, names: Names) -> Any:
+    from rich.table import Table
+
+    from .options import one_line
+
+    table = Table(title=what, title_justify="left", box=None, show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, sentence in names.items():
+        table.add_row("  " + one_line(name), one_line(sentence))
+    return table
+
+
+def list_option(verb: str) -> click.Option:
+    """``--list`` of a verb: prints and ends, whatever else is asked."""
+    def shown(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+        if wanted and not context.resilient_parsing:
+            show_lists(verb)
+            context.exit()
+
+    return click.Option(["--list"], is_flag=True, is_eager=True, expose_value=False, callback=shown,
+                        help=f"The names there are for {', '.join(LISTS[verb])}, each with a sentence.")

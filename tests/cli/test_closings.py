@@ -1,0 +1,110 @@
+"""How verbs end: the result, and a next command that works when it is pasted. And ``nanobench new``."""
+
+import json
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from nanobench_tools.cli.new import KINDS
+
+
+def next_command(out):
+    """The words of the one ``Next, why: command`` line, which is the last."""
+    (line,) = [line for line in out.splitlines() if line.startswith("Next, ")]
+    assert out.splitlines()[-1] == line
+    return shlex.split(line.partition(": ")[2])
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_new_writes_passes_its_test(nanobench, here, kind):
+    code, out, err = nanobench("new", kind, "thing_of_mine")
+    assert (code, err) == (0, "")
+    assert sorted(path.name for path in here.iterdir()) == ["test_thing_of_mine.py", "thing_of_mine.py"]
+    words = next_command(out)
+    assert words[-1] == "thing_of_mine:ThingOfMine"
+    assert words[:2] == ["nanobench", KINDS[kind][2][0]]
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_thing_of_mine.py"],
+                          cwd=here, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout
+    assert "2 passed" in done.stdout
+    assert nanobench("new", kind, "thing_of_mine")[0] == 2  # nothing is overwritten
+
+
+def test_the_test_that_new_writes_can_fail(nanobench, here):
+    nanobench("new", "estimator", "cheat")
+    path = here / "cheat.py"
+    path.write_text(path.read_text().replace('side="right") - 1', 'side="right").clip(max=len(mocap) - 1)'))
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_cheat.py"], cwd=here,
+                          capture_output=True, text=True, timeout=300)
+    assert "FAILED test_cheat.py::test_it_knows_nothing_of_the_future" in done.stdout
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["estimater", "mine"], "unknown kind 'estimater'; did you mean 'estimator'?"),
+    (["estimator", "MyEstimator"], "did you mean 'my_estimator'?"),
+    (["estimator", "my-estimator.py"], "did you mean 'my_estimator'?"),
+    (["estimator", "numpy"], "'numpy' is the name of a package that is installed"),
+    (["estimator", "class"], "'class' is no name for a module")])
+def test_names_that_cannot_be_are_refused(nanobench, here, arguments, says):
+    code, out, err = nanobench("new", *arguments)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert says in err
+    assert not list(here.iterdir())
+
+
+def test_an_estimator_from_new_is_scored_by_the_command_it_names(nanobench, here, recordings, monkeypatch):
+    monkeypatch.syspath_prepend(here)
+    words = next_command(nanobench("new", "estimator", "first_of_mine")[1])
+    code, out, _ = nanobench(*words[1:], recordings, "--jobs", 1, "--json", "e.json")
+    assert code == 0
+    assert {row["method"] for row in json.loads((here / "e.json").read_text())["rows"]} == {"first_of_mine"}
+    assert "aided: least ATE " in out
+    assert next_command(out) == ["nanobench", "new", "estimator", "my_estimator"]
+
+
+def test_the_chain_from_the_first_audit_on_can_be_pasted(nanobench, here, recordings):
+    """Each command is the one that the last one named."""
+    said, words = [], ["nanobench", "audit", str(recordings)]
+    for _ in range(3):
+        code, out, err = nanobench(*words[1:], *([] if words[1] in ("new", "report") else ["--jobs", 1]))
+        assert code == 0, err
+        said.append(words[1])
+        words = next_command(out)
+    assert said == ["audit", "estimate", "new"]
+    assert words[:2] == ["nanobench", "estimate"]
+
+
+def test_a_path_with_a_blank_stays_one_word(nanobench, here, recordings):
+    place = here / "my flights"
+    place.mkdir()
+    for path in sorted(recordings.iterdir()):
+        (place / path.name).write_bytes(path.read_bytes())
+    assert str(place) in next_command(nanobench("audit", place, "--jobs", 1)[1])
+
+
+def test_columns_names_a_command_that_finds_its_map(nanobench, here):
+    (here / "log.csv").write_text("t,px,py,pz\n" + "".join(f"{0.01 * i},0,0,{1 + 0.001 * i}\n" for i in range(300)))
+    code, out, _ = nanobench("columns", "log.csv")
+    assert code == 0
+    words = next_command(out)
+    code, out, _ = nanobench(*words[1:])
+    assert code == 0
+    words = next_command(out)
+    assert words[-2:] == ["--columns", "MAP.toml"]
+    assert (here / "MAP.toml").is_file()
+
+
+def test_nothing_but_the_result_with_json_or_quiet(nanobench, recordings):
+    code, out, _ = nanobench("audit", recordings, "--jobs", 1, "--json", "-")
+    assert code == 0
+    assert json.loads(out)["flights"]
+    assert nanobench("audit", recordings, "--jobs", 1, "--quiet")[1] == ""
