@@ -62,6 +62,10 @@ def draft_columns(path: Path) -> ColumnDraft:
     units = {key: _stated(key, column, notes) for key, column in found.items()}
     units["", "time"] = _time_unit(found["", "time"], values, units["", "time"], notes)
     _mend_units(path, data, found, units, notes)
+    if assumed := [column for key, column in found.items() if not words_of(column)[1] and len(_allowed(key)) > 1
+                   and not any(note.startswith(f"{column}: ") or note.startswith(f"{column} ") for note in notes)]:
+        notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed, since the numbers show no "
+                     "other; check it")
     mapped = {key: (column, units[key]) for key, column in found.items()}
     return ColumnDraft(_toml(path, mapped, unknown, notes), mapped, unknown, tuple(notes))
 

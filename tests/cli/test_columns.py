@@ -4,7 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.column_map import read_column_map
 from nanobench_tools.sources.column_names import meaning, words_of
@@ -129,3 +132,34 @@ def test_sources_are_listed(nanobench, tmp_path):
     assert "nanobench columns FILE" in shown
     found = {entry["source"] for entry in json.loads((tmp_path / "s.json").read_text())["sources"]}
     assert {"nanobench", "usd", "stand", "tum", "ulog", "rosbag", "table"} <= found
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@given(stated=st.sets(st.sampled_from(["px", "py", "pz", "gyro_x", "gyro_y", "gyro_z"])))
+def test_a_unit_that_nothing_shows_is_said_to_be_assumed(tmp_path_factory, stated):
+    """A gyro in rad/s or deg/s, a position in m or mm: without a name or a number that says it, no draft claims it."""
+    t = np.arange(N) / 100.0
+    units = {"p": " [m]", "g": " [rad/s]"}
+    columns = {"t": t}
+    for name in ("px", "py", "pz", "gyro_x", "gyro_y", "gyro_z"):
+        columns[name + units[name[0]] * (name in stated)] = 0.2 * np.sin(t)
+    path = write(tmp_path_factory.mktemp("drafts") / "log.csv", columns)
+    draft = draft_columns(path)
+    said = " ".join(draft.notes)
+    for (stream, _), (column, _) in draft.mapped.items():
+        if stream:
+            assert (column in said.split("no unit is stated for ")[-1].partition(":")[0].split(", ")) is (
+                "[" not in column), (column, said)
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_the_unit_of_time_follows_from_its_steps(tmp_path, table, unit, per_s):
+    draft = draft_columns(write(tmp_path / "log.csv", {"t": per_s * (table["time"] - 1000.0), "px": table["px"]}))
+    assert draft.mapped["", "time"] == ("t", unit)
+
+
+def test_a_quaternion_with_numbers_for_letters_is_not_guessed(tmp_path, table):
+    """q0..q3 is scalar first with some and last with others."""
+    turn = {f"q{i}": np.full(N, float(i == 0)) for i in range(4)}
+    draft = draft_columns(write(tmp_path / "log.csv", {"t": table["time"], "px": table["px"], **turn}))
+    assert set(turn) <= set(draft.unknown)
