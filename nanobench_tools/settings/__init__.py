@@ -25,8 +25,8 @@ from typing import Any
 from ..errors import InputError
 
 FOLDER = Path(__file__).parent
-KEYS = {"value", "unit", "does", "set_on"}
-"""Of an entry; ``how`` (by hand, likelihood, median ...) may stand beside them."""
+KEYS = {"value", "does", "set_on"}
+"""Of an entry; ``unit`` (1 without it) and ``how`` (by hand, likelihood, median ...) may stand beside them."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ def of_area(area: str) -> dict[str, Setting]:
     for module, entries in tomllib.loads(path.read_text(encoding="utf-8")).items():
         for name, entry in entries.items():
             key = f"{area}.{module}.{name}"
-            if not isinstance(entry, dict) or not KEYS <= set(entry) <= KEYS | {"how"}:
+            if not isinstance(entry, dict) or not KEYS <= set(entry) <= KEYS | {"unit", "how"}:
                 raise InputError(f"{path.name}: {key}", f"has to have {', '.join(sorted(KEYS))}")
-            found[key] = Setting(key, _frozen(entry["value"]), entry["unit"], entry["does"], entry["set_on"],
+            found[key] = Setting(key, _frozen(entry["value"]), entry.get("unit", "1"), entry["does"], entry["set_on"],
                                  entry.get("how", ""))
     return found
 
