@@ -6,7 +6,7 @@ FORMER := $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-che
 OUT ?= results
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run test test-slow lint types pytest bench figures figures-slow clean help
+.PHONY: run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
@@ -42,22 +42,30 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# Types are checked beside the tests: where these wait for each other, for a disk or for time to pass, a core is free.
+# Types and learned models are checked beside the tests: where these wait for each other, for a disk or for time to pass,
+# a core is free. Learned models need processes of their own.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check .
-	@$(MAKE) --no-print-directory -j 2 types pytest
+	@$(MAKE) --no-print-directory -j 3 pytest types learned
 
 types: $(VENV)/.installed-test
 	$(BIN)/mypy
 
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(JOBS) --leave-out-slow
-	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) --leave-out-slow tests/learned
+
+learned: $(VENV)/.installed-test
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 --leave-out-slow tests/learned
 
 # What `make test` leaves out, and says so: proofs that take long.
 test-slow: $(VENV)/.installed-test
+	@$(MAKE) --no-print-directory -j 2 pytest-slow learned-slow
+
+pytest-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(JOBS) -m slow
-	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n $(JOBS) -m slow tests/learned
+
+learned-slow: $(VENV)/.installed-test
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 -m slow tests/learned
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/speed/bench.py

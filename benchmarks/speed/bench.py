@@ -23,7 +23,7 @@ NO_SCRIPTS = ("bench", "kept")
 
 SMALL = {
     "audit_speed": ("--most", "20"),
-    "compiled_rollout": ("--repeats", "1"),
+    "compiled_rollout": ("--sizes", "small", "--repeats", "3"),
     "diagnose_speed": ("--flights", "5", "10", "--seconds", "20"),
     "filters_speed": ("--seconds", "20"),
     "mpc_speed": ("--steps", "600"),

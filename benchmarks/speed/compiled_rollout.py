@@ -1,6 +1,6 @@
 """Our compiled rollouts beside Numba over generated Python source and JAX, for a whole fit and a whole plant run.
 
-    python benchmarks/speed/compiled_rollout.py [--data DIR] [--repeats N] [--json FILE]
+    python benchmarks/speed/compiled_rollout.py [--data DIR] [--sizes small full] [--repeats N] [--json FILE]
 
 The same functions three ways: the instructions of the CasADi function as LLVM code (``nanobench_tools.physics``); as
 Python source, a line a value, that Numba compiles, the inner loop over eight windows; and the model's equations in JAX,
@@ -255,7 +255,7 @@ class Way:
             return time.perf_counter() - before
 
 
-def fits(places: list[Path]) -> tuple[dict[str, Callable], str]:
+def fits(places: list[Path], sizes: list[str]) -> tuple[dict[str, Callable], str]:
     """Fits by size, and which recordings they are of."""
     with tempfile.TemporaryDirectory() as folder:
         if not places:
@@ -264,8 +264,10 @@ def fits(places: list[Path]) -> tuple[dict[str, Callable], str]:
         flights = distinct(load_recordings(places).flights)[0]
     cases = cases_of([f for f in flights if "motor" in f][:2 * FLIGHTS])[:FLIGHTS]
     data = gather(cut(cases))
-    problems = {size: problem_of(data.rows(slice(None, None, every))) for size, (every, _) in SIZES.items()}
-    scale = usual_errors(problems["full"], problems["full"].model.values, np.zeros((len(data.names), 0)))
+    problems = {size: problem_of(data.rows(slice(None, None, every))) for size, (every, _) in SIZES.items()
+                if size in sizes}
+    largest = problems[sizes[-1]]
+    scale = usual_errors(largest, largest.model.values, np.zeros((len(data.names), 0)))
     word = "SYNTHETIC" if any(f.provenance.synthetic for f in flights) else "real"
     said = f"{len(cases)} {word} flights, " + ", ".join(f"{size} {len(p.data)} windows" for size, p in problems.items())
     return {size: functools.partial(solve, problem, scale) for size, problem in problems.items()}, said
@@ -274,6 +276,7 @@ def fits(places: list[Path]) -> tuple[dict[str, Callable], str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, nargs="*")
+    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=list(SIZES))
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
@@ -285,18 +288,18 @@ def main() -> None:
     else:
         jax.config.update("jax_enable_x64", True)
         names.append(JAX)
-    work, said = fits(list(options.data or default_data()))
+    work, said = fits(list(options.data or default_data()), options.sizes)
     jobs = {f"fit, {size}": job for size, job in work.items()}
-    jobs |= {f"plant, {n} vehicles": functools.partial(chain, n, 100) for _, n in SIZES.values()}
+    jobs |= {f"plant, {n} vehicles": functools.partial(chain, n, 100) for _, n in map(SIZES.get, options.sizes)}
     ways = [Way(name) for name in names]
     answers = {}
     for way in ways:  # warms up; what they find is the same
         for name, job in jobs.items():
             way.time(lambda name=name, job=job: answers.update({name: job()}))
-        found = answers["fit, full"]
-        print(f"{way.name}: full fit, {found.steps} steps, cost {found.cost:.6f}", flush=True)
+        found = answers[f"fit, {options.sizes[-1]}"]
+        print(f"{way.name}: {options.sizes[-1]} fit, {found.steps} steps, cost {found.cost:.6f}", flush=True)
     taken: dict[str, dict[str, list[float]]] = {}
-    for state, names_of in (("warm", list(jobs)), ("cold", ["fit, small", f"plant, {SIZES['small'][1]} vehicles"])):
+    for state, names_of in (("warm", list(jobs)), ("cold", list(jobs)[::len(options.sizes)])):
         for _ in range(options.repeats):
             for name in names_of:
                 for way in ways:

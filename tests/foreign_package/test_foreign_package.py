@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from foreign_install import nanobench, placed, python
 
+from nanobench_tools.cli.main import main
+
 KIND = "stuttering_gyro"
 AT_S = 8.0
 
@@ -114,10 +116,15 @@ def test_it_is_dealt_to_blind_cases(installed, tmp_path):
 
 
 def test_a_verdict_kept_without_it_is_not_given_with_it(installed, spoilt, tmp_path):
-    """The store of results is asked for what was made with the same kinds of faults."""
+    """The store of results is asked for what was made with the same kinds of faults; without the package by this
+    process."""
     found = []
+    words = ["audit", "--data", str(spoilt), "--out", str(tmp_path / "kept"), "--jobs", "1"]
     for path in (None, installed, None):
-        nanobench(tmp_path, path, "audit", "--data", spoilt, "--out", tmp_path / "kept", "--jobs", 1)
+        if path is None:
+            assert main(words) == 0
+        else:
+            nanobench(tmp_path, path, *words)
         found.append(KIND in {f["kind"] for f in flight_of(tmp_path / "kept")["faults"]})
     assert found == [False, True, False]
 
