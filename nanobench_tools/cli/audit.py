@@ -73,10 +73,12 @@ def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[
 
 def verdict_table(verdicts: Sequence[AuditVerdict], title: str) -> Table:
     """One line per recording: severity, verdict, what to do."""
-    table = _table(title, {"recording": "left", "": "left", "verdict": "left", "what to do": "left"})
+    advised = any(v.advice for v in verdicts)
+    heads = ("recording", "", "verdict", "what to do")[:None if advised else -1]
+    table = _table(title, dict.fromkeys(heads, "left"))
     for v in verdicts:
         table.add_row(one_line(v.flight), f"[{STYLES[v.severity]}]{v.severity}[/]", one_line(v.sentence),
-                      one_line(v.advice))
+                      *[one_line(v.advice)] * advised)
     return table
 
 
