@@ -109,7 +109,7 @@ def test_kinds_and_engines():
     some = proof.plan(9, 5, ["null", "fault"])
     assert (len(some), {s.kind for s in some}) == (9, {"null", "fault"})
     assert [s.engine for s in proof.plan(3, 5, engine="both")] == ["practice", "rotorpy", "practice"]
-    with pytest.raises(UsageError, match="'nul'; known: null, single"):
+    with pytest.raises(UsageError, match=r"'nul'; did you mean 'null'\? known: null, single"):
         proof.plan(9, 5, ["nul"])
 
 
