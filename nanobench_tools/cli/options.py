@@ -70,10 +70,11 @@ class Options:
 
     @property
     def store(self) -> Path | None:
-        """Where finished items are kept for resuming: below ``--out``, else in the cache folder of the user."""
+        """Where finished items are kept for resuming: in the cache folder of the user; where none can be made, below
+        ``--out``."""
         from ..harness.store import user_store
 
-        return self.out / ".store" if self.out else user_store()
+        return user_store() or (self.out / ".store" if self.out else None)
 
     @property
     def synthetic(self) -> bool:

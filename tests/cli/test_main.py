@@ -120,7 +120,7 @@ def test_interrupt_is_130_and_says_how_to_go_on(recordings, empty_cache, tmp_pat
     command = [COMMAND, "audit", "--data", str(recordings), "--jobs", "1", "--out", str(tmp_path / "o")]
     process = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 30
-    while not (tmp_path / "o" / ".store").exists() and time.monotonic() < deadline:
+    while not (empty_cache / "items").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
