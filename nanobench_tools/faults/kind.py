@@ -66,7 +66,6 @@ class FaultKind:
 
     How it is told. told: an event of it in plain words, without a full stop (``fault_events`` says what stands for
     {streams}, {columns}, {count}, {seconds}, {size} ...); empty: the first sentence of ``doc``. advice: what to do.
-    event: the fields of a ``Fault`` in which those agree that are one event, told in one line.
     in_overview: False where rates and numbers of samples say it already. in_diagnosis: False for what a diagnosis of
     the vehicle need not say.
 
@@ -87,7 +86,6 @@ class FaultKind:
     log_ended: bool = False
     told: str = ""
     advice: str = ""
-    event: tuple[str, ...] = ("stream",)
     in_overview: bool = True
     in_diagnosis: bool = True
     injection: Injection | str | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -158,7 +158,3 @@ def before_and_after(title: str, unit: str, names: Sequence[str], before: tuple[
         marks = [Mark("", way, np.repeat(at, 3), colour="grey"), *marks,
                  Mark(after[0], after[1], at, "points", "blue", symbol="square", size=9)]
     return Panel(Axis(title, unit, zero=True), Axis(rows=names), marks, wide=True, height=80 + 24 * len(names))
-
-
-def noted(figure: Figure, note: str) -> Figure:
-    return replace(figure, note=f"{figure.note} {note}".strip())
