@@ -149,14 +149,14 @@ def test_a_logarithmic_axis_has_ticks_that_can_be_read(desk):
 
 def test_the_chooser_changes_the_picture_and_the_address(desk):
     page = desk.choose("loop one")
-    before = page.plot("flight", "data[0].x")
-    page.choose("loop two")
+    before = page.seen("flight").plot("flight", "data[0].x")
+    page.choose("loop two").seen("flight")
     assert page.page.url.endswith("#flight=loop%20two")
     assert page.plot("flight", "data[0].x") != before
     assert page.page.inner_text("#flight-name") == "loop two"
     page.page.click("#previous")
     page.page.wait_for_selector("html[data-ready='0']", state="attached")
-    assert page.plot("flight", "data[0].x") == before
+    assert page.seen("flight").plot("flight", "data[0].x") == before
 
 
 def test_a_name_in_the_list_opens_its_flight(desk):
@@ -171,7 +171,7 @@ def test_a_recording_without_battery_and_mocap_draws_what_it_has(opened):
     titles = "data.length"
     assert page.ink("flight") > 1
     without = page.plot("flight", titles)
-    page.choose("loop one")
+    page.choose("loop one").seen("flight")
     assert page.plot("flight", titles) > without
 
 

@@ -24,6 +24,14 @@ const nanobench = (() => {
     return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).json();
   }
 
+  // The plotting library is text until the first picture is drawn: numbers and links are there before it.
+  function load() {
+    const text = document.getElementById("library");
+    if (!text) return;
+    document.head.append(Object.assign(document.createElement("script"), { textContent: text.textContent }));
+    text.remove();
+  }
+
   function theme() {
     const style = getComputedStyle(root);
     return new Proxy({}, { get: (_, name) => style.getPropertyValue(`--${String(name)}`).trim() });
@@ -250,7 +258,8 @@ const nanobench = (() => {
   // Draws into a figure element; its lists are made once per drawing.
   function draw(element, drawing) {
     const place = element.querySelector(".plot");
-    if (!place || typeof Plotly === "undefined") return;
+    if (!place) return;
+    load();
     for (const part of [".choices", ".cursor"]) element.querySelector(part).replaceChildren();
     let lists = [];
     const redraw = () => {
@@ -282,6 +291,14 @@ const nanobench = (() => {
     const drawing = drawings[element.dataset.figure];
     if (drawing && !drawn.has(element)) draw(element, drawing);
   }
+  // Another figure for an element: drawn now where it can be seen, else when it comes near.
+  function put(element, drawing) {
+    drawings[element.dataset.figure] = drawing;
+    drawn.delete(element);
+    delete element.dataset.drawn;
+    watcher.unobserve(element);
+    if (printing()) show(element); else watcher.observe(element);
+  }
   const redrawAll = () => drawn.forEach((redraw, element) => (element.isConnected ? redraw() : drawn.delete(element)));
   function print(on) {
     if (on === printing()) return;
@@ -305,5 +322,5 @@ const nanobench = (() => {
     Object.assign(drawings, await inflate(id));
     document.querySelectorAll("figure[data-figure]").forEach(element => { if (drawings[element.dataset.figure]) watcher.observe(element); });
   }
-  return { inflate, draw, start, drawings };
+  return { inflate, put, start };
 })();

@@ -68,7 +68,7 @@
     fill("flight-streams", data.streams, [1, 2, 3, 5]);
     const figure = $("fig-flight");
     figure.querySelector(".note").textContent = data.figure.note;
-    nanobench.draw(figure, data.figure);
+    nanobench.put(figure, data.figure);
     cards();
     document.documentElement.dataset.ready = String(i);
   }
