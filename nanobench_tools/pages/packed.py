@@ -77,9 +77,10 @@ def unpacked(packed: Any) -> list[Any]:
 
 
 def compressed(body: Any) -> str:
-    """JSON of ``body`` as base64 of a zlib stream; every browser undoes both."""
+    """JSON of ``body`` as base64 of a zlib stream; every browser undoes both. What is no text (names of files may hold
+    such) becomes a question mark."""
     text = json.dumps(body, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
-    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+    return base64.b64encode(zlib.compress(text.encode(errors="replace"), 9)).decode()
 
 
 def envelope(time_s: np.ndarray, values: np.ndarray, span: tuple[float, float], buckets: int,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
@@ -153,7 +154,8 @@ def flight_rows(results: Mapping[str, Mapping[str, Any]], there: Container[str])
         value = number((item.get("metrics") or {}).get("ate_rmse_m"))
         if (item.get("protocol"), str(item.get("method"))) == ("clean", method) and value is not None:
             errors[str(item["flight"]), clock_of(item)] = 1e3 * value
-    return [{"name": f["flight"], "there": f["flight"] in there, "severity": f.get("severity") or "",
+    return [{"name": f["flight"], "link": quote(str(f["flight"]).encode(errors="replace")),
+             "there": f["flight"] in there, "severity": f.get("severity") or "",
              "verdict": f.get("verdict") or "", "advice": f.get("advice") or "", "usable": total(f.get("usable")),
              "recorded": errors.get((f["flight"], AS_RECORDED)), "retimed": errors.get((f["flight"], "retimed"))}
             for f in (results.get("audit") or {}).get("flights") or []]

@@ -93,6 +93,12 @@ def test_names_can_do_no_harm(tmp_path, make):
     assert r"\textbackslash{}frac\{1\}\{2\} \$x\_1\textasciicircum{}2\$ \%" in latex
 
 
+def test_a_name_that_is_no_text_is_shown_with_question_marks(tmp_path, make):
+    flight = make.flight("a\udcff[red]x[")  # what a file system may hold
+    text = write_report(tmp_path, make.results([flight]), [flight], {}, synthetic=False).read_text("utf-8")
+    assert 'href="#flight=a%3F%5Bred%5Dx%5B">a?[red]x[</a>' in text
+
+
 @pytest.mark.parametrize(("absent", "heading"), [
     ("estimate", "Where was it?"), ("sysid", "Which physics does it obey?"), ("audit", "How late are the stamps?"),
     ("control", "How well was it flown, and how would another controller fly?")])
