@@ -230,7 +230,8 @@ def write_tables(out_dir: Path, tables: list[Table], label: str = "") -> list[Pa
 
     written = []
     for table in tables:
-        for suffix, data in ((".csv", to_csv(table).encode("utf-8-sig")), (".tex", to_latex(table, label).encode())):
+        for suffix, data in ((".csv", to_csv(table).encode("utf-8-sig", "replace")),
+                             (".tex", to_latex(table, label).encode(errors="replace"))):
             path = Path(out_dir) / f"{table.name}{suffix}"
             write_bytes(path, data)
             written.append(path)

@@ -36,7 +36,7 @@ def make_flight(name="loop one", streams=("mocap", "estimator", "attitude_qw", "
     }
     made = {s: make_stream(s, t, *values[s], rate_hz=RATE_HZ, samples=len(t)) for s in streams}
     sheet = {"family": "circle", "speed": "slow", "reference_speed_m_s": 0.63}
-    sha256 = hashlib.sha256(name.encode()).hexdigest()
+    sha256 = hashlib.sha256(name.encode(errors="replace")).hexdigest()
     return Flight(name, made, sheet, Provenance(f"folder/{name}.csv", sha256, "test", synthetic))
 
 
