@@ -13,6 +13,9 @@ from .simulate_serve import SERVE_OPTIONS, serve, serve_options
 
 KNOWN = "A registered name (see --list) or module:Class"
 
+SHORTEST_S = 1.0
+"""Of a path: less shows nothing."""
+
 
 @click.command()
 @shared_options("data", "columns", "jobs", "scheduler", "clock")
@@ -24,7 +27,7 @@ KNOWN = "A registered name (see --list) or module:Class"
               help="May repeat. Default: all in turn.")
 @click.option("--controller", metavar="NAME",
               help=f"{KNOWN}. Default: two of three onboard_pid, the others onboard_mellinger.")
-@click.option("--seconds", "duration_s", type=FiniteRange(min=1.0), metavar="S",
+@click.option("--seconds", "duration_s", type=FiniteRange(min=0.0), metavar="S",
               help="Length of every path [s]; with --serve: end by itself.")
 @click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
@@ -51,6 +54,8 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
 
     if options.out is None:
         raise UsageError("--out DIR is needed")
+    if duration_s is not None and duration_s < SHORTEST_S:
+        raise UsageError(f"--seconds: a path takes {SHORTEST_S:g} s at least")
     how: dict[str, Any] = {"families": tuple(map(family_named, families)) or None, "duration_s": duration_s}
     if speeds:
         how["speeds"] = speeds
