@@ -16,15 +16,16 @@ GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_fo
           "array_fields", "dataframes")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "clock", "retiming", "faults", "auditing", "harness", "protocols",
-                       "pages", "cli", "api")
+                       "pages", "steps", "cli", "api")
 """In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
 
 BESIDE: dict[str, set[str]] = {
     "delays": set(), "metrics": set(), "noise": set(), "physics": set(), "firmware": set(),
     "practice": {"firmware", "sources", "signals", "retiming", "faults"}}
 """What is used from several places of the path, and what each may import above the ground."""
+SURFACE = ("steps", "cli", "api")
 METHODS = ("estimators", "controllers", "identification")
-"""Handed to the protocols by the command line and the Python functions, which alone import them."""
+"""Handed to the protocols by the surface, which alone imports them."""
 
 
 def modules() -> dict[str, Path]:
@@ -122,12 +123,17 @@ def test_what_several_use_stands_below_them(name, packages):
 def test_the_surface_alone_knows_the_methods(graph):
     assert [name for name, others in graph.items()
             if name.startswith("nanobench_tools.")
-            and not name.startswith(("nanobench_tools.cli.", "nanobench_tools.api."))
+            and not name.startswith(tuple(f"nanobench_tools.{one}." for one in SURFACE))
             and any(other.split(".")[0] in METHODS for other in others)] == []
 
 
+def test_the_command_line_and_the_python_functions_stand_beside_each_other(packages):
+    assert "nanobench_tools.cli" not in packages["nanobench_tools.api"]
+    assert "nanobench_tools.api" not in packages["nanobench_tools.steps"] | packages["nanobench_tools.cli"]
+
+
 def test_estimators_know_no_protocol(packages):
-    above = {f"nanobench_tools.{name}" for name in ("protocols", "harness", "pages", "cli")}
+    above = {f"nanobench_tools.{name}" for name in ("protocols", "harness", "pages", *SURFACE)}
     assert {name: others & above for name, others in packages.items()
             if name.split(".")[0] == "estimators" and others & above} == {}
 

@@ -17,7 +17,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.cli.options import Options
 from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.adapters.rotorpy import RotorPySimulator
 from nanobench_tools.physics.export import export_model
@@ -26,6 +25,7 @@ from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.protocols.task1 import training_cases
 from nanobench_tools.protocols.windows import RATE_HZ, cut_windows
 from nanobench_tools.result_files import write_json
+from nanobench_tools.steps.options import Options
 
 TYPICAL = {
     "thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}, "thrust_rpm": {"k_f": 2.3e-8},

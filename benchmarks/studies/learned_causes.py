@@ -32,7 +32,6 @@ from identification.learned.published_networks import predictor_of, task_of
 from identification.learned.training import Settings, filled, train
 from identification.learned.training_rows import rows_of
 from identification.naive import Naive
-from nanobench_tools.cli.options import Options
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Predictor
 from nanobench_tools.metrics.prediction import QUANTITIES, window_errors
@@ -42,6 +41,7 @@ from nanobench_tools.protocols.phases import MOTOR_ON
 from nanobench_tools.protocols.task2 import PUBLISHED
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.result_files import write_json
+from nanobench_tools.steps.options import Options
 
 
 @dataclass(frozen=True)

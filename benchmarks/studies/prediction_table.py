@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from nanobench_tools.cli.options import Options
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols import task1
+from nanobench_tools.steps.options import Options
 
 COLUMNS = "position m | velocity m/s | attitude rad | rate rad/s after 1, 10, 50 steps"
 

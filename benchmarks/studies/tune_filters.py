@@ -25,7 +25,6 @@ import numpy as np
 import tomlkit
 from scipy.optimize import minimize
 
-from nanobench_tools.cli.options import Options
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.flight import Flight, Span, mask_of
 from nanobench_tools.labels import FILTERS_SEARCHED_ON, family_of
@@ -34,6 +33,7 @@ from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.protocols.usable import POSE
 from nanobench_tools.registry import load
 from nanobench_tools.settings import FOLDER
+from nanobench_tools.steps.options import Options
 
 ROWS = {"strapdown": "error_state_ekf", "error_state_ekf": "error_state_ekf", "invariant_ekf": "invariant_ekf",
         "drag_ekf": "drag_ekf", "drag_matrix_ekf": "drag_ekf"}

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..cli.options import Options, cores
 from ..errors import UsageError
 from ..flight import Flight
+from ..steps.options import Options, cores
 
 FEW = 4
 

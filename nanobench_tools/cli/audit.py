@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..steps.options import Options, one_line
 from .closing import close, same
-from .options import Options, one_line, shared_options
+from .shared_options import shared_options
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import Options, one_line
+from ..steps.options import Options, one_line
 
 if TYPE_CHECKING:
-    from .result_bodies import ControlBody, EstimateBody, SysidBody
+    from ..steps.result_bodies import ControlBody, EstimateBody, SysidBody
 
 WORDS = "nanobench.words"
 """Where the context keeps the words of the command line."""

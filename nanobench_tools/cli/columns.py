@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from ..errors import InputError, UsageError
+from ..steps.options import Options, one_line
 from .closing import close
-from .options import PATH, Options, one_line, shared_options
+from .shared_options import PATH, shared_options
 
 
 @click.command()

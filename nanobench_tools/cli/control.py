@@ -11,10 +11,11 @@ import click
 
 from ..errors import InputError, UsageError, unknown_name
 from ..retiming.votes import evidence_of
+from ..steps.options import Options, one_line
+from ..steps.result_bodies import ControlBody
+from ..steps.show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 from .closing import close_scores, controlled
-from .options import PATH, FiniteRange, Options, one_line, shared_options
-from .result_bodies import ControlBody
-from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
+from .shared_options import PATH, FiniteRange, shared_options
 
 MODERATE = ("figure_eight", "star", "linear_ramp")
 

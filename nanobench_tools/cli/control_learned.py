@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from ..protocols.published import beside
 from ..protocols.sessions import Drawn
-from .options import Options, one_line
-from .result_bodies import LearnedRow, Lessons
-from .show import data_word, score_text
+from ..steps.options import Options, one_line
+from ..steps.result_bodies import LearnedRow, Lessons
+from ..steps.show import data_word, score_text
 
 if TYPE_CHECKING:
     from controllers.learned.policies import Network

@@ -13,10 +13,10 @@ import numpy as np
 from ..errors import InputError, UsageError
 from ..fitted_values import LeftOut
 from ..retiming.votes import AS_RECORDED, evidence_of
+from ..steps.options import Options, one_line
+from ..steps.result_bodies import GateBody, GateJudged, SimulatedPart
+from ..steps.show import data_word
 from .control_tables import show_mismatch, show_simulated
-from .options import Options, one_line
-from .result_bodies import GateBody, GateJudged, SimulatedPart
-from .show import data_word
 
 if TYPE_CHECKING:
     from ..auditing import Audit

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
+from ..steps.options import Options, one_line
 from .closing import close
-from .options import Options, one_line, shared_options
+from .shared_options import shared_options
 
 if TYPE_CHECKING:
     from ..flight import Flight

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import MissingExtraError, UsageError
+from ..steps.options import Options
+from ..steps.show import data_word
 from .closing import again, close
 from .diagnose_bound import flexible
-from .options import PATH, Options, shared_options
-from .show import data_word
+from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
     from identification.mismatch.recordings import Recordings

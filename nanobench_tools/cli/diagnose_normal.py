@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .options import Options
+from ..steps.options import Options
+from ..steps.show import data_word
 from .real_folders import copies_between
-from .show import data_word
 
 if TYPE_CHECKING:
     from ..flight import Flight

@@ -11,10 +11,11 @@ import click
 
 from ..errors import UsageError
 from ..result import INLINE, OPTIONAL, Result
+from ..steps.options import Options, one_line
 from .closing import again, close
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
-from .options import PATH, FiniteRange, Options, one_line, shared_options
 from .record import RecordBody, say_export, toc_cache
+from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
     from ..practice.references import PathSpec

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..settings import setting
-from .named_methods import load_methods
+from ..steps.named_methods import load_methods
 
 if TYPE_CHECKING:
     from ..radio.fly_pilot import Pilot

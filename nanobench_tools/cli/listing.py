@@ -110,7 +110,7 @@ LISTS: dict[str, dict[str, Callable[[], Names]]] = {
 
 def show_lists(verb: str) -> None:
     """Prints the names of a verb, one line each; a terminal folds long ones."""
-    from .options import Options
+    from ..steps.options import Options
 
     options = Options()
     for what, names in LISTS[verb].items():
@@ -120,7 +120,7 @@ def show_lists(verb: str) -> None:
 def _table(what: str, names: Names) -> Any:
     from rich.table import Table
 
-    from .options import one_line
+    from ..steps.options import one_line
 
     table = Table(title=what, title_justify="left", box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)

@@ -13,9 +13,10 @@ import click
 from ..errors import MissingExtraError, UsageError
 from ..physics.vehicle import BOUNDS
 from ..result import to_json
+from ..steps.options import Options, one_line
+from ..steps.show import data_word
 from .closing import again, close
-from .options import PATH, Options, no_paths_beside, one_line, shared_options
-from .show import data_word
+from .shared_options import PATH, no_paths_beside, shared_options
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -10,8 +10,9 @@ from pathlib import Path
 import click
 
 from ..errors import InputError, UsageError, unknown_name
+from ..steps.options import Options
 from .closing import close
-from .options import Options, shared_options
+from .shared_options import shared_options
 
 STARTERS = Path(__file__).resolve().parents[1] / "starters"
 KINDS = {"estimator": ("own_estimator", "GyroAndLine", ("estimate", "--protocol", "aided", "--method")),

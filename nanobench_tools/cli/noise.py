@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError
+from ..steps.options import Options
+from ..steps.show import data_word
 from .closing import again, close, same
-from .options import Options, shared_options
-from .show import data_word
+from .shared_options import shared_options
 
 if TYPE_CHECKING:
     from estimators.imu_noise import ImuNoise

@@ -11,10 +11,11 @@ import click
 
 from ..errors import InputError, MissingExtraError, UsageError
 from ..result import to_json
+from ..steps.options import Options, one_line
+from ..steps.show import data_word
 from .closing import again, close, shown_page
-from .options import PATH, Options, one_line, shared_options
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
-from .show import data_word
+from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, UsageError
-from .options import Options, one_line
-from .show import data_word
+from ..steps.options import Options, one_line
+from ..steps.show import data_word
 
 if TYPE_CHECKING:
     from identification.prove.folder_score import FolderProof

@@ -13,8 +13,9 @@ import click
 
 from ..errors import UsageError
 from ..result import Result
+from ..steps.options import Options
 from .closing import close
-from .options import PATH, FiniteRange, Options, shared_options
+from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
     from ..radio.record_export import Exported

@@ -7,8 +7,9 @@ from typing import Any
 import click
 
 from ..errors import InputError, UsageError
+from ..steps.options import Options
 from .closing import close, shown_page
-from .options import Options, shared_options
+from .shared_options import shared_options
 
 RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
 """Result files the page is made from, ``<name>.json``."""

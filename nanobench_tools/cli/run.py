@@ -13,9 +13,10 @@ import click
 from ..errors import NanobenchError
 from ..result import Result
 from ..retiming.votes import CLOCKS
+from ..steps.options import Options
 from .audit import audit_body, show_audits
 from .closing import close, shown_page
-from .options import Options, shared_options
+from .shared_options import shared_options
 
 OUT = Path("results")
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
 from ..retiming.votes import AS_RECORDED
-from .options import Options
-from .result_bodies import ControlBody, EstimateBody, GateBody, Joined, SysidBody
+from ..steps.options import Options
+from ..steps.result_bodies import ControlBody, EstimateBody, GateBody, Joined, SysidBody
 
 if TYPE_CHECKING:
     from ..auditing import Audit
@@ -67,8 +67,8 @@ def estimate_on(given: Recordings) -> EstimateBody:
     from ..protocols import compare
     from ..protocols.selection import distinct
     from ..protocols.task3 import BLACKOUT, PROTOCOLS
-    from .estimate import LOGGED, RECKONING, estimate_body, see
-    from .named_methods import load_methods
+    from ..steps.estimating import LOGGED, RECKONING, estimate_body, see
+    from ..steps.named_methods import load_methods
 
     def recorded(*protocols: str) -> EstimateBody:
         # trajectories are what "nanobench estimate --out" writes: 90 MB that nothing here reads

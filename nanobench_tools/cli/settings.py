@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from .options import Options, one_line, shared_options
+from ..steps.options import Options, one_line
+from .shared_options import shared_options
 
 if TYPE_CHECKING:
     from ..settings import Model, Setting

@@ -7,8 +7,9 @@ from typing import Any
 import click
 
 from ..errors import UsageError
+from ..steps.options import Options
 from .closing import close
-from .options import FiniteRange, Options, shared_options
+from .shared_options import FiniteRange, shared_options
 from .simulate_serve import SERVE_OPTIONS, serve, serve_options
 
 KNOWN = "A registered name (see --list) or module:Class"
@@ -50,7 +51,7 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     from ..practice import CONTROLLERS, LoggingChain, write_practice
     from ..practice.references import family_named
     from ..signals.controller import RESERVED
-    from .named_methods import load_methods
+    from ..steps.named_methods import load_methods
 
     if options.out is None:
         raise UsageError("--out DIR is needed")

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError, how_to_install
-from .options import PATH, FiniteRange, Options
+from ..steps.options import Options
+from .shared_options import PATH, FiniteRange
 
 if TYPE_CHECKING:
     from ..radio.simulated.server import SimulatedCrazyflie

@@ -6,8 +6,9 @@ import inspect
 
 import click
 
+from ..steps.options import Options, one_line
 from .closing import close
-from .options import Options, one_line, shared_options
+from .shared_options import shared_options
 
 GOOD_FOR: dict[str, tuple[str, str]] = {
     "nanobench": ("NanoBench CSV with its sheet", "every verb: motion capture, IMU, motors, battery, set-points"),

@@ -12,11 +12,12 @@ import click
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
 from ..retiming.votes import AS_RECORDED, evidence_of
+from ..steps.named_methods import load_methods
+from ..steps.options import Options
+from ..steps.result_bodies import ClockModels, SysidBody
+from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
 from .closing import close, close_scores, predicted, same
-from .named_methods import load_methods
-from .options import PATH, Options, no_paths_beside, shared_options
-from .result_bodies import ClockModels, SysidBody
-from .show import data_word, sessions_text, show_left_out, show_ratios
+from .shared_options import PATH, no_paths_beside, shared_options
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 

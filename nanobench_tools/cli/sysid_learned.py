@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .options import Options
+from ..steps.options import Options
 
 if TYPE_CHECKING:
     from ..methods import Predictor

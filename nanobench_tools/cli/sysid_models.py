@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import NanobenchError, how_to_install
+from ..steps.options import Options
 from .convert import SIMULATORS, export_simulators
-from .options import Options
 
 if TYPE_CHECKING:
     from identification.greybox.ablation_study import FittedRung

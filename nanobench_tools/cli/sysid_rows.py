@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .options import Options
+from ..steps.options import Options
 from .sysid_models import Fits
 
 if TYPE_CHECKING:

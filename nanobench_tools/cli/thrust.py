@@ -10,9 +10,10 @@ import click
 
 from ..errors import InputError, UsageError
 from ..result import to_json
+from ..steps.options import Options, one_line
+from ..steps.show import data_word
 from .closing import again, close, shown_page
-from .options import PATH, Options, no_paths_beside, one_line, shared_options
-from .show import data_word
+from .shared_options import PATH, no_paths_beside, shared_options
 
 if TYPE_CHECKING:
     from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult

@@ -13,8 +13,9 @@ import click
 from ..errors import UsageError
 from ..harness.progress import Progress, Task
 from ..result import OPTIONAL, Result, to_json
+from ..steps.options import Options, one_line
 from .closing import again, close
-from .options import PATH, FiniteRange, Options, one_line, shared_options
+from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
     from controllers.tuning import Compared, Flown, Trial

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from nanobench_tools.cli.options import Options
 from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.steps.options import Options
 
 
 def test_audit_writes_the_keys_of_the_contract(nanobench, recordings, tmp_path):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from nanobench_tools.cli.options import clock_line
+from nanobench_tools.steps.options import clock_line
 
 
 def scores(nanobench, folder, out, clock):

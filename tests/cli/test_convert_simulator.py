@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import pytest
 
 from nanobench_tools.cli.convert import ALL, SIMULATORS
-from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.sysid_models import SIMULATOR, exported
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.export import TARGETS
 from nanobench_tools.physics.simulator import read_simulator, write_simulator
+from nanobench_tools.steps.options import Options
 
 TERMS = {"thrust_voltage": {"c": (0.0056, 0.0368, -0.0016)}, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.04},
          "yaw_torque": {"k_m": 0.006}, "drag_linear": {"d": (0.0105, 0.0105, 0.0032)}, "drag_torque": {"c": -3e-4}}

@@ -16,10 +16,10 @@ import pytest
 from nanobench_tools.cli import run as run_module
 from nanobench_tools.cli import run_clocks
 from nanobench_tools.cli.main import main
-from nanobench_tools.cli.options import Options
 from nanobench_tools.harness.store import Store
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flights as practice
+from nanobench_tools.steps.options import Options
 
 COMMAND = [sys.executable, "-c", "import sys; from identification.greybox import ablation_study as a; "
            "a.SHORT = a.SHORT[:1]; "

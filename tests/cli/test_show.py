@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from nanobench_tools.cli.show import interval_text, ratio_text, score_text, sessions_text
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.protocols.published import MeanStd
+from nanobench_tools.steps.show import interval_text, ratio_text, score_text, sessions_text
 
 
 @pytest.mark.parametrize(("values", "text"), [

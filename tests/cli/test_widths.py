@@ -8,9 +8,9 @@ import pytest
 from rich import box
 from rich.table import Table
 
-from nanobench_tools.cli.options import Options
-from nanobench_tools.cli.show import interval_text, score_text
 from nanobench_tools.metrics.statistics import summary
+from nanobench_tools.steps.options import Options
+from nanobench_tools.steps.show import interval_text, score_text
 
 SENTENCES = ("all 17.6 s of the flight are usable; stamps are corrected", "the gyro was saturated for 0.25 s near 12 s",
              "leave the recording out of identification")

@@ -82,7 +82,7 @@ def test_it_says_how_to_add_one_of_every_registered_group():
 
 
 def test_the_attributes_it_asks_of_methods_are_those_of_the_protocols():
-    from nanobench_tools.cli.named_methods import KINDS
+    from nanobench_tools.steps.named_methods import KINDS
 
     rows = {row.split("|")[1].strip(): row for row in TEXT.splitlines() if row.startswith("| ")}
     for group, (_, attributes) in KINDS.items():

@@ -7,11 +7,11 @@ import pytest
 from made_flights import made_flight, verdict
 
 from identification.naive import Naive
-from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.sysid import sysid_body
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols import choice
 from nanobench_tools.protocols.task1 import WindowErrors
+from nanobench_tools.steps.options import Options
 
 
 def score(windows, *sums):

@@ -144,7 +144,7 @@ def test_ablation_names_are_unique_and_classes_are_not_mixed():
 
 def test_without_casadi_nothing_is_fitted_and_one_line_says_so(monkeypatch, capsys):
     from nanobench_tools.cli import sysid_models as sysid
-    from nanobench_tools.cli.options import Options
+    from nanobench_tools.steps.options import Options
 
     monkeypatch.setattr(sysid.importlib.util, "find_spec", lambda name: None)
     assert sysid.fitted(Options(), ["a case"], "short", 0.04) == ({}, {})

@@ -11,13 +11,13 @@ from identification.greybox.ladder import FULL
 from identification.prove import concealed
 from identification.prove.concealed import LearntMap, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
 from identification.prove.summary import summarise
-from nanobench_tools.cli.options import Options
 from nanobench_tools.cli.prove import show_real
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, Flight, Provenance
 from nanobench_tools.harness import run_items
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps
+from nanobench_tools.steps.options import Options
 
 VOLTS = dict(FULL)
 FAMILIES = ("circle", "star", "trefoil")

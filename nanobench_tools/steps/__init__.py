@@ -1,0 +1,1 @@
+"""What the verbs and the Python functions are made of: options, loading, running and scoring, tables and results."""

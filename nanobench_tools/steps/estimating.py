@@ -1,0 +1,319 @@
+"""Scores of state estimators (Task 3): what ``nanobench estimate`` and ``nb.estimate`` are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from ..retiming.votes import AS_RECORDED, voters, votes
+from .estimate_pictures import aided_bands, blackout_bands
+from .named_methods import load_methods
+from .options import Options, one_line
+from .result_bodies import EstimateBody, TakenOut
+from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
+
+if TYPE_CHECKING:
+    from ..auditing import Audit
+    from ..flight import Flight
+    from ..harness.clocks import OnClock
+    from ..protocols.aided import Aiding
+    from ..protocols.dead_logs import DeadLog
+    from ..protocols.result_rows import EstimateRow, FlightScore, Metrics, Scored, WindowScore
+    from ..protocols.task3 import Case
+    from .estimate_pictures import DrawnBand
+
+LOGGED = ("onboard_ekf",)
+FLOORS = ("hold_position", "constant_velocity")
+RECKONING = ("strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "invariant_ekf")
+DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
+                   "aided": (*LOGGED, *RECKONING, "delayed_pose_ekf", *FLOORS), "blackout": RECKONING + FLOORS,
+                   "whole-flight": RECKONING + FLOORS}
+"""Scored when nothing else is asked for."""
+
+JUDGED = ("position", "velocity")
+"""What is judged of the logged estimate by every metric that is not about attitude."""
+LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
+"""Hidden from every method on a clock that the logged position helped to set."""
+
+SHOWN_FIRST = ("ate_rmse_m", "end_error_5s_m", "drift_percent")
+"""The metric that stands for a row in one line: the first that it has."""
+
+COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
+           ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
+
+SURE = (*COLUMNS, ("nees", "NEES of 3", 1.0, 2), ("nees_in_band", "in 95 % band", 1.0, 2), ("nis", "NIS of 1", 1.0, 2))
+"""Shown for aided: a filter that is told poses can say how sure it is of each."""
+
+DRIFTS = (("drift_percent", "drift %", 1.0, 1), ("drift_horizontal_percent", "horizontal %", 1.0, 1),
+          ("drift_vertical_percent", "vertical %", 1.0, 1), ("velocity_rmse_m_s", "velocity m/s", 1.0, 3))
+
+ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10, 20))
+
+
+def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
+    """{method: {name of the flight: file}}; InputError for a folder without .tum files."""
+    found: dict[str, dict[str, Path]] = {}
+    for folder in folders:
+        files = {path.stem: path for path in sorted(folder.glob("*.tum"))} if folder.is_dir() else {}
+        if not files:
+            raise InputError(f"--trajectory-dir {folder}", "holds no .tum file" if folder.is_dir() else "is no folder")
+        found[folder.absolute().name] = files
+    return found
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The recordings on the clock of ``options``: as positions and velocities may be judged on it, and as attitudes
+    may (None: the same)."""
+
+    places: OnClock
+    attitudes: OnClock | None = None
+
+
+def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Seen:
+    """``flights`` on the clock of ``options``. The logged attitude has a vote in ``retimed`` where positions are
+    judged and none where attitudes are; in ``joint`` all vote, and no logged estimate is judged."""
+    if options.clock != "retimed":
+        return Seen(options.see_on_clock(flights, audits, () if options.clock == "joint" else JUDGED))
+    return Seen(options.see_on_clock(flights, audits, JUDGED),
+                options.see_on_clock(flights, audits, ("attitude",)))
+
+
+def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
+                  files: Mapping[str, Mapping[str, Path]] | None = None, trajectories: bool = True,
+                  aidings: Sequence[Aiding] | None = None) -> EstimateBody:
+    """estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
+
+    trajectories: whether they are written to ``--out``; aidings: how poses come in ``aided``, one table each, the
+    first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
+    nothing to score.
+    """
+    from ..protocols import aided, task3
+    from ..protocols.dead_logs import dead_logs
+    from ..protocols.verb_needs import ESTIMATE
+
+    rows: list[EstimateRow] = []
+    per_flight: list[FlightScore] = []
+    windows: list[WindowScore] = []
+    bands: list[DrawnBand] = []
+    dead: list[DeadLog] | None = None
+    written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
+    failed: dict[str, str] = {}
+    flights, audits = seen.places.flights, seen.places.audits
+    for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
+        chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
+        if options.clock == "joint":
+            chosen, cases = _without_logged(options, chosen, cases)
+        work = [(method, case) for method in chosen for case in cases]
+        again = {} if seen.attitudes is None or protocol == task3.BLACKOUT else {
+            case.flight.name: case for case in task3.select(seen.attitudes.flights, seen.attitudes.audits, protocol)}
+        if protocol == task3.PUBLISHED[0]:
+            dead = dead_logs(cases, audits)
+        if protocol == task3.BLACKOUT:
+            scored, ends, drawn = _score_blackout(options, work, seen)
+            rows += scored
+            windows += ends
+            bands += drawn
+            continue
+        work += [trajectory for name, known in (files or {}).items() for trajectory in _from_files(name, known, cases)]
+        out = options.out if trajectories and protocol == written else None
+        for aiding in (aidings or aided.grid()) if protocol == task3.AIDED else [None]:
+            scored, single, drawn = _score(options, protocol, work, seen, out, aiding, again)
+            rows += scored
+            per_flight += single
+            bands += drawn
+            out = None
+        failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
+    used = {name for row in rows for name in row.flights}
+    left_out = show_left_out(options, flights, used, audits, ESTIMATE, failed)
+    taken_out = None if options.clock == AS_RECORDED else {options.clock: {
+        name: TakenOut.of(offset) if offset else None for name, offset in seen.places.time_offsets.items()
+        if name in used}}
+    return EstimateBody(rows, per_flight, left_out, windows or None, bands or None, dead, taken_out)
+
+
+def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
+    """The row with its clock, who had a vote in it over the row's own flights, and how many of them moved."""
+    voted, moving = seen.places.evidence_for(row.flights), seen.places.moving(row.flights)
+    given, turned = row.given + votes(options.clock, voted, moving > 0), None
+    if seen.attitudes is not None and any(name.startswith("attitude") for name in row.metrics):
+        turned = seen.attitudes.evidence_for(row.flights)
+        given += f" (attitude: {', '.join(turned)})"
+    return replace(row, given=given, clock=options.clock, clock_evidence=voted, clock_evidence_attitude=turned,
+                   n_moving=None if options.clock == AS_RECORDED else moving)
+
+
+def _without_logged(options: Options, methods: Sequence[Any], cases: Sequence[Case]
+                    ) -> tuple[list[Any], list[Case]]:
+    """The methods that are no logged estimate, and the cases without its streams; UsageError when no method is left."""
+    from ..protocols.task3 import is_logged
+
+    kept = [method for method in methods if not is_logged(method)]
+    if not kept:
+        voters(options.clock, JUDGED)  # says why not
+    if len(kept) < len(methods):
+        options.say("the logged estimate is not judged on clock joint, in which its position may vote")
+    return kept, [replace(case, flight=case.flight.without_streams(*LOGGED_STREAMS)) for case in cases]
+
+
+def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> list[tuple[Any, Case]]:
+    """The cases that have a file; InputError when none has."""
+    from nanobench_tools.sources.trajectory_file import TrajectoryFile
+
+    found = [(TrajectoryFile(files[case.flight.name]), case) for case in cases if case.flight.name in files]
+    if not found:
+        raise InputError(f"--trajectory-dir {next(iter(files.values())).parent}",
+                         f"no file is called after one of the {len(cases)} flights",
+                         f"for example {cases[0].flight.name}.tum")
+    return found
+
+
+def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], seen: Seen,
+           out: Path | None, aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
+           ) -> tuple[list[EstimateRow], list[FlightScore], list[DrawnBand]]:
+    """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
+    single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
+    judged on, where it is another one."""
+    from ..harness import make_item
+    from ..labels import speed_of
+    from ..protocols import task3, whole_flight
+    from ..protocols.result_rows import FlightScore
+    from ..protocols.trajectories import score_and_write, write_missing, write_truths
+
+    folder = None if out is None else out / "trajectories"
+    how = {} if aiding is None else {"aiding": aiding, "seed": options.seed}
+    protocol_given = {} if aiding is None else aiding.to_json()
+    given = {task3.AIDED: aiding.given if aiding else "", task3.WHOLE_FLIGHT: whole_flight.GIVEN}
+    items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder, **how},
+                       f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
+             for method, case in work]
+    turned = {}
+    for i, (method, case) in enumerate(work):
+        if again and case.flight.name in again:
+            what = {"case": again[case.flight.name], "method": method, "protocol": protocol, "folder": None, **how}
+            turned[i] = make_item(score_and_write, what, f"{protocol} attitude {method.name} {case.flight.name}",
+                                  file=case.flight.provenance.path)
+    values = options.run([*items, *turned.values()], protocol).values
+    done = [(method, case, _with_attitude(values[item.key], values.get(turned[i].key) if i in turned else None, again))
+            for i, ((method, case), item) in enumerate(zip(work, items, strict=True)) if item.key in values]
+    if folder is not None:
+        write_missing(done, protocol, folder, aiding, options.seed)
+        write_truths([case for _, case, _ in done], [method.name for method, _, _ in done], folder)
+    rows = []
+    for name in dict.fromkeys(method.name for method, _, _ in done):
+        mine = [(method, case, value) for method, case, value in done if method.name == name]
+        rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
+                               given.get(protocol, task3.GIVEN), options.sessions, protocol_given)
+    rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
+    _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
+    single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
+                          protocol_given, value.metrics) for method, case, value in done]
+    return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
+
+
+def _compared(options: Options, rows: Sequence[EstimateRow],
+              done: Sequence[tuple[Any, Case, Any]]) -> list[EstimateRow]:
+    """With ratios of the rows of one table; the windows of a flight are the same for every method."""
+    from ..protocols import compare
+
+    scores: dict[str, dict[str, Metrics]] = {}
+    for method, case, value in done:
+        scores.setdefault(method.name, {})[case.flight.name] = value.metrics
+    return compare.methods(rows, scores, options.sessions.by_name(case.flight for _, case, _ in done), options.seed)
+
+
+def _with_attitude(value: Scored, turned: Scored | None, again: Mapping[str, Case] | None) -> Scored:
+    """``value`` with what it says of attitude from ``turned``, the score on the clock that attitudes are judged on."""
+    if not again:
+        return value
+    return replace(value, metrics={
+        name: (turned.metrics.get(name) if turned else None) if name.startswith("attitude") else found
+        for name, found in value.metrics.items()})
+
+
+def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Seen
+                    ) -> tuple[list[EstimateRow], list[WindowScore], list[DrawnBand]]:
+    """The rows of the protocol, shown, its windows, and what is drawn of one of them."""
+    from ..harness import make_item
+    from ..protocols import blackout
+    from ..protocols.result_rows import WindowScore
+
+    items = [make_item(blackout.score, {"case": case, "method": method}, f"blackout {method.name} {case.flight.name}",
+                       file=case.flight.provenance.path) for method, case in work]
+    values = options.run(items, "blackout").values
+    done = [(method, case, values[item.key]) for (method, case), item in zip(work, items, strict=True)
+            if item.key in values]
+    rows = []
+    for name in dict.fromkeys(method.name for method, _, _ in done):
+        mine = [(method, case, value) for method, case, value in done if method.name == name]
+        rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed,
+                                  options.sessions)
+    rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
+    _show(options, "blackout", rows, ENDS)
+    _show_windows(options, rows)
+    return rows, [WindowScore(case.flight.name, method.name, options.clock, window)
+                  for method, case, value in done for window in value.windows], blackout_bands(options, done)
+
+
+def _show_windows(options: Options, rows: Sequence[EstimateRow]) -> None:
+    """Median and p90 over the windows of all flights, and of families that set nothing, 3-D, horizontal, vertical."""
+    from rich.table import Table
+
+    from ..labels import OTHER_FAMILIES
+    from ..protocols.blackout import HORIZONS_S, KINDS
+    from ..protocols.sessions import interval_note
+
+    table = Table(title=f"blackout, end error \\[m] over windows, {data_word(options)} data, {_clock_text(rows)}: "
+                        "median / p90 (windows)", title_style="", title_justify="left", box=None)
+    for name in ("group", "n", "sessions", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
+        table.add_column(name)
+    shown = sorted((row for row in rows if row.group in ("all", OTHER_FAMILIES)), key=lambda row: row.group)
+    for row in shown:
+        for kind in KINDS:
+            found = [(row.over_windows or {}).get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
+            cells = [f"{f.median:.3f} / {f.p90:.3f} ({f.n})" if f else "-" for f in found]
+            table.add_row(row.group, str(row.n), sessions_text(row.drawn.sessions), one_line(row.method),
+                          kind.strip("_") or "3-D", *cells)
+    options.show(table)
+    options.show(" ".join(filter(None, ("Windows of one flight, and flights of one session, are alike: their number "
+                                        "says little of how sure a median is.",
+                                        interval_note(shown, [name for name, *_ in ENDS])))))
+
+
+def _clock_text(rows: Sequence[EstimateRow]) -> str:
+    """The clock of a table, and who had a vote in it."""
+    heard = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence or ()))
+    turned = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence_attitude or ()))
+    clock = next((row.clock for row in rows), AS_RECORDED)
+    if clock == AS_RECORDED:
+        return f"clock {clock}"
+    protocol_given = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
+    return protocol_given + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
+
+
+def _show(options: Options, protocol: str, rows: Sequence[EstimateRow],
+          columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
+    """The groups of the published table, or all and the speeds; families are in the files."""
+    from ..labels import OTHER_FAMILIES
+    from ..protocols.sessions import interval_note
+
+    lines: list[tuple[list[str], Mapping[str, Any]]] = []
+    for row in rows:
+        if row.group not in ("all", OTHER_FAMILIES, "slow", "medium", "fast", "Slow", "Medium", "Fast"):
+            continue
+        lines.append(([row.group, row.method, str(row.n), sessions_text(row.drawn.sessions)], row.metrics))
+        if row.published is not None:
+            lines.append(([row.group, "(published)", str(row.published.published_n), ""], row.published.published))
+    title = (f"Task 3, {protocol}: {data_word(options)} data, {_clock_text(rows)}, mean ± SD over n flights, "
+             f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
+    options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
+    options.show(interval_note(rows, [name for name, *_ in columns]))
+    for group in ("all", OTHER_FAMILIES):
+        mine = [row for row in rows if row.group == group]
+        show_ratios(options, [(row.method + ", other families" * (group != "all"), row.ratios) for row in mine],
+                    columns)
+    for given in dict.fromkeys(f"{row.method}: given {row.given}" for row in rows):
+        options.show(one_line(given))
