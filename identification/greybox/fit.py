@@ -114,7 +114,10 @@ class GreyBox:
         ci95 = bootstrap(solution, self.seed, labels) if self.judged else None
         flown = np.unique(data.flight)
         why = why_not(len(flown), np.array(labels)[flown]) if self.judged else "not asked for"
-        parameters = {name: _parameter(float(v), unit, (ci95 or {}).get(name), why if problem.free[k] else "held")
+        stand_in = "held: so heavy that this model does not turn" if _held_rate(model) else "held"
+        why_held = {name: stand_in if name.startswith("inertia.") else "held" for name in model.names}
+        parameters = {name: _parameter(float(v), unit, (ci95 or {}).get(name), why if problem.free[k] else
+                                       why_held[name], (problem.lower[k], problem.upper[k]))
                       for k, (name, v, unit) in enumerate(zip(model.names, solution.model.values, model.units,
                                                               strict=True))}
         self.model_ = tidy(solution.model)
@@ -231,7 +234,10 @@ def _cases(flights: Sequence[Flight | Case]) -> list[Case]:
 __all__ = ["FitWindows", "GreyBox", "nuisances_of", "tidy"]
 
 
-def _parameter(value: float, unit: str, ci95: tuple[float, float] | None, why: str) -> Estimate:
+def _parameter(value: float, unit: str, ci95: tuple[float, float] | None, why: str,
+               allowed: tuple[float, float]) -> Estimate:
     if ci95 is None and not why:
         why = f"fewer than {FEWEST_FLIGHTS} flights"
+    if ci95 is not None and any(np.isclose(ci95, allowed, atol=0.0)):
+        why = f"{why}; ".removeprefix("; ") + "ends at a bound"
     return Estimate(value, ci95, unit, why)

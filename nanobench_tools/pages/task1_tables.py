@@ -141,10 +141,13 @@ def _horizon_scores(metrics: Any, row: Mapping[str, Any], horizons: Sequence[str
 def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """Fitted or stated parameters with their intervals, if there are any."""
     columns = (Column("model", "Model"), Column("parameter", "Parameter"), Column("unit", "Unit"), CLOCK, DATA,
-               Column("value", "Value", "score", decimals=4))
+               Column("ci_why", "Remark"), Column("value", "Value", "score", decimals=4))
+
+    common = _common_reason(sysid.get("parameters") or {})
 
     def rows(clock: str, models: Mapping[str, Any]) -> list[tuple[Cell, ...]]:
-        return [(model, name, text_of(body.get("unit")), clock, data_label(synthetic), Score.of(body))
+        return [(model, name, text_of(body.get("unit")), clock, data_label(synthetic),
+                 text_of(body.get("ci_why")).removeprefix(common).removeprefix("; "), Score.of(body))
                 for model, parameters in models.items() for name, body in _scalars(parameters)]
 
     lines = rows(text_of(sysid.get("clock")), sysid.get("parameters") or {})
@@ -153,10 +156,18 @@ def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
     if not lines:
         return []
     note = text_of(sysid.get("parameters_note"))
+    note += f" Intervals: {common}." if common not in note else ""
     note += " Those fitted on another clock are in the CSV file." if others else ""
     table = Table("table_task1_parameters", "Task 1: parameters of the models", columns, (*lines, *others),
                   note.strip(), len(lines))
-    return [clock_in_place(table)]
+    return [clock_in_place(drop_blank(table, "ci_why"))]
+
+
+def _common_reason(models: Mapping[str, Any]) -> str:
+    """What is said of every interval: it is said once, below the table."""
+    said = {text_of(body.get("ci_why")).split("; ")[0] for parameters in models.values()
+            for body in parameters.values() if body.get("ci95")}
+    return said.pop() if len(said) == 1 else ""
 
 
 def _scalars(parameters: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[str, Mapping[str, Any]]]:

@@ -171,6 +171,18 @@ def test_task1_shows_one_clock_and_beside_it_a_table_of_both(results):
     assert [row[-1].mean for row in tables["table_task1_parameters"].rows] == [0.04, 0.041]
 
 
+def test_a_parameter_that_no_flight_tells_is_marked():
+    few = "3 sessions: too narrow to trust"
+    fitted = {"drag": {"value": 0.01, "ci95": [0.008, 0.012], "unit": "N s/m", "ci_why": few},
+              "k_m": {"value": 1e-5, "ci95": [0.0, 7e-5], "unit": "m", "ci_why": f"{few}; ends at a bound"},
+              "J": {"value": 0.5, "ci95": None, "unit": "kg m^2", "ci_why": "held"}}
+    table = next(t for t in tables_of({"sysid": {"rows": [], "parameters": {"fit": fitted}}}, False)
+                 if t.name == "table_task1_parameters")
+    at = [c.key for c in table.columns].index("ci_why")
+    assert [row[at] for row in table.rows] == ["", "ends at a bound", "held"]
+    assert few in table.note
+
+
 def test_clocks_are_columns_and_never_mixed(results):
     tables = {t.name: t for t in tables_of(results, False)}
     table = tables["table_task3_clocks"]
