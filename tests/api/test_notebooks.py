@@ -24,6 +24,7 @@ def cells(name, monkeypatch, place=None):
     return runpy.run_path(str(NOTEBOOKS / f"{name}.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES[:2])
 def test_short_ones(name, monkeypatch):
     assert cells(name, monkeypatch)["flights"][0].provenance.synthetic

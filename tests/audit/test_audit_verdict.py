@@ -97,6 +97,7 @@ def test_sizes():
         "12.3 ms", "2.5 s", "200 mm", "an unknown amount", "3"]
 
 
+@pytest.mark.slow
 def test_what_a_recording_suffices_for():
     flight = practice_flight(3)
     entry = entry_of(flight, audit(flight))

@@ -71,6 +71,7 @@ def test_rows_left_out_do_not_matter():
     assert lag_sums(late, reference, np.zeros(len(late), bool), STEP) is None
 
 
+@pytest.mark.slow
 def test_offsets_put_into_practice_flights_come_back(flights):
     rng = np.random.default_rng(5)
     errors, inside, n = [], 0, 0

@@ -15,6 +15,7 @@ def blackout(nanobench, folder, out, *more):
     return json.loads(out.read_text())
 
 
+@pytest.mark.slow
 def test_every_row_is_there_unasked(nanobench, wandering, tmp_path, monkeypatch):
     """One start a flight: what each row is worth is not asked here."""
     monkeypatch.setattr(protocol, "EVERY_S", 1000.0)

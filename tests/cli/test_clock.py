@@ -29,6 +29,7 @@ def test_each_clock_removes_what_it_says(nanobench, wandering, tmp_path):
     assert retimed[moving] < 0.6 * recorded[moving]
 
 
+@pytest.mark.slow
 def test_rows_of_task_2_say_their_clock(nanobench, wandering, tmp_path):
     out = tmp_path / "o.json"
     code, _, err = nanobench("control", "--data", wandering, "--protocol", "clean", "--clock", "retimed", "--json", out,
@@ -39,6 +40,7 @@ def test_rows_of_task_2_say_their_clock(nanobench, wandering, tmp_path):
     assert {tuple(row["clock_evidence"]) for row in rows} == {("gyro", "acceleration", "attitude")}
 
 
+@pytest.mark.slow
 def test_the_joint_clock_judges_no_logged_estimate(nanobench, wandering, tmp_path):
     code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "clean", "--method", "onboard_ekf",
                              "--clock", "joint")
@@ -94,6 +96,7 @@ def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nan
     assert "clock" in (tmp_path / "all" / "table_task3_clean.csv").read_text("utf-8-sig").splitlines()[0].split(",")
 
 
+@pytest.mark.slow
 def test_the_main_job_on_one_clock_moves_clean_rows_and_no_published_ones(nanobench, one_fit, wandering, tmp_path):
     code, _, err = nanobench("run", "--data", wandering, "--out", tmp_path, "--jobs", 1, "--quiet", "--clock",
                              "retimed")

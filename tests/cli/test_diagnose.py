@@ -95,6 +95,7 @@ def test_swapped_recordings_are_told(nanobench, recordings, tmp_path):
     assert (code, "are they swapped?" in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_callable_is_diagnosed(nanobench, recordings, tmp_path, monkeypatch):
     (tmp_path / "a_callable.py").write_text('''
 def simulate(along):

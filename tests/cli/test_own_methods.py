@@ -98,6 +98,7 @@ def test_the_examples_are_short_and_are_what_they_claim(monkeypatch, tmp_path):
         assert len(lines) <= 36
 
 
+@pytest.mark.slow
 def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
     text = (STARTERS / "own_estimator.py.txt").read_text()
     call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",

@@ -70,6 +70,7 @@ def test_what_a_vehicle_is_told_waits_but_not_what_it_knows_of_the_future():
     assert [r.ahead(None) for r in found] == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mpc_daqp", "onboard_pid"])
 def test_a_vehicle_flies_on_over_the_worst_recorded_radio(name):
     """Silent for 11 % of the time: further from its path than over a good radio, and not lost."""
@@ -87,6 +88,7 @@ def test_a_vehicle_flies_on_over_the_worst_recorded_radio(name):
         assert np.sqrt((off[1]**2).mean()) < 0.08
 
 
+@pytest.mark.slow
 def test_the_verb_says_how_silent_the_radio_was(tmp_path, capsys):
     out = tmp_path / "r.json"
     flight = ["--controller", "onboard_pid", "--trajectory", "hover_until_landing", "--seconds", "7.5", "--plants", "1"]

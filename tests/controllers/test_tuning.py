@@ -104,6 +104,7 @@ def test_better_is_said_only_when_the_interval_says_so():
     assert logs(flown([[0.1, 50.0, None]], [[True, False, False]]))[0] == pytest.approx(np.log(LOST_M))
 
 
+@pytest.mark.slow
 def test_tune_writes_gains_that_control_flies(tmp_path, capsys):
     arguments = ["--trajectory", "circle", "--speed", "0.5", "--seconds", "7", "--jobs", "1", "--plants", "2"]
     code = main(["tune", "--controller", "lead_pid", "--judge", "oval", *arguments, "--budget", "2", "--out",

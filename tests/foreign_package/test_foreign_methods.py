@@ -46,6 +46,8 @@ from identification.mismatch.space import space_around
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.sources.discover import load_recordings
 
+pytestmark = pytest.mark.slow
+
 rung = LADDER[-1]
 assert rung.name == "fit_" + {TERM!r} and set(rung.terms) == {*FULL, {TERM!r}}
 assert len(LADDER) == 9

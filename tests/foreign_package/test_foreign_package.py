@@ -53,6 +53,8 @@ from identification.prove.make import make_case
 from identification.prove.plan import _faults, plan_cases
 from nanobench_tools.auditing import audit
 
+pytestmark = pytest.mark.slow
+
 names = [name for name, _ in _faults()]
 assert names[-1] == {KIND!r}, names  # after ours, so that the deck of ours keeps its order
 spec = next(s for s in plan_cases(600, 1) if s.faults and s.faults[0].kind == {KIND!r})

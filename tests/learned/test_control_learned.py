@@ -92,6 +92,7 @@ def test_the_teacher_corrects_on_paths_that_do_not_judge(job, places):
     assert (places[2] / "learned_commands.html").stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("keep", "says"), [(1, "1 flights of the onboard PID to learn from"),
                                             (0, "0 flights of the onboard PID to learn from")])
 def test_too_few_flights_are_one_line(places, tmp_path, capsys, keep, says):

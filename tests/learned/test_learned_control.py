@@ -75,6 +75,7 @@ def test_whole_flights_are_held_out_and_the_published_reference_is_never_learnt(
         shown(others)
 
 
+@pytest.mark.slow
 def test_policies_learn(found, tmp_path):
     parts = shown(found)
     quick = Settings(epochs=3, batch=64, share=0.3)

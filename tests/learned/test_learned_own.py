@@ -118,6 +118,7 @@ def test_network_that_talks_nonsense_leaves_the_physics(flown):
     np.testing.assert_allclose(rising(3.0, 4), 1.0 - np.exp(-np.arange(4) / 3.0))
 
 
+@pytest.mark.slow
 def test_bound_finds_what_a_simulator_leaves_out_and_is_never_above_it(flown):
     quick = replace(SETTINGS, epochs=5, batch=32, share=1.0, learning_rate=2e-2)
     found = flexible_bound(Sinks(), [(f.name, f.windows, f.came) for f in flown], quick)

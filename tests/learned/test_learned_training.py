@@ -162,6 +162,7 @@ def test_killed_training_goes_on_as_if_it_had_not_been(rows, tmp_path, monkeypat
     assert train(task, QUICK, path).begun == QUICK.epochs
 
 
+@pytest.mark.slow
 def test_seed_decides(rows):
     runs = [train(task_of("residual_mlp", False, rows, seed)[0], Settings(1, 64, share=0.1, seed=seed)).history
             for seed in (0, 0, 1)]
@@ -211,6 +212,7 @@ def test_loss_that_is_no_number_is_no_row(cases, rows, tmp_path):
         train_row("residual_mlp", False, bad, QUICK, None)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_trained_is_a_failure_and_the_others_go_on(cases, tmp_path):
     said = []
     (tmp_path / "physics_residual.safetensors").write_bytes(b"torn")

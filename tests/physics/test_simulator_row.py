@@ -15,6 +15,8 @@ from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.sources.discover import load_recordings
 
+pytestmark = pytest.mark.slow
+
 FILE = """
 schema = "nanobench-simulator/1"
 [vehicle]

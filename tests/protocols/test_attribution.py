@@ -20,6 +20,7 @@ def case_of(flight, *faults, protocol="clean"):
     return task3.select([flight], {flight.name: verdict(flight, *faults)}, protocol)[0]
 
 
+@pytest.mark.slow
 def test_a_late_clock_is_what_the_logged_error_comes_from():
     """The logged estimate is 40 ms late: with the stamps put right its error is gone; the replay never had it."""
     late, right = case_of(made_flight(late_s=0.04)), case_of(made_flight(late_s=0.0))

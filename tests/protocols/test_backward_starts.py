@@ -117,6 +117,7 @@ def test_both_starts_judge_the_same_windows_and_unknown_ones_are_refused():
         task1.score(case, Naive(), "onboard", "future")
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_on_real_flights_a_look_back_is_nearly_as_good_as_the_stored_velocity(real):
     """Mean difference of .007 m/s on training flights, the more the faster it accelerates."""

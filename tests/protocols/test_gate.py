@@ -198,6 +198,7 @@ def test_recovery_is_when_it_stays_back():
     assert np.isnan(second.back_s)
 
 
+@pytest.mark.slow
 def test_control_flies_the_gate_and_simulated_rows(crowd, tmp_path, capsys):
     flight = crowd.flight("short circle")
     write_nanobench(flight, tmp_path / "in" / f"{flight.name}.csv")

@@ -226,6 +226,7 @@ def test_rows_pool_windows_and_draw_flights():
     assert task1.tabulate(Naive(), "onboard", scored[:1])[0].ci95["rate_mae_rad_s"]["1"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_real_rows(real):
     """Close to the figures of all airborne flights (other test set); the published row within its known distance."""

@@ -82,6 +82,7 @@ PER_RUN = {
                                          0.027307482250136534)}
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_published_runs_to_all_digits(real):
     found = {(case.controller, case.flight.name): task2.score(case).metrics
@@ -117,6 +118,7 @@ CORRECTED = {  # speed, controller: n, RMSE mean and SD, ADE, velocity RMSE, hea
     ("fast", "mellinger"): (6, 0.601, 0.033, 0.593, 0.930, 1.15, -0.100)}
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_corrected_table(real):
     flights, audits = real

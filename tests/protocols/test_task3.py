@@ -365,6 +365,7 @@ def test_the_published_table_to_every_printed_digit(real):
     assert_published(table(*real, "as-published"))
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_corrected_table(real):
     assert_corrected(table(*real, "as-published-corrected"))

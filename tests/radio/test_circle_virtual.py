@@ -34,6 +34,8 @@ from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 from nanobench_tools.sources.discover import load_recordings
 
+pytestmark = pytest.mark.slow
+
 README = Path(__file__).parents[2] / "README.md"
 ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
 """Noise as the recordings have it."""

@@ -47,6 +47,7 @@ class Watched(VirtualWorld):
             self.true.append(np.array([time_s, *onboard.vehicle.true_pose()[0]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("controller", "kind", "most_m"), [
     ("onboard_mellinger", "full-state", 0.03), ("onboard_pid", "velocity", 0.35)])
 def test_a_path_is_flown_by_set_points_of_its_kind(controller: str, kind: str, most_m: float) -> None:

@@ -144,6 +144,7 @@ def test_the_console_is_heard_and_an_emergency_stop_locks(served) -> None:
         assert until(lambda: "SUP: Locked, reboot required" in "".join(heard))
 
 
+@pytest.mark.slow
 def test_ten_in_a_swarm_are_told_in_sequence_and_side_by_side(tmp_path: Path) -> None:
     with ExitStack() as stack:
         ten = [stack.enter_context(SimulatedCrazyflie(StillVehicle())) for _ in range(10)]

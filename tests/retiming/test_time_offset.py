@@ -104,6 +104,7 @@ def test_a_flight_that_never_moves_keeps_its_clock(flown):
     assert apply_time_offset(ground, find_time_offset(ground, "retimed")) is ground
 
 
+@pytest.mark.slow
 def test_clocks_found_with_the_audit_are_those_found_alone(flown, tmp_path):
     flights = [replace(recording(flown, row, wander_sd_s=0.03, offset_s=0.02)[0], name=name)
                for row, name in enumerate(("a", "b"))]

@@ -51,6 +51,7 @@ def test_train_and_test(tmp_path, nanobench):
     assert (tmp_path / "out" / "terms.toml").read_text().startswith("[[terms]]")
 
 
+@pytest.mark.slow
 def test_without_a_split_every_series_is_held_out(tmp_path, nanobench):
     code, _, _ = nanobench("--data", series(tmp_path / "a", 1, 2, 3), "--json", tmp_path / "r.json")
     found = json.loads((tmp_path / "r.json").read_text())
@@ -79,6 +80,7 @@ def test_with_a_silent_load_cell_the_result_is_the_same_as_without_it(tmp_path, 
     assert all(found[key] == alone[key] for key in ("rows", "parameters", "best"))
 
 
+@pytest.mark.slow
 def test_a_silent_load_cell_is_said_and_left_out(tmp_path, nanobench):
     found, err = silenced(tmp_path, nanobench)
     assert [entry["flight"] for entry in found["left_out"]] == ["silent"]
@@ -110,6 +112,7 @@ def test_nothing_to_fit_is_one_line(tmp_path, nanobench):
     assert "nothing to fit" in err
 
 
+@pytest.mark.slow
 def test_training_files_that_cannot_be_read_are_listed_and_the_others_fitted(tmp_path, nanobench):
     train = series(tmp_path / "a", 1, 2)
     (train / "torn.csv").write_bytes(b"\x00\x01\x02" * 50)
