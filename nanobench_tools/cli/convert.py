@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..physics import Model
     from ..physics.export import Assumed, Exported
+    from ..physics.hover import Hover
 
 FORMATS = ("nanobench", "parquet", "tum")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
@@ -106,14 +107,32 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
     if mocap is not None or options.data:
         raise UsageError("nanobench convert: other paths and --mocap do not go with a SIMULATOR.toml")
     given = replace(Assumed(), **{name: value for name, value in assumed.items() if value is not None})
-    found = export_simulators(read_simulator(path), options.out, SIMULATORS if to == ALL else (to,), given)
+    model = read_simulator(path)
+    found = export_simulators(model, options.out, SIMULATORS if to == ALL else (to,), given)
     for name, exported in found.items():
         options.show(f"{name}: {', '.join(one_line(str(file)) for file in exported.files)}")
         for line in exported.account.lines():
             options.show(f"  {one_line(line)}")
+    at_hover = _hover(options, model, given.battery_V)
     close(options, f"{path} written for {', '.join(found)} to {options.out}", "fly this vehicle, simulated",
           "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850", "--simulator", path)
-    return options.finish("convert", {"to": to, "simulator": str(path), **exported_body(found)})
+    return options.finish("convert", {"to": to, "simulator": str(path), "hover": at_hover,
+                                      **exported_body(found)})
+
+
+def _hover(options: Options, model: Model, battery_V: float) -> Hover | None:
+    """How the vehicle that was written hovers and turns, shown; None where it cannot hover."""
+    from ..physics.hover import doubts, hover
+
+    try:
+        found = hover(model, battery_V)
+    except UsageError as error:
+        options.show(f"WARNING: {error}")
+        return None
+    options.show(found.sentence)
+    for line in doubts(model):
+        options.show(f"WARNING: {line}")
+    return found
 
 
 def export_simulators(model: Model, folder: Path | None, targets: Sequence[str] = SIMULATORS,

@@ -9,6 +9,7 @@ from nanobench_tools.cli.convert import ALL, SIMULATORS
 from nanobench_tools.cli.sysid_models import SIMULATOR, exported
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.export import TARGETS
+from nanobench_tools.physics.hover import hover
 from nanobench_tools.physics.simulator import read_simulator, write_simulator
 from nanobench_tools.steps.options import Options
 
@@ -40,6 +41,19 @@ def test_all_simulators_at_once(nanobench, simulator, tmp_path):
     assert body["simulators"]["c"]["left_out"] == {}
     assert body["simulator"] == str(simulator)
     assert [file for file in body["files"] if not (tmp_path / file).is_file()] == []
+
+
+def test_it_says_how_the_vehicle_hovers_and_doubts_a_yaw_that_no_propeller_has(nanobench, simulator, tmp_path):
+    code, shown, _ = nanobench("convert", simulator, "--to", "c", "--out", tmp_path / "c")
+    assert code == 0
+    assert "PWM ratio (3.7 V); 1 % more and less of the motors turns it by roll" in shown
+    assert "WARNING" not in shown
+    write_simulator(Model(Vehicle(), {**TERMS, "yaw_torque": {"k_m": 1.2e-5}}), simulator)
+    code, shown, _ = nanobench("convert", simulator, "--to", "c", "--out", tmp_path / "c")
+    assert code == 0
+    assert "WARNING: yaw_torque.k_m is 1.2e-05 m" in shown
+    body = json.loads((tmp_path / "c" / "convert.json").read_text())
+    assert body["hover"]["authority_rad_s2"] == pytest.approx(hover(read_simulator(simulator)).authority_rad_s2)
 
 
 def test_one_simulator_and_nothing_but_json(nanobench, simulator, tmp_path):
