@@ -13,6 +13,7 @@ from ..methods import Prediction, Windows
 from .quiet_options import some
 
 if TYPE_CHECKING:
+    import control
     import pandas as pd
 
     from identification.greybox.fit import GreyBox
@@ -55,6 +56,20 @@ class VehicleModel:
     def plot(self) -> Any:
         """A plotly figure of the intervals."""
         return self.greybox.result_.plot()
+
+    def linearize(self, battery_V: float = 3.7) -> control.StateSpace:
+        """The vehicle about its hover for python-control (extra ``control``): inputs ``motor_1`` .. [PWM ratio],
+        outputs position, velocity, turn, rate and thrust by name [m, m/s, rad, rad/s, N]; a delay by Pade.
+
+        >>> import nanobench_tools as nb
+        >>> terms = ["thrust_voltage", "motor_lag", "inertia"]
+        >>> vehicle = nb.fit(nb.simulate(2, seed=1, seconds=12.0), terms=terms).linearize()
+        >>> vehicle.output_labels[9:12]
+        ['rate_x', 'rate_y', 'rate_z']
+        """
+        from ..physics.linear import linearize
+
+        return linearize(self.greybox.model_, battery_V)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """The vehicle as simulator.toml, written to ``path`` where one is given. UsageError for a fit that is none."""

@@ -23,13 +23,15 @@ AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True, repr=False)
 class Hover(Result):
-    """Steady hover in still air at battery_V. motor (n,) commands in ``unit``; thrust_N (n,), as asked of the rotors;
-    roll_deg, pitch_deg at which it stands still; authority_rad_s2: angular acceleration about body x, y, z [rad/s^2],
-    rotors settled, where every motor changes by 1 % of its command in the sense that turns so."""
+    """Steady hover in still air at battery_V, height_m above the ground. motor (n,) commands in ``unit``; thrust_N
+    (n,), as asked of the rotors; roll_deg, pitch_deg at which it stands still;
+    authority_rad_s2: angular acceleration about body x, y, z [rad/s^2], rotors settled, where every motor changes by
+    1 % of its command in the sense that turns so."""
 
     motor: tuple[float, ...]
     unit: str
     battery_V: float
+    height_m: float
     thrust_N: tuple[float, ...]
     roll_deg: float
     pitch_deg: float
@@ -102,8 +104,8 @@ def hover(model: Model, battery_V: float = BATTERY_V, height_m: float = 1.0) -> 
         raise UsageError(f"this model hovers at no command at {battery_V:g} V: "
                          f"{np.linalg.norm(slope[VELOCITY]):.2g} m/s^2 are left")
     motor = start * found.x[2:]
-    return Hover(tuple(motor.tolist()), UNITS[model.vehicle.input], battery_V, tuple(thrust.tolist()),
-                 float(np.degrees(found.x[0])), float(np.degrees(found.x[1])),
+    return Hover(tuple(motor.tolist()), UNITS[model.vehicle.input], battery_V, height_m,
+                 tuple(thrust.tolist()), float(np.degrees(found.x[0])), float(np.degrees(found.x[1])),
                  _authority(model, found.x[:2], motor, battery_V, height_m))
 
 
