@@ -26,6 +26,7 @@ _PLACES = {
     "api.fitted": ("VehicleModel", "fit"),
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
+    "api.reported": ("report",),
 }
 """Module -> the public names it holds."""
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}

@@ -12,6 +12,7 @@ from .api.loading import Flights as Flights
 from .api.loading import load as load
 from .api.loading import load_flight as load_flight
 from .api.practised import simulate as simulate
+from .api.reported import report as report
 from .errors import InputError as InputError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import NanobenchError as NanobenchError

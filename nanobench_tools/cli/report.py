@@ -11,21 +11,18 @@ from ..steps.options import Options
 from .closing import close, shown_page
 from .shared_options import shared_options
 
-RESULTS = ("audit", "estimate", "sysid", "thrust", "control")
-"""Result files the page is made from, ``<name>.json``."""
-
 
 @click.command()
 @shared_options("json", "scheduler", "seed", "clock")
 def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
-    Reads audit.json, estimate.json, sysid.json, thrust.json and control.json in --out (or in the one PATH), as far as
-    they are there, and writes report.html and the tables as CSV and LaTeX beside them. The pictures of single flights
-    need the recordings: those of --data, else of the default places, that audit.json names by content; without them
-    the page has none.
+    Reads audit.json, estimate.json, sysid.json, thrust.json, control.json and verdict.json in --out (or in the one
+    PATH), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The pictures of
+    single flights need the recordings: those of --data, else of the default places, that audit.json names by content;
+    without them the page has none.
     """
-    from ..pages import write_report
+    from ..pages.report_page import RESULTS, write_report
     from ..result_files import read_json
 
     if options.out is None and len(options.data) == 1 and any(

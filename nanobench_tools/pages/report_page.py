@@ -29,6 +29,8 @@ from .tables import Column, Score, Table, score_text, write_tables
 from .task3_tables import logged_method
 from .tiles import tiles
 
+RESULTS = ("audit", "estimate", "sysid", "thrust", "control", "verdict")
+"""Result files the page is made from, ``<name>.json``."""
 SCRIPTS = ("chart.js", "page.js")
 FIGURE_SCRIPTS = ("chart.js", "figures.js")
 """Of the pages that draw all they have: ``data`` holds the figures."""

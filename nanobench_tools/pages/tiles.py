@@ -116,7 +116,8 @@ def of_verdict(verdict: Mapping[str, Any]) -> Tile | None:
     """Where the simulator is wrong."""
     if not verdict.get("outcome"):
         return None
-    names = [str(f["term"]).replace("_", " ") for f in verdict.get("findings") or []]
+    names = [str(f.get("term") or " or ".join(f.get("causes") or ())).replace("_", " ")
+             for f in verdict.get("findings") or []]
     value = ", ".join(names[:2]) or str(verdict["outcome"]).replace("_", " ")
     return Tile("Simulator and flights", value, str(verdict.get("headline") or verdict.get("paragraph") or ""),
                 "warn" if names else "", "mismatch")

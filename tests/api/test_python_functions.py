@@ -13,7 +13,7 @@ import pytest
 import nanobench_tools as nb
 from nanobench_tools import Flight, InputError, UsageError
 
-EXAMPLES = ("loading", "audited", "practised")
+EXAMPLES = ("loading", "audited", "practised", "reported")
 LONG_EXAMPLES = ("estimated", "fitted", "diagnosed")
 
 

@@ -1,0 +1,36 @@
+"""``nb.report``: one page of flights and of the results in a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..flight import Flight
+from ..pages.report_page import RESULTS, write_report
+from ..result_files import read_json
+from .audited import audit
+from .quiet_options import some
+
+
+def report(flights: Flight | Iterable[Flight], out_dir: str | Path = "results") -> Path:
+    """Writes report.html and its tables (CSV, LaTeX) into ``out_dir`` and gives the path of the page.
+
+    The flights are audited. Results that lie in ``out_dir`` already are shown beside them: audit.json, estimate.json,
+    sysid.json, thrust.json, control.json (``nanobench run``), verdict.json (``nanobench diagnose``).
+
+    Raises ``InputError`` for a result file that is none.
+
+    >>> import tempfile
+    >>> import nanobench_tools as nb
+    >>> flights = nb.simulate(2, seed=1, seconds=12.0)
+    >>> page = nb.report(flights, tempfile.mkdtemp())
+    >>> page.name, "Recordings usable" in page.read_text()
+    ('report.html', True)
+    """
+    found = some(flights)
+    folder = Path(out_dir)
+    results = {name: read_json(folder / f"{name}.json", name) for name in RESULTS
+               if (folder / f"{name}.json").exists()}
+    synthetic = any(f.provenance.synthetic for f in found) or any(body.get("synthetic") for body in results.values())
+    folder.mkdir(parents=True, exist_ok=True)
+    return write_report(folder, results, found, {a.flight.name: a.detail for a in audit(found)}, synthetic)
