@@ -168,7 +168,7 @@ const nanobench = (() => {
       const button = Object.assign(document.createElement("button"), { type: "button", textContent: mark.name });
       const swatch = document.createElement("i");
       swatch.style.color = `var(--${mark.colour || "blue"})`;
-      swatch.className = mark.kind === "points" ? `dot ${mark.symbol || ""}` : mark.kind === "bars" ? "bar" : mark.dash || "solid";
+      swatch.className = mark.kind === "points" ? `points ${mark.symbol || ""}` : mark.kind === "bars" ? "bar" : mark.dash || "solid";
       button.prepend(swatch);
       button.setAttribute("aria-pressed", String(!mark.hidden));
       button.addEventListener("click", () => {
