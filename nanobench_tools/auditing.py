@@ -99,7 +99,7 @@ class Audit(Result):
                            "minimum_detectable": _number(f.minimum_detectable),
                        }
                        for f in self.faults],
-            "clock": to_json(self.clock),
+            "clock": _shared(to_json(self.clock)),
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
         }
 
@@ -118,10 +118,27 @@ class Audit(Result):
                       f["evidence"], _nan(f.get("minimum_detectable")))
                 for f in body["faults"]
             ),
-            clock=from_json(dict[str, ClockReading], body["clock"]),
+            clock=from_json(dict[str, ClockReading], _unshared(body["clock"])),
             rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
             span=Span(*body["span"]),
         )
+
+
+def _shared(clock: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """A course of the time error that several streams have stands with the first; the others name it (``warp_of``)."""
+    first: dict[str, str] = {}
+    found = {}
+    for stream, reading in clock.items():
+        owner = first.setdefault(repr(reading["warp"]), stream) if reading["warp"] else stream
+        found[stream] = reading if owner == stream else {**reading, "warp": [], "warp_of": owner}
+    return found
+
+
+def _unshared(clock: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The inverse of ``_shared``."""
+    return {stream: {key: value for key, value in reading.items() if key != "warp_of"}
+            | ({"warp": clock[reading["warp_of"]]["warp"]} if "warp_of" in reading else {})
+            for stream, reading in clock.items()}
 
 
 def _number(value: float) -> float | None:

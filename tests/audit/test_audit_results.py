@@ -1,6 +1,7 @@
 """The shape of a verdict: JSON there and back, clean spans, the registered kinds."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,6 +82,18 @@ def test_json_there_and_back():
     assert after.to_json() == before.to_json()
     assert after.clock["imu"] == before.clock["imu"]
     assert np.isnan(after.clock["motor"].offset_s)
+
+
+def test_one_course_of_several_streams_is_written_once():
+    course, other = ((0.0, 0.01, 0.001), (5.0, -0.02, 0.001)), ((0.0, 0.03, 0.001),)
+    before = verdict()
+    clock = {"imu": course, "estimator": course, "attitude": other, "pid": (), "battery": ()}
+    before = replace(before, clock={name: replace(before.clock["imu"], warp=warp) for name, warp in clock.items()})
+    body = json.loads(json.dumps(before.to_json(), allow_nan=False))
+    assert body["clock"]["imu"]["warp"] == [list(point) for point in course]
+    assert (body["clock"]["estimator"]["warp"], body["clock"]["estimator"]["warp_of"]) == ([], "imu")
+    assert "warp_of" not in body["clock"]["attitude"] | body["clock"]["battery"]
+    assert {name: reading.warp for name, reading in Audit.from_json(body).clock.items()} == clock
 
 
 def test_clean_spans_count_only_the_streams_asked_for():
