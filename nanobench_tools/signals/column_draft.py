@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..flight import STREAM_QUANTITIES
 from ..sources.cells import read_grid
 from ..sources.column_map import FORCE_UNITS, PWM_STREAMS, PWM_UNITS, SCHEMA, UNITS
-from ..sources.column_names import guessed, words_of
+from ..sources.column_names import NUMBERED, guessed, words_of
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC, TableSource
 from ..units import factor
@@ -47,14 +47,16 @@ def draft_columns(path: Path) -> ColumnDraft:
     """The draft for one table, CSV or Parquet. Raises InputError for a file that is no table or has no time column."""
     place = str(path)
     data = unpack(read_file(path), place).data
-    values = _numbers_of(data, place)
+    values, texts = _numbers_of(data, place)
     found, unknown = guessed(values)
     notes: list[str] = []
     if ("", "time") not in found:
         seen = ", ".join(repr(name) for name in values)
-        raise InputError(place, f"no column is named like a time; its columns: {seen}",
-                         "call one of them t (or time, timestamp)")
+        also = f"; of text: {', '.join(map(repr, texts))}" if texts else ""
+        raise InputError(place, f"no column is named like a time; its columns: {seen}{also}",
+                         "call one of them t (or time, timestamp); write dates as seconds since 1970")
     for stream in dict.fromkeys(stream for stream, _ in found):
+        _order_turn(stream, found, values, unknown, notes)
         _check_turn(stream, found, values, unknown, notes)
     if len(found) == 1:
         raise InputError(place, f"no column beside {found['', 'time']!r} has a name that is known",
@@ -70,19 +72,45 @@ def draft_columns(path: Path) -> ColumnDraft:
     return ColumnDraft(_toml(path, mapped, unknown, notes), mapped, unknown, tuple(notes))
 
 
-def _numbers_of(data: bytes, place: str) -> dict[str, np.ndarray]:
+def _numbers_of(data: bytes, place: str) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of numbers, and the names of those that hold text."""
     if data.startswith(PARQUET_MAGIC):
         try:
             table = pq.read_table(pa.BufferReader(data))
         except (pa.ArrowException, OSError, ValueError) as error:
             raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0]})",
                              "take another copy") from None
-        return {name: table.column(name).to_numpy().astype(float) for name in table.column_names
-                if pa.types.is_floating(table.schema.field(name).type)
-                or pa.types.is_integer(table.schema.field(name).type)}
+        kinds = {name: table.schema.field(name).type for name in table.column_names}
+        numbers = {name: table.column(name).to_numpy().astype(float) for name, kind in kinds.items()
+                   if pa.types.is_floating(kind) or pa.types.is_integer(kind)}
+        return numbers, [name for name in kinds if name not in numbers]
     if b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(place, "is no table of text", "give a CSV or Parquet file")
-    return {name: np.asarray(column, dtype=float) for name, column in read_grid(data, place).columns.items()}
+    grid = read_grid(data, place)
+    return {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}, grid.text
+
+
+def _order_turn(stream: str, found: dict[Key, str], values: Mapping[str, np.ndarray], unknown: dict[str, str],
+                notes: list[str]) -> None:
+    """Gives q0 .. q3 their letters where one order alone has the vehicle upright; a turn about z looks upright in the
+    other, too, where it is half a turn."""
+    columns = [column for digit in NUMBERED if (column := found.pop((stream, f"q{digit}"), None))]
+    if not columns:
+        return
+    upright = []
+    if len(columns) == len(QUATERNION):
+        parts = np.stack([values[c] for c in columns], axis=1)
+        for order in (("qw", "qx", "qy", "qz"), QUATERNION):
+            x, y = (parts[:, order.index(q)] for q in ("qx", "qy"))
+            if np.nanmedian(1.0 - 2.0 * (x * x + y * y)) > 0.0:
+                upright.append(order)
+    if len(upright) != 1:
+        why = "of a quaternion by number: the scalar is the first or the last, and these numbers do not tell which"
+        unknown.update(dict.fromkeys(columns, why))
+        return
+    found.update({(stream, quantity): column for quantity, column in zip(upright[0], columns, strict=True)})
+    scalar = columns[upright[0].index("qw")]
+    notes.append(f"{scalar}: the scalar, since only then is the vehicle upright")
 
 
 def _check_turn(stream: str, found: dict[Key, str], values: Mapping[str, np.ndarray], unknown: dict[str, str],

@@ -18,10 +18,15 @@ UNIT_WORDS = {"m/s2": "m/s^2", "m/s²": "m/s^2", "m_s2": "m/s^2", "m_s^2": "m/s^
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd"}
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard"}
-_ACC, _GYRO = {"acc", "accel", "acceleration", "accelerometer", "a"}, {"gyro", "gyr", "rate", "w", "omega", "angular"}
+_MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth"}
+_ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
+_GYRO = {"gyro", "gyr", "g", "rate", "w", "omega", "angular"}
 _VELOCITY, _TURN = {"v", "vel", "velocity", "speed"}, {"q", "quat", "quaternion", "orientation", "rot", "att"}
 _MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u"}, {"rpm", "rotor"}
 _BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective"}
+NUMBERED = "0123"
+"""Parts of a quaternion by number: ``meaning`` says q0 .. q3, since the scalar is the first with some and the last with
+others."""
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds"}
 
 
@@ -37,7 +42,7 @@ def words_of(column: str) -> tuple[list[str], str]:
     elif match := _ENDS.match(column):
         column, unit = match[1], match[2]
     words = [w for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
-    if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[1-8])", words[-1])) and glued[1] in (
+    if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (
             _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | {"p", "pos", "position"}):
         words[-1:] = [glued[1], glued[2]]
     return words, UNIT_WORDS.get(unit.lower() if unit.lower() in UNIT_WORDS else unit, unit)
@@ -46,10 +51,14 @@ def words_of(column: str) -> tuple[list[str], str]:
 def meaning(column: str) -> tuple[str, str] | None:
     """(stream, quantity) of a column by its name, ("", "time") for stamps, or None."""
     words, _ = words_of(column)
+    while len(words) > 1 and words[-1] in _WANTED | _ESTIMATED | _MEASURED:  # x_ekf, roll_ref
+        words = [words[-1], *words[:-1]]
     if not words:
         return None
     last, before = words[-1], set(words[:-1])
     wanted, estimated = bool(before & _WANTED), bool(before & _ESTIMATED)
+    if last in NUMBERED and before & _TURN and not wanted:
+        return "attitude_qw" if estimated else "mocap", f"q{last}"
     if last in _TIME:
         return None if before & (_ACC | _GYRO | _MOTOR) else ("", "time")
     if last in _BATTERY or (last == "v" and before & _BATTERY):

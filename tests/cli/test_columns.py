@@ -67,7 +67,9 @@ def test_four_numbers_that_are_no_rotation_are_not_called_one(nanobench, tmp_pat
 @pytest.mark.parametrize(("name", "is_what"), [
     ("stateEstimate.x", ("estimator", "x")), ("ctrltarget.yaw", ("setpoint", "yaw")), ("imu/gyro.y", ("imu", "gyro_y")),
     ("motor_3", ("motor", "m3")), ("rpm.m2", None), ("pm.vbat", ("battery", "vbat")), ("time [ms]", ("", "time")),
-    ("vx", ("mocap", "vx")), ("quat_w", ("mocap", "qw")), ("colour", None), ("", None)])
+    ("vx", ("mocap", "vx")), ("quat_w", ("mocap", "qw")), ("x_ekf", ("estimator", "x")), ("z_vicon", ("mocap", "pz")),
+    ("yaw_ref", ("setpoint", "yaw")), ("gx", ("imu", "gyro_x")), ("q0", ("mocap", "q0")), ("q_3", ("mocap", "q3")),
+    ("m0", None), ("ekf", None), ("colour", None), ("", None)])
 def test_meanings_of_names(name, is_what):
     found = meaning(name)
     if name == "rpm.m2":
@@ -158,8 +160,29 @@ def test_the_unit_of_time_follows_from_its_steps(tmp_path, table, unit, per_s):
     assert draft.mapped["", "time"] == ("t", unit)
 
 
-def test_a_quaternion_with_numbers_for_letters_is_not_guessed(tmp_path, table):
-    """q0..q3 is scalar first with some and last with others."""
-    turn = {f"q{i}": np.full(N, float(i == 0)) for i in range(4)}
+def test_a_quaternion_by_number_that_is_upright_in_both_orders_is_not_guessed(tmp_path, table):
+    """Half a turn about z with the scalar first, no turn with the scalar last."""
+    turn = {f"q{i}": np.full(N, float(i == 3)) for i in range(4)}
     draft = draft_columns(write(tmp_path / "log.csv", {"t": table["time"], "px": table["px"], **turn}))
     assert set(turn) <= set(draft.unknown)
+
+
+@pytest.mark.parametrize("scalar", [0, 3])
+def test_a_quaternion_by_number_is_the_one_with_which_the_vehicle_is_upright(tmp_path, table, scalar):
+    half = 1.5 * np.sin(table["time"])
+    parts = [np.cos(half), 0.05 * np.sin(half), np.zeros(N), np.sin(half)]
+    parts = parts if scalar == 0 else [*parts[1:], parts[0]]
+    draft = draft_columns(write(tmp_path / "q.csv", {"t": table["time"], "x": table["px"],
+                                                     **{f"q{i}": part for i, part in enumerate(parts)}}))
+    assert draft.mapped["mocap", "qw"] == (f"q{scalar}", "1")
+    assert draft.mapped["mocap", "qz"] == ("q3" if scalar == 0 else "q2", "1")
+    assert any(f"q{scalar}: the scalar" in note for note in draft.notes)
+
+
+def test_stamps_that_are_text_are_named(tmp_path, nanobench):
+    path = tmp_path / "dates.csv"
+    path.write_text("datetime,x\n" + "".join(f"2026-01-01T00:00:{i:02d}Z,{i}.5\n" for i in range(30)))
+    code, _, err = nanobench("columns", path)
+    assert code == 2
+    assert "of text: 'datetime'" in err
+    assert "write dates as seconds since 1970" in err
