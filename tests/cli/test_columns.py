@@ -167,9 +167,9 @@ def test_a_quaternion_by_number_that_is_upright_in_both_orders_is_not_guessed(tm
     assert set(turn) <= set(draft.unknown)
 
 
-@pytest.mark.parametrize("scalar", [0, 3])
-def test_a_quaternion_by_number_is_the_one_with_which_the_vehicle_is_upright(tmp_path, table, scalar):
-    half = 1.5 * np.sin(table["time"])
+@pytest.mark.parametrize(("scalar", "turned"), [(0, 0.4), (3, 1.5)])
+def test_a_quaternion_by_number_is_the_one_with_which_the_vehicle_is_upright(tmp_path, table, scalar, turned):
+    half = turned * np.sin(table["time"])
     parts = [np.cos(half), 0.05 * np.sin(half), np.zeros(N), np.sin(half)]
     parts = parts if scalar == 0 else [*parts[1:], parts[0]]
     draft = draft_columns(write(tmp_path / "q.csv", {"t": table["time"], "x": table["px"],
