@@ -20,7 +20,8 @@ from ..errors import InputError
 from ..flight import STREAM_QUANTITIES
 from ..sources.cells import read_grid
 from ..sources.column_map import FORCE_UNITS, PWM_STREAMS, PWM_UNITS, SCHEMA, UNITS
-from ..sources.column_names import NUMBERED, guessed, words_of
+from ..sources.column_names import NUMBERED, guessed, meaning, words_of
+from ..sources.dialect import header_of
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC, TableSource
 from ..units import factor
@@ -86,7 +87,8 @@ def _numbers_of(data: bytes, place: str) -> tuple[dict[str, np.ndarray], list[st
         return numbers, [name for name in kinds if name not in numbers]
     if b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(place, "is no table of text", "give a CSV or Parquet file")
-    grid = read_grid(data, place)
+    time = next((name for name in header_of(data)[0] if meaning(name) == ("", "time")), None)
+    grid = read_grid(data, place, time=time)  # stamps since 1970 in ms are larger than any measurement
     return {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}, grid.text
 
 
@@ -176,7 +178,8 @@ def _mend_units(path: Path, data: bytes, found: Mapping[Key, str], units: dict[K
             right = factor(units[key]) / wrong.factor
             unit = min(_allowed(key), key=lambda u: abs(np.log(factor(u) / right)))
             if unit != units[key]:
-                notes.append(f"{found[key]}: {unit}, since {wrong.evidence}")
+                unsure = "; cm are as possible, check it" if unit == "mm" and key[0] == "mocap" else ""
+                notes.append(f"{found[key]}: {unit}, since {wrong.evidence}{unsure}")
                 units[key] = unit
             else:
                 notes.append(f"{found[key]}: check its unit, {wrong.evidence}")

@@ -80,7 +80,7 @@ def meaning(column: str) -> tuple[str, str] | None:
     if before & _GYRO:
         return "imu", f"gyro_{last}"
     if before & _ACC:
-        return "imu", f"acc_{last}"
+        return ("estimator_acc", f"a{last}") if estimated else ("imu", f"acc_{last}")
     stream = "setpoint" if wanted else "estimator" if estimated else "mocap"
     if before & _VELOCITY:
         return stream, f"v{last}"

@@ -64,12 +64,29 @@ def test_four_numbers_that_are_no_rotation_are_not_called_one(nanobench, tmp_pat
         assert ("qw" in drafted) is known
 
 
+@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_stamps_since_1970_get_their_unit(tmp_path, table, unit, per_s):
+    path = write(tmp_path / "f.csv", {"t": np.round((1.76e9 + table["time"] - 1000.0) * per_s), "x": table["px"],
+                                      "y": table["py"], "z": table["pz"]})
+    draft = draft_columns(path)
+    assert draft.mapped["", "time"] == ("t", unit)
+    assert not any("never grows" in note for note in draft.notes)
+
+
+def test_a_position_in_cm_is_not_surely_in_mm(tmp_path, table):
+    path = write(tmp_path / "f.csv", {"t": table["time"],
+                                      **{a: 100.0 * table[f"p{a}"] for a in "xyz"}})
+    draft = draft_columns(path)
+    assert draft.mapped["mocap", "px"] == ("x", "mm")
+    assert any(note.startswith("x: mm") and "cm are as possible" in note for note in draft.notes)
+
+
 @pytest.mark.parametrize(("name", "is_what"), [
     ("stateEstimate.x", ("estimator", "x")), ("ctrltarget.yaw", ("setpoint", "yaw")), ("imu/gyro.y", ("imu", "gyro_y")),
     ("motor_3", ("motor", "m3")), ("rpm.m2", None), ("pm.vbat", ("battery", "vbat")), ("time [ms]", ("", "time")),
     ("vx", ("mocap", "vx")), ("quat_w", ("mocap", "qw")), ("x_ekf", ("estimator", "x")), ("z_vicon", ("mocap", "pz")),
     ("yaw_ref", ("setpoint", "yaw")), ("gx", ("imu", "gyro_x")), ("q0", ("mocap", "q0")), ("q_3", ("mocap", "q3")),
-    ("m0", None), ("ekf", None), ("colour", None), ("", None)])
+    ("m0", None), ("stateEstimate.ax", ("estimator_acc", "ax")), ("ekf", None), ("colour", None), ("", None)])
 def test_meanings_of_names(name, is_what):
     found = meaning(name)
     if name == "rpm.m2":
