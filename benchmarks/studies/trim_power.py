@@ -82,7 +82,7 @@ def main() -> None:
                  "a weight of 3 to 6 g"):
         rng = np.random.default_rng([options.seed, len(kind)])
         said: Counter[str] = Counter()
-        right, false, covered = 0, 0, []
+        right, alone, false, covered = 0, 0, 0, []
         for _ in range(options.each):
             change, cause, sizes = draw(rng, kind)
             usual = normal_flights(trims(rng, options.normal, np.zeros(4), False), BODY)
@@ -90,14 +90,15 @@ def main() -> None:
             finding = verdict["findings"][0] if verdict["findings"] else None
             said[" or ".join(finding["causes"]) if finding else verdict["outcome"]] += 1
             motors = {int(n[-1]) for n in sizes if n.startswith("loss")}
-            wrong = finding is not None and (cause not in finding["causes"] or
-                                             (motors and not set(finding["motors"]) <= motors))
+            member = next((m for m in (finding or {}).get("members", ()) if m["cause"] == cause), None)
+            wrong = finding is not None and (member is None or (motors and not set(member["motors"]) <= motors))
             false += bool(wrong)
             right += finding is not None and not wrong
-            if finding and cause in finding["causes"]:
-                covered += [p["ci95"][0] <= sizes[n] <= p["ci95"][1] for n, p in finding["parameters"].items()
+            alone += finding is not None and not wrong and len(finding["causes"]) == 1
+            if member is not None:
+                covered += [p["ci95"][0] <= sizes[n] <= p["ci95"][1] for n, p in member["dose"].items()
                             if n in sizes]
-        rows.append({"kind": kind, "n": options.each, "named_right": right, "false_names": false,
+        rows.append({"kind": kind, "n": options.each, "named_right": right, "alone": alone, "false_names": false,
                      "outcomes": dict(said), "sizes": len(covered), "sizes_covered": sum(covered)})
         ends = binomtest(false, options.each).proportion_ci(0.95, method="exact")
         print(f"SYNTHETIC {kind}, n = {options.each}: " + ", ".join(f"{k} {v}" for k, v in said.most_common()) +

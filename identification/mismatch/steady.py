@@ -24,15 +24,20 @@ from .causes import CAUSES, Body, Hypothesis
 from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
 from .ruled_out import against
 from .smallest_swing import smallest_swing
-from .steady_proof import POSSIBLE, SURE, TWINS, held_out, smallest
+from .steady_proof import SURE, class_of, held_out, smallest
 from .steady_words import paragraph, unknown_of
 from .trim import Trim
-from .weigh import NONE, Normal, Weighed, normal_of, quantiles, weigh
+from .weigh import LOADS, NONE, Normal, Weighed, normal_of, quantiles, weigh
 
+TURNED = number("mismatch.steady.turned")
+"""Standard deviations of the yaw balance beyond which it is no load: that turns nothing about z."""
+YAW = np.array([-1.0, 1.0, -1.0, 1.0]) / 2.0
 SUREST = number("mismatch.steady.surest")
 """No statement of a few flights is surer."""
 ODD = number("mismatch.steady.odd")
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
+MENTIONED = number("mismatch.steady.mentioned")
+"""Probability from which a cause stands in the list of all."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
 ASKEW = number("mismatch.steady.askew")
@@ -50,8 +55,9 @@ class Flights:
     odd: Mapping[str, str]
 
 
-def normal_flights(trims: Sequence[Trim], body: Body) -> Flights:
-    """Normal flights that agree with each other. InputError for fewer than FEWEST."""
+def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) -> Flights:
+    """Normal flights that agree with each other. same_day: those asked about were flown on the same day, with the same
+    motors and propellers. InputError for fewer than FEWEST."""
     if len(trims) < FEWEST:
         raise InputError("normal flights", f"{len(trims)} with a trim", f"{FEWEST} are needed: one has no spread")
     odd = _foreign(trims, Counter(t.commands for t in trims).most_common(1)[0][0])
@@ -60,14 +66,14 @@ def normal_flights(trims: Sequence[Trim], body: Body) -> Flights:
         raise InputError("normal flights", f"{len(kept)} of {len(trims)} log the same motor commands",
                          f"{FEWEST} are needed: one has no spread")
     while len(kept) > FEWEST + 1:
-        against_rest = [weigh([t], normal_of([o for o in kept if o is not t]), body).of(NONE) for t in kept]
+        against_rest = [weigh([t], normal_of([o for o in kept if o is not t], same_day), body).of(NONE) for t in kept]
         worst = int(np.argmin(against_rest))
         if against_rest[worst] >= ODD:
             break
         odd[kept[worst].name] = (f"stands apart from the other normal flights (probability that nothing changed "
                                  f"{against_rest[worst]:.2f})")
         del kept[worst]
-    return Flights(normal_of(kept), tuple(kept), odd)
+    return Flights(normal_of(kept, same_day), tuple(kept), odd)
 
 
 def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Mapping[str, str] | None = None,
@@ -106,6 +112,7 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     improvement = held_out(trims, normal, body, findings)
     text = paragraph(outcome, findings, unknown, found, trims, normal, flights.odd, power, improvement, left_out, least)
     verdict = _body(outcome, text, findings, unknown, left_out, flights, power, improvement, started)
+    verdict["causes"] = _causes(found)
     verdict["trim"] = _trim_table(trims, flights, found)
     verdict["swing"] = {**spectra(*swings), "found": swing}
     verdict["not_named"] = [{"cause": name, "probability": p} for name, p in
@@ -152,13 +159,10 @@ def _body(outcome: str, text: str, findings: list[dict[str, Any]], unknown: Any,
 
 
 def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]]:
-    """The cause that is sure, or the twins that are sure together; none else."""
-    chances = found.by_cause()
-    best = max(CAUSES, key=lambda name: chances[name])
-    causes = {best}
-    if chances[best] < SURE:
-        causes = next(({c for c in t if chances[c] >= POSSIBLE} for t in TWINS
-                       if best in t and sum(chances[c] for c in t) >= SURE), set())
+    """The cause that is sure, or those that are sure together (``class_of``); none else."""
+    turned = abs(YAW @ found.delta["gains"]) > TURNED * found.sd["gains"]
+    named = class_of(found, LOADS - {"mass"} if turned else ())
+    causes, best = set(named), named[0] if named else max(CAUSES, key=found.of)
     if not normal.n and np.isnan(normal.mean["level"]).all() and causes & {"propeller", "tape"}:
         causes |= {"vehicle"}  # a simulator of unknown mounting may be of another one
     elif not causes or ("vehicle" in causes and not _askew(found, normal)):
@@ -171,9 +175,11 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     if best == "slung" and body.swing is not None:
         sizes |= _pendulum(body.swing, sizes["mass"][0] / 1e3 / body.mass_kg)
     sentence = cause.say({k: v[:3] for k, v in sizes.items()}, motors)
+    twins = sorted(causes - {best})
     if best == "slung" and body.swing is not None:
         sentence += f", {where_to(body.swing)}"
-    twins = sorted(causes - {best})
+    for twin in twins:
+        sentence += f"; or, as likely as {found.of(twin):.2f}, {_said(found, twin, body)}"
     return [{"term": cause.term, "equivalent": sorted({t for c in twins if (t := CAUSES[c].term)} - {cause.term}),
              "cause": best if not twins else None, "causes": [best, *twins],
              "confidence": min(together, SUREST),
@@ -183,8 +189,40 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
              "parameters": {name: {"value": v[0], "ci95": [v[1], v[2]], "unit": v[3], "believed": 0.0}
                             for name, v in sizes.items()},
              "residual_share": _share(found, h, weights), "sentence": sentence,
+             "members": [_member(found, name) for name in [best, *twins]],
              "ruled_out": against(found, best, causes),
              "settle_with": _settle(causes)}]
+
+
+def _said(found: Weighed, cause: str, body: Body) -> str:
+    """What a person would be told if it were ``cause``."""
+    motors, h, weights = _best(found, cause)
+    sizes = {s.name: quantiles(s.values, weights) for s in h.sizes} if h is not None else {}
+    sentence = CAUSES[cause].say(sizes, motors or _nearest(h, weights, body))
+    return sentence[0].lower() + sentence[1:]
+
+
+def _causes(found: Weighed) -> list[dict[str, Any]]:
+    """Every cause with its motors that is worth a mention, likeliest first: {cause, motors, posterior, dose: {name:
+    {value, ci95, unit}}}; ``none``: nothing changed."""
+    entries = [{"cause": NONE if h is None else h.cause, "motors": [] if h is None else list(h.motors),
+                "posterior": float(p), "dose": _dose(h, weights)}
+               for h, p, weights in zip(found.hypotheses, found.probability, found.weights, strict=True)
+               if p >= MENTIONED]
+    return sorted(entries, key=lambda entry: -entry["posterior"])
+
+
+def _member(found: Weighed, cause: str) -> dict[str, Any]:
+    """One cause of those that are named: {cause, motors that are sure of it, posterior, dose}."""
+    motors, h, weights = _best(found, cause)
+    return {"cause": cause, "motors": list(motors), "posterior": found.of(cause), "dose": _dose(h, weights)}
+
+
+def _dose(h: Hypothesis | None, weights: np.ndarray | None) -> dict[str, dict[str, Any]]:
+    if h is None or weights is None or len(weights) < 2:
+        return {}
+    sizes = {s.name: (*quantiles(s.values, weights), s.unit) for s in h.sizes}
+    return {name: {"value": v, "ci95": [low, high], "unit": unit} for name, (v, low, high, unit) in sizes.items()}
 
 
 def _askew(found: Weighed, normal: Normal) -> bool:
@@ -241,11 +279,18 @@ def _axes(cause: str) -> list[str]:
 
 
 def _settle(causes: set[str]) -> str | None:
+    """What would tell the causes of a class from each other, or confirm a cause that hides behind others."""
+    ways = []
     if "slung" in causes:
-        return "a sideways step higher than a string could be long: only a load on a string swings"
+        ways.append("a sideways step higher than a string could be long: only a load on a string swings")
     if "battery" in causes:
-        return "scales, or flights at another state of charge"
-    return None
+        ways.append("flights at another state of charge")
+    if len(causes) > 1 and causes & {"propeller", "tape"}:
+        ways.append("a look at the propellers; --nothing-added, if you know that; normal flights of the same day "
+                    "(--same-day)")
+    if causes & {"battery"} or (len(causes) > 1 and causes & LOADS):
+        ways.append("a weighing")
+    return "; ".join(ways) or None
 
 
 def _trim_table(trims: Sequence[Trim], flights: Flights, found: Weighed) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from .causes import Body
 from .periodic import Swing, swing_in
 from .reconstruct import states_of
 from .trim import Trim, runs_of, trim_of
+from .weigh import LOADS
 
 
 def trim_item(flight: Flight) -> dict[str, Any]:
@@ -43,15 +44,17 @@ def trims_in(values: Mapping[str, Mapping[str, Any]]) -> tuple[list[Trim], list[
     return trims, swings, {name: v["why"] for name, v in values.items() if "why" in v}
 
 
-def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Model | None = None) -> Body:
+def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Model | None = None,
+            nothing_added: bool = False) -> Body:
     """The vehicle: of the simulator where there is one; else a Crazyflie, its mass what the firmware's thrust curve
-    says its normal flights carried."""
+    says its normal flights carried. nothing_added: to the vehicle, as its user knows."""
+    absent = LOADS if nothing_added else frozenset()
     vehicle = simulator.vehicle if simulator is not None else Vehicle()
     motors = np.array(vehicle.motor_positions_m, float)
     if mass_kg is None and simulator is not None:
         mass_kg = vehicle.mass_kg
     if mass_kg is not None:
-        return Body(motors, mass_kg)
+        return Body(motors, mass_kg, absent=absent)
     lifts = [np.exp(t.gains).sum() / GRAVITY_M_S2 for t in normal if t.known_lift]
     mass = float(np.mean(lifts)) if lifts else Vehicle().mass_kg
-    return Body(motors, mass)
+    return Body(motors, mass, absent=absent)

@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from nanobench_tools.settings import number
 
-from .causes import Body
+from .causes import CAUSES, Body
 from .trim import Trim
-from .weigh import GROUPS, Normal, hypotheses_of, weigh, weigh_change
+from .weigh import GROUPS, NONE, Normal, Weighed, hypotheses_of, weigh, weigh_change
 
 SURE = number("mismatch.steady_proof.sure")
 """Probability from which a cause, or a motor, is named."""
-TWINS = ({"weight", "slung"}, {"mass", "battery", "weight"})
-"""Causes that a trim cannot tell from each other: a load that does not swing, and a weight that sits in the middle."""
-POSSIBLE = number("mismatch.steady_proof.possible")
-"""Probability below which a twin is not worth its mention."""
+ALIKE = number("mismatch.steady_proof.alike")
+"""Nats of marginal likelihood within which two causes explain a trim alike."""
+
+
+def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
+    """The causes that are named, likeliest first: all that explain the change about as well as the best does (ALIKE),
+    if it is SURE that it was one of them. None where no change, or another vehicle beside others, is among them.
+
+    Two propellers beside each other and a load between them ask the same of the motors; a load that does not swing is a
+    weight; a weight in the middle is another mass. Which of them it was one trim cannot tell, whatever is usual, and
+    that it was one of them it can. known_not: causes that something else excludes.
+    """
+    chances = {name: p for name, p in found.by_cause().items() if name not in known_not}
+    best: dict[str, float] = {}
+    for h, log_likelihood in zip(found.hypotheses, found.log_likelihood, strict=True):
+        name = NONE if h is None else h.cause
+        best[name] = max(best.get(name, -np.inf), float(log_likelihood))
+    first = max(chances, key=lambda name: chances[name])
+    alike = {n for n in chances if n == first or best.get(n, -np.inf) > best[first] - ALIKE}
+    alike |= {general for n in alike - {NONE} if (general := CAUSES[n].special_of) in chances and general in best}
+    named = sorted(alike, key=lambda name: -chances[name])
+    sure = sum(chances[n] for n in named) >= SURE
+    return named if sure and NONE not in named and ("vehicle" not in named or len(named) == 1) else []
 
 
 def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:
@@ -30,9 +49,7 @@ def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, d
 
     def named(cause: str, gains: np.ndarray) -> bool:
         delta = {**{name: np.where(np.isnan(normal.mean[name]), np.nan, 0.0) for name in GROUPS}, "gains": gains}
-        chances = weigh_change(delta, sd, normal, body, normal.known_lift, known).by_cause()
-        twins = next((t for t in TWINS if cause in t), {cause})
-        return sum(chances[c] for c in twins) >= SURE
+        return cause in class_of(weigh_change(delta, sd, normal, body, normal.known_lift, known))
 
     found: dict[str, dict[str, Any]] = {}
     kinds: tuple[tuple[str, str, float, Callable[[float], np.ndarray]], ...] = (

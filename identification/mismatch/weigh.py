@@ -26,6 +26,10 @@ PRIOR = setting("mismatch.weigh.prior")
 measures it on 64 flights of another vehicle: ln thrust of a motor 0.023, level 0.019 and push 0.017 m/s^2 from flight
 to flight, 0.065 and 0.03 where steps at which the vehicle was handled count too; for these two a value between is
 taken."""
+SAME_DAY_SD = number("mismatch.weigh.same_day_sd")
+"""Of the ln thrust of a motor between flights of one day."""
+LOADS = frozenset({"weight", "slung", "mass"})
+"""Causes that there are not where nothing was added to the vehicle."""
 SWINGS_BY_CHANCE = number("mismatch.weigh.swings_by_chance")
 """How much likelier a load on a string makes it that a swing was found, than anything else does."""
 GROUPS = tuple(PRIOR)
@@ -68,8 +72,9 @@ class Weighed:
         return {name: self.of(name) for name in (*CAUSES, NONE)}
 
 
-def normal_of(trims: Sequence[Trim]) -> Normal:
-    """What normal flights say: two at least, since one has no spread."""
+def normal_of(trims: Sequence[Trim], same_day: bool = False) -> Normal:
+    """What normal flights say: two at least, since one has no spread. same_day: those asked about were flown on the
+    same day, with the same motors and propellers."""
     values = {name: np.array([getattr(t, name) for t in trims]) for name in GROUPS}
     mean, sd, freedom = {}, {}, {}
     lift = all(t.known_lift for t in trims)
@@ -78,6 +83,7 @@ def normal_of(trims: Sequence[Trim]) -> Normal:
         left = _shares(rows - mean[name]) if name == "gains" and not lift else rows - mean[name]
         seen = left[:, ~np.isnan(mean[name])] if name != "gains" or lift else left
         usual, weight = PRIOR[name]
+        usual = SAME_DAY_SD if same_day and name == "gains" else usual
         freedom[name] = weight + (len(trims) - 1) * seen.shape[1]
         sd[name] = float(np.sqrt((weight * usual**2 + (seen**2).sum()) / freedom[name]))
     return Normal(mean, sd, freedom, len(trims), tuple(t.name for t in trims), lift)
@@ -108,6 +114,7 @@ def weigh_change(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], norma
                  known_lift: bool = True, known: Sequence[Hypothesis] | None = None) -> Weighed:
     """``weigh`` of a change as numbers; known: ``hypotheses_of(body)``, where it is made once for many."""
     hypotheses: list[Hypothesis | None] = [*(hypotheses_of(body) if known is None else known)]
+    hypotheses = [h for h in hypotheses if h is not None and h.cause not in body.absent]
     priors = [CAUSES[h.cause].prior * h.share for h in hypotheses if h is not None]
     hypotheses.append(None)
     priors.append(1.0 - sum(c.prior for c in CAUSES.values()))
@@ -116,6 +123,8 @@ def weigh_change(delta: Mapping[str, np.ndarray], sd: Mapping[str, float], norma
         each = _log_density(delta, sd, normal.freedom, h, known_lift)
         if body.swing is not None and (h is None or h.cause != "slung"):
             each = each + np.log(SWINGS_BY_CHANCE)
+        elif h is not None:
+            each = each + np.log(h.seen)
         most = each.max()
         shares = np.exp(each - most)  # scipy's logsumexp is ten times slower on arrays this small
         logs.append(most + np.log(shares.mean()))

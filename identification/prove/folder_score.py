@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from identification.mismatch.weigh import LOADS
 from nanobench_tools.result import Result
 
 from .condition_labels import NORMAL, Label
@@ -31,8 +32,9 @@ class FoundSize(Result):
 @dataclass(frozen=True, repr=False)
 class FolderScore(Result):
     """One folder. right: the label's cause is named, with just its motors where both name any; of normal flights, that
-    nothing is. below: nothing is named, and what the trim shows lies below the stated detectable size. improvement,
-    power, trim, paragraph: as of the verdict."""
+    nothing is. in_class: it stands, with just its motors, among several causes that are named together. below: nothing
+    is named, and what the trim shows lies below the stated detectable size. improvement, power, trim, paragraph: as of
+    the verdict."""
 
     case: str
     kind: str
@@ -56,15 +58,18 @@ class FolderScore(Result):
     trim: Mapping[str, Any] | None
     paragraph: str
     elapsed_s: float
+    in_class: bool = False
 
 
 @dataclass(frozen=True, repr=False)
 class LabelRates(Share):
-    """Folders of one label that are right; below: not named, and too small to be; false_names: how many have one."""
+    """Folders of one label that are right; below: not named, and too small to be; false_names: how many have one;
+    in_class: named together with others."""
 
     below: int
     false_names: int
     outcomes: Mapping[str, int]
+    in_class: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -150,7 +155,9 @@ def score_folder(folder: str, label: Label, verdict: Verdict, stranger: bool) ->
         below=not findings and bool(truth) and _below(label, verdict), size=found_size(label, verdict),
         confidence=findings[0]["confidence"] if findings else None, improvement=verdict.get("improvement"),
         power=verdict.get("power") or {}, trim=verdict.get("trim"), paragraph=verdict["paragraph"],
-        elapsed_s=verdict["elapsed_s"])
+        elapsed_s=verdict["elapsed_s"], in_class=not right and any(
+            member["cause"] == label.cause and sorted(member["motors"] or label.motors * (label.cause in LOADS)) ==
+            sorted(label.motors) for f in findings if not f["cause"] for member in f.get("members", ())))
 
 
 def found_size(label: Label, verdict: Verdict) -> FoundSize | None:
@@ -186,7 +193,8 @@ def score_folders(judged: Judged, labels: Mapping[str, Label], stranger: bool) -
     summary = FolderSummary(
         len(every), sum(c.right for c in every), false.right, false.share, false.ci95,
         by_kind={kind: LabelRates.of((c.right for c in mine), sum(c.below for c in mine),
-                                     sum(c.false_name for c in mine), Counter(c.outcome for c in mine))
+                                     sum(c.false_name for c in mine), Counter(c.outcome for c in mine),
+                                     sum(c.in_class for c in mine))
                  for kind, mine in kinds.items()},
         recall_by_size={}, unknown_on_foreign=None, coverage95=None,
         calibration=[(float(np.mean([s for s, _ in sure])), float(np.mean([r for _, r in sure])), len(sure))]

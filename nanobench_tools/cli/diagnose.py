@@ -46,6 +46,11 @@ CODE = "simulators_corrected"
 @click.option("--normal", multiple=True, type=PATH, metavar="PATH",
               help="Normal flights of the same vehicle: what changed since, from the steady trim of the motors alone, "
                    "for logs without full attitude or gyro. --simulator FILE then says where motors sit. May repeat.")
+@click.option("--same-day", is_flag=True,
+              help="The flights of --normal were flown on the same day, with the same motors and propellers: smaller "
+                   "changes are told (from one day to another a motor may move by 10 %).")
+@click.option("--nothing-added", is_flag=True,
+              help="With --normal: nothing was put onto the vehicle or hung from it since.")
 @click.option("--bound", is_flag=True,
               help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
                    "anything could predict these flights.")
@@ -53,7 +58,7 @@ CODE = "simulators_corrected"
               help="Also refit what is named to predictions 0.1 and 0.5 s ahead, judged by flights left out in turn: "
                    "taken into the corrected simulator only where it predicts these better (seldom; see docs).")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
-             normal: tuple[Path, ...], bound: bool, refit: bool) -> int:
+             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, bound: bool, refit: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
@@ -83,7 +88,9 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         if bound or refit:
             raise UsageError(f"diagnose: --{'bound' if bound else 'refit'} predicts paths, which --normal does not; "
                              "give --simulator WHAT")
-        return _against_normal(options, simulator, simulated, mass_kg, normal)
+        return _against_normal(options, simulator, simulated, mass_kg, normal, same_day, nothing_added)
+    if same_day or nothing_added:
+        raise UsageError(f"diagnose: --{'same-day' if same_day else 'nothing-added'} goes with --normal DIR")
     if bound:
         from identification.learned.libraries import libraries
 
@@ -149,14 +156,15 @@ def _refitted(options: Options, verdict: Verdict) -> tuple[Verdict, dict[str, An
 
 
 def _against_normal(options: Options, simulator: str | None, simulated: Sequence[Path], mass_kg: float,
-                    normal: Sequence[Path]) -> int:
+                    normal: Sequence[Path], same_day: bool, nothing_added: bool) -> int:
     from .diagnose_normal import diagnose_normal
 
     if simulated or (simulator is not None and not _is_file(simulator)):
         raise UsageError("diagnose: --normal goes with --simulator FILE, with nothing else that is believed")
     source = click.get_current_context().get_parameter_source("mass_kg")
     given = source is not None and source.name != "DEFAULT"
-    return diagnose_normal(options, normal, None if simulator is None else Path(simulator), mass_kg if given else None)
+    return diagnose_normal(options, normal, None if simulator is None else Path(simulator), mass_kg if given else None,
+                           same_day, nothing_added)
 
 
 def _from_trim(options: Options, model: Model) -> int | None:

@@ -53,9 +53,11 @@ DEFAULT_PLACES = "the default places"
 @click.option("--normal", metavar="FOLDER", help="The normal folder of --real, or a folder elsewhere. Default: normal.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the vehicle of --real: where its "
                                                              "motors sit, and its mass.")
+@click.option("--same-day", is_flag=True, help="With --real: all folders are of the day of the normal flights.")
+@click.option("--nothing-added", is_flag=True, help="With --real: nothing was put onto the vehicle in any folder.")
 def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str, concealed: str | None,
           mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
-          simulator: Path | None) -> int:
+          simulator: Path | None, same_day: bool, nothing_added: bool) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
     Cases are flown with effects that are concealed from the simulator (single, pair, twin: one that is easily confused
@@ -73,9 +75,12 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         if concealed is not None or kinds or labels is None:
             raise UsageError("--real needs --labels FILE" if labels is None else
                              "--real goes with neither --concealed nor --kind")
-        return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg)))
+        return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg,
+                                                       same_day, nothing_added)))
     if labels is not None or normal is not None or simulator is not None:
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
+    if same_day or nothing_added:
+        raise UsageError(f"--{'same-day' if same_day else 'nothing-added'} belongs to --real DIR")
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
     if concealed is None:
@@ -136,7 +141,7 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProo
 
 
 def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
-          mass_kg: float | None) -> FolderProof:
+          mass_kg: float | None, same_day: bool, nothing_added: bool) -> FolderProof:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
     from identification.mismatch.steady_page import write_steady_page
     from identification.prove.condition_labels import read_labels
@@ -154,7 +159,7 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
         raise InputError(f"--real {place}", "no normal flight could be read", "--normal names the folder")
     everything = {NORMAL: usual, **groups} if NORMAL not in groups else {"normal flights": usual, **groups}
     copies = copies_between(everything, find_copies([f for flights in everything.values() for f in flights]))
-    judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies)
+    judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies, same_day, nothing_added)
     known = read_labels(labels)
     found = score_folders(judged, known, elsewhere)
     show_folders(options, found)

@@ -86,7 +86,7 @@ def rows(found: FolderProof) -> list[tuple[str, ...]]:
         said = case.cause or (" or ".join(case.causes) if case.causes else case.outcome)
         lines.append((one_line(case.case), ", ".join(case.truth) or "-", said,
                       ", ".join(map(str, case.motors_named)) or "-",
-                      "yes" if case.right else "FALSE" if case.false_name else
+                      "yes" if case.right else "among several" if case.in_class else "FALSE" if case.false_name else
                       "no, below the stated size" if case.below else "no",
                       " ".join(f"{c:+.1f}" for c in trim["change_percent"]) if trim else "-",
                       f"{trim['sd_percent']:.1f}" if trim else "-",
@@ -98,7 +98,8 @@ def sentences(found: FolderProof) -> list[str]:
     """What a proof on folders adds up to."""
     summary, lines = found.summary, []
     for kind, row in summary.by_kind.items():
-        lines.append(f"{kind}: right {row.right} of {row.n}, {row.below} below what these flights can show, "
+        among = f", {row.in_class} more among causes named together" if row.in_class else ""
+        lines.append(f"{kind}: right {row.right} of {row.n}{among}, {row.below} below what these flights can show, "
                      f"{row.false_names} false names")
     alarms = summary.false_alarms
     lines.append(f"normal flights judged by the others: {alarms.right} false alarms of {alarms.n}"

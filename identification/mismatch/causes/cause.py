@@ -22,12 +22,13 @@ Sizes = Mapping[str, tuple[float, float, float]]
 @dataclass(frozen=True)
 class Body:
     """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it
-    flew at; swing: a periodic force that the flights show, or None."""
+    flew at; swing: a periodic force that the flights show, or None; absent: causes that the user knows it is not."""
 
     motors: np.ndarray
     mass_kg: float
     height_m: float = float("nan")
     swing: Mapping[str, Any] | None = None
+    absent: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,8 @@ class Size:
 class Hypothesis:
     """One way a cause may act: at ``motors``, with sizes drawn from their ranges. gains (n, 4): change of the ln
     thrust that the commands ask for; push (n, 2) m/s^2 of horizontal force over mass. spread: instead of draws,
-    {quantity: sd} of Gaussian changes without further shape. share: of the cause's prior."""
+    {quantity: sd} of Gaussian changes without further shape. share: of the cause's prior. seen: how likely it makes it
+    that the flights show as much of a swing as they do."""
 
     cause: str
     motors: tuple[int, ...]
@@ -52,13 +54,15 @@ class Hypothesis:
     gains: np.ndarray = field(default_factory=lambda: np.zeros((1, 4)))
     push: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
     spread: Mapping[str, float] = field(default_factory=dict)
+    seen: float = 1.0
 
 
 @dataclass(frozen=True)
 class Cause:
     """name as in verdict.json; term of the vocabulary that models it, or None; prior: how often, before any flight was
     seen, it is what changed a vehicle; make(body) -> hypotheses; say(sizes, motors) -> the sentence's beginning,
-    sizes {name: (value, low, high)}; excludes: why it is not it when it is not, given what it would have had to be."""
+    sizes {name: (value, low, high)}; short: a few words; special_of: a cause of which it is a special case, and which
+    is named with it: a weight in the very middle is another mass."""
 
     name: str
     term: str | None
@@ -66,6 +70,7 @@ class Cause:
     make: Callable[[Body], Sequence[Hypothesis]]
     say: Callable[[Sizes, Sequence[int]], str]
     short: str
+    special_of: str | None = None
 
 
 @functools.cache
@@ -85,4 +90,6 @@ def interval(size: tuple[float, float, float], digits: int, unit: str) -> str:
 def motor_words(motors: Sequence[int]) -> str:
     """``motor 3 (back left)``, ``motors 1 (front right) and 2 (back right)``."""
     said = [f"{m} ({PLACES[m]})" for m in motors]
+    if not said:
+        return "a motor of which it is not sure which"
     return f"motor {said[0]}" if len(said) == 1 else f"motors {', '.join(said[:-1])} and {said[-1]}"

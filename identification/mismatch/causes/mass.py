@@ -30,4 +30,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 PRIOR = 0.025
 """Probability before anything is seen."""
-CAUSE = Cause("mass", "mass", PRIOR, make, say, "another mass")
+CAUSE = Cause("mass", "mass", PRIOR, make, say, "another mass", special_of="weight")

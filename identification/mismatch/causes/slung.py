@@ -20,7 +20,7 @@ UNSEEN = number("mismatch.slung.unseen")
 
 def make(body: Body) -> list[Hypothesis]:
     sizes, gains = loads(body)
-    return [Hypothesis("slung", (), 1.0 if body.swing is not None else UNSEEN, sizes, gains)]
+    return [Hypothesis("slung", (), 1.0, sizes, gains, seen=1.0 if body.swing is not None else UNSEEN)]
 
 
 def say(sizes: Sizes, motors: Sequence[int]) -> str:

@@ -34,4 +34,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 PRIOR = number("mismatch.tape.prior")
 """Probability before anything is seen."""
-CAUSE = Cause("tape", "motor_imbalance", PRIOR, make, say, "tape on a propeller")
+CAUSE = Cause("tape", "motor_imbalance", PRIOR, make, say, "tape on a propeller", special_of="propeller")

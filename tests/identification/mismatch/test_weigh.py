@@ -17,7 +17,7 @@ from identification.mismatch.steady import Flights, compare, normal_flights
 from identification.mismatch.steady_page import write_steady_page
 from identification.mismatch.steady_simulator import believed_by, corrected, simulator_of
 from identification.mismatch.trim import Trim
-from identification.mismatch.weigh import normal_of, quantiles, weigh
+from identification.mismatch.weigh import LOADS, normal_of, quantiles, weigh
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
 
@@ -123,7 +123,8 @@ def test_a_weight_is_named_with_its_place_and_grams():
     flights = normal_flights(normals(8), BODY)
     verdict = compare(some(3, 2, load(5.0, -25.0, 25.0)), flights, BODY)
     (finding,) = verdict["findings"]
-    assert (finding["cause"], finding["motors"]) == ("weight", [3])
+    assert finding["causes"] == ["weight", "slung"]  # a load that does not swing is both
+    assert finding["motors"] == [3]
     sizes = finding["parameters"]
     assert sizes["mass"]["value"] == pytest.approx(5.0, abs=2.0)
     assert sizes["x"]["value"] == pytest.approx(-25.0, abs=15.0)
@@ -136,6 +137,50 @@ def test_what_acts_alike_is_named_together():
     assert finding["cause"] is None
     assert {"mass", "battery"} <= set(finding["causes"]) <= {"mass", "battery", "weight"}
     assert "cannot tell" in verdict["paragraph"]
+
+
+def neighbours(share_1, share_2):
+    """Change of the ln thrust asked of motors 1 and 2, that lost shares of theirs."""
+    return loss(1, share_1) + loss(2, share_2)
+
+
+def test_neighbours_that_lost_alike_and_a_load_between_them_are_named_together():
+    """Two blades cut alike ask of the motors what a weight on that side does: one trim does not tell."""
+    verdict = compare(some(3, 5, neighbours(0.13, 0.13)), normal_flights(normals(8), BODY), BODY)
+    (finding,) = verdict["findings"]
+    assert finding["cause"] is None
+    assert {"propeller", "weight"} <= set(finding["causes"])
+    members = {m["cause"]: m for m in finding["members"]}
+    assert members["propeller"]["motors"] == [1, 2]
+    low, high = members["propeller"]["dose"]["loss_m1"]["ci95"]
+    assert low < 13.0 < high
+    assert sum(m["posterior"] for m in finding["members"]) == pytest.approx(finding["confidence"], abs=0.02)
+    assert "--nothing-added" in finding["settle_with"]
+    assert [c["posterior"] for c in verdict["causes"]] == sorted((c["posterior"] for c in verdict["causes"]),
+                                                                 reverse=True)
+
+
+def test_what_the_user_knows_settles_it():
+    told = replace(BODY, absent=LOADS)
+    verdict = compare(some(3, 3, neighbours(0.13, 0.13)), normal_flights(normals(8), told), told)
+    (finding,) = verdict["findings"]
+    assert (finding["cause"], finding["motors"]) == ("propeller", [1, 2])
+    assert not {"weight", "slung", "mass"} & {c["cause"] for c in verdict["causes"]}
+
+
+def test_a_load_turns_nothing_about_z():
+    """Lift and pitch of a weight, and a yaw balance that no load changes."""
+    verdict = compare(some(3, 2, load(5.0, -25.0, 25.0) + 0.1 * np.array([-1.0, 1.0, -1.0, 1.0])),
+                      normal_flights(normals(8), BODY), BODY)
+    assert not {"weight", "slung"} & {c for f in verdict["findings"] for c in f["causes"]}
+
+
+def test_normal_flights_of_the_same_day_show_less():
+    """Three quiet normal flights: the spread from day to day is believed, unless they are of the day."""
+    quiet = some(3, 1, together=0.0)
+    power = {day: compare(some(3, 5), normal_flights(quiet, BODY, day), BODY)["power"]["propeller"]
+             for day in (False, True)}
+    assert power[True]["minimum_detectable"] < power[False]["minimum_detectable"]
 
 
 def test_another_vehicle_and_wind():
