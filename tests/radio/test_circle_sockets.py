@@ -21,6 +21,8 @@ from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.commander import RADIO
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -74,8 +76,6 @@ from nanobench_tools.radio.fly_plan import chosen_path
 from nanobench_tools.radio.fly_session import Request, fly_session
 from nanobench_tools.radio.mocap_sources import pose_source
 from nanobench_tools.radio.safety import Limits
-
-pytestmark = pytest.mark.slow
 uri, mocap = sys.argv[1:]
 busy = Limits((-9.0, 9.0) * 3, stale_s=9.0, silent_s=9.0, overrun_s=9.0, late_ticks=10**6, tilt_deg=180.0)
 print(fly_session(Request(chosen_path("circle", 0.5, 0.2, 60.0), pilot_for("onboard_pid", None, None), busy, uri,
