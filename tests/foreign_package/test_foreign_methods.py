@@ -5,6 +5,8 @@ import json
 import pytest
 from foreign_install import nanobench, python
 
+pytestmark = pytest.mark.slow
+
 TERM = "cross_wind_lift"
 SENTENCE = "Air that comes from the side lifts the body."
 NOTE = "no other simulator lifts a body that is blown at from the side"
@@ -45,8 +47,6 @@ from identification.mismatch.size import usual
 from identification.mismatch.space import space_around
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.sources.discover import load_recordings
-
-pytestmark = pytest.mark.slow
 
 rung = LADDER[-1]
 assert rung.name == "fit_" + {TERM!r} and set(rung.terms) == {*FULL, {TERM!r}}

@@ -8,6 +8,8 @@ from foreign_install import nanobench, placed, python
 
 from nanobench_tools.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 KIND = "stuttering_gyro"
 AT_S = 8.0
 
@@ -52,8 +54,6 @@ from dataclasses import replace
 from identification.prove.make import make_case
 from identification.prove.plan import _faults, plan_cases
 from nanobench_tools.auditing import audit
-
-pytestmark = pytest.mark.slow
 
 names = [name for name, _ in _faults()]
 assert names[-1] == {KIND!r}, names  # after ours, so that the deck of ours keeps its order
