@@ -66,8 +66,16 @@ def write_csv(flight: Flight, path: Path) -> Path:
     return write_nanobench(flight, path)
 
 
+def write_viewer(flight: Flight, path: Path) -> Path:
+    """A recording of the Rerun viewer, with the audit's marks. MissingExtraError without the extra ``viewer``."""
+    from .rerun_recording import write_rrd
+
+    return write_rrd(flight, path)
+
+
 FORMATS: dict[str, tuple[Callable[[Flight, Path], Path], str]] = {
-    "nanobench": (write_csv, ".csv"), "parquet": (write_parquet, ""), "tum": (write_tum, ".tum")}
+    "nanobench": (write_csv, ".csv"), "parquet": (write_parquet, ""), "tum": (write_tum, ".tum"),
+    "rrd": (write_viewer, ".rrd")}
 """Name of a format -> (writer, suffix)."""
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..physics.export import Assumed, Exported
     from ..physics.hover import Hover
 
-FORMATS = ("nanobench", "parquet", "tum")
+FORMATS = ("nanobench", "parquet", "tum", "rrd")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
 ALL = "all-simulators"
 
@@ -30,8 +30,8 @@ ALL = "all-simulators"
 @click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
               metavar="FORMAT",
               help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the mocap "
-                   "trajectory). SIMULATOR.toml: rotorpy, crazyflow (also drone-models), urdf (gym-pybullet-drones), "
-                   f"c, casadi, or {ALL}.")
+                   "trajectory), rrd (for the Rerun viewer, with what the audit found). SIMULATOR.toml: rotorpy, "
+                   f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
               help="Motion capture of the same flight recorded on a clock of its own (TUM, or any format that is "
                    "understood): its time is found by the turning rates.")
@@ -46,6 +46,7 @@ def convert(options: Options, to: str, mocap: Path | None, battery_V: float | No
     \b
     nanobench convert log.bin --out csv            an onboard log as CSV with its sheet
     nanobench convert log.bin --mocap traj.tum --out csv    the same, with its motion capture
+    nanobench convert flight.csv --to rrd --out DIR        to look at in Rerun: path, attitude, signals, faults
     nanobench convert simulator.toml --to rotorpy --out DIR        a fitted vehicle for RotorPy
     """
     if options.out is None:
@@ -64,6 +65,10 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     from ..harness import make_item, run_items
     from ..sources import load_recordings
 
+    if to == "rrd":
+        from ..rerun_recording import rerun
+
+        rerun()  # said once, before anything is read
     flights = options.load()
     if mocap is not None:
         from ..retiming.pairing import with_mocap
@@ -83,6 +88,8 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     text = f"{count} recording{'s' * (count != 1)} written to {options.out}"
     if to == "parquet":  # a file per stream, for other programs
         close(options, text)
+    elif to == "rrd":
+        close(options, text, "look at it", "rerun", *[value["file"] for value in result.values.values()][:1])
     else:
         close(options, text, "what is in them", "nanobench", "audit", options.out)
     return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()]})

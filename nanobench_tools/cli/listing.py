@@ -31,8 +31,9 @@ KINDS = {"null": "Nothing is concealed.", "single": "One effect is concealed.", 
          "twin": "One effect that is easily confused with another.", "change": "An effect from one flight on.",
          "fault": "The data are wrong, not the simulator.", "foreign": "Physics that no term describes."}
 TARGETS = {"nanobench": "Recordings as CSV with its sheet.", "parquet": "Recordings, a file per stream, SI units.",
-           "tum": "The motion-capture trajectory of recordings.", "rotorpy": "simulator.toml for RotorPy.",
-           "crazyflow": "simulator.toml for Crazyflow and drone-models.",
+           "tum": "The motion-capture trajectory of recordings.",
+           "rrd": "Recordings for the Rerun viewer, with what the audit found.",
+           "rotorpy": "simulator.toml for RotorPy.", "crazyflow": "simulator.toml for Crazyflow and drone-models.",
            "urdf": "simulator.toml for gym-pybullet-drones.", "c": "simulator.toml as C code.",
            "casadi": "simulator.toml as CasADi functions.", "all-simulators": "All of the simulators at once."}
 OWN = {"estimators": "estimator", "predictors": "predictor", "controllers": "controller"}
