@@ -43,7 +43,8 @@ class Space:
     @property
     def terms(self) -> tuple[str, ...]:
         """Terms with something to change."""
-        return tuple(t.name for t in self.model.terms if t.name not in self.unasked and len(self.free(t.name)))
+        return tuple(t.name for t in self.model.terms
+                     if not t.not_asked and t.name not in self.unasked and len(self.free(t.name)))
 
 
 def scales(model: Model) -> np.ndarray:
@@ -62,7 +63,7 @@ def space_around(simulator: Model, unasked: tuple[str, ...] = ()) -> Space:
     if "thrust_rpm" not in terms:
         terms["thrust_rpm"] = {"k_f": K_F}
     for name, term in vocabulary().items():
-        if name in terms or term.is_map:
+        if name in terms or term.is_map or term.not_asked:
             continue
         rest = neutral(term, simulator.vehicle)
         if rest is not None and all(p.only_input in ("", simulator.vehicle.input) for p in term.parameters):

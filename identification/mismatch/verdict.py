@@ -10,6 +10,7 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.physics.vocabulary import vocabulary
 from nanobench_tools.result import Result
 from nanobench_tools.settings import number
 
@@ -111,7 +112,9 @@ class Verdict(Result):
                 "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
                 "levels": levels(moments, decision, recordings),
-                "not_asked": [{"term": t, "why": WHY} for t in moments.wrench.unasked],
+                "not_asked": [{"term": t, "why": WHY} for t in moments.wrench.unasked] + [
+                    {"term": t.name, "why": t.not_asked} for t in vocabulary().values()
+                    if t.not_asked and t.name not in moments.wrench.unasked],
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
         body["paragraph"] = paragraph(body, recordings, proof)
         body["good_for"], body["good_for_corrected"] = good_for(body["improvement"]), (
@@ -260,11 +263,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         x, y, z = 1e3 * recordings.arm.r_m
         parts.append(f"The point that was tracked sits {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z) off the centre of mass; "
                      "the path of the centre is judged.")
-    if body["not_asked"]:
-        unit = recordings.tracks[0].commanded
+    if unit := recordings.tracks[0].commanded:
         how = "in N, in equal parts: no thrust map is asked" if unit == "N" else "as a share of full, the same on each"
         parts.append(f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
-                     f"measured attitude. {', '.join(e['term'] for e in body['not_asked'])} {WHY}.")
+                     f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}.")
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")

@@ -143,27 +143,29 @@ class Wrench:
             if model.key not in self._known:
                 self._known[model.key] = self.model(model, model.values)
             return self._known[model.key]
-        return self._of_thrust(model, parameters, self._thrust(model, parameters))
+        return self._of_thrust(model, parameters, *self._thrust(model, parameters))
 
-    def _thrust(self, model: Model, values: np.ndarray) -> np.ndarray:
-        """(n, rows) thrusts [N] that commands make, lagged where rotors lag."""
+    def _thrust(self, model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, rows) thrusts [N] that commands make, lagged where rotors lag, and what was commanded."""
         inputs = self._inputs(model, values)
         flat = np.concatenate(inputs)
         thrust = np.stack([np.broadcast_to(c, len(flat))
                            for c in equations(model, ROW_S, values).command(list(flat.T))])
-        return self._lagged(model, values, inputs, thrust) if "motor_lag" in model else thrust
+        return (self._lagged(model, values, inputs, thrust) if "motor_lag" in model else thrust), thrust
 
-    def _of_thrust(self, model: Model, values: np.ndarray, thrust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Accelerations, as ``measured``, of rotors (n, rows) that lag already."""
-        acceleration, turning = self._slopes(model, values, thrust)
+    def _of_thrust(self, model: Model, values: np.ndarray, thrust: np.ndarray,
+                   command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations, as ``measured``, of rotors (n, rows) that lag already, behind a command."""
+        acceleration, turning = self._slopes(model, values, thrust, command)
         return self._in_body(self._smooth(acceleration, 0)), self._over_stretches(turning)
 
-    def _slopes(self, model: Model, values: np.ndarray, thrust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _slopes(self, model: Model, values: np.ndarray, thrust: np.ndarray,
+                command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(rows, 3) acceleration, world, and angular acceleration, body."""
         made = equations(model, ROW_S, values)
         state = np.concatenate([joined(self.tracks, f) for f in ("position_m", "velocity_m_s", "quaternion",
                                                                   "rate_rad_s")], axis=1)
-        slope = made.body(list(state.T), list(thrust))
+        slope = made.body(list(state.T), list(thrust), list(command))
         acceleration, turning = (np.stack([np.broadcast_to(s, len(self.track)) for s in slope[k:k + 3]], 1)
                                  for k in (3, 10))
         return acceleration, turning
@@ -218,7 +220,7 @@ class Wrench:
 
         command = np.maximum(command, 0.0)
         by_thrust, by_speed = lagged(command), lagged(np.sqrt(command)) ** 2
-        one, other = self._of_thrust(model, model.values, by_thrust), self._of_thrust(model, model.values, by_speed)
+        one, other = (self._of_thrust(model, model.values, lag, command) for lag in (by_thrust, by_speed))
         return other[0] - one[0], other[1] - one[1]
 
     def drag_at_rotors(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -227,8 +229,8 @@ class Wrench:
         drag turns the vehicle about z."""
         key = ("drag at rotors", *model.key)
         if key not in self.slopes:
-            thrust = self._thrust(model, model.values)
-            acceleration, _ = self._slopes(model, model.values, thrust)
+            thrust, command = self._thrust(model, model.values)
+            acceleration, _ = self._slopes(model, model.values, thrust, command)
             gravity = np.array([0.0, 0.0, model.vehicle.gravity_m_s2])
             mass = model.values_of("mass").get("m", model.vehicle.mass_kg)
             inertia = model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2)

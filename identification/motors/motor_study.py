@@ -253,7 +253,7 @@ def _rotation(study: Study, seed: int) -> None:
         if found is None or not np.isin(found.flight, study.train).any():
             return
         data = found
-        model = turning.rotation_model(study.lag, kind, inertia(study))
+        model = turning.rotation_model(study.lag, kind, inertia(study), 1.0 / data.row_hz)
         study.models[kind.name] = turning.fit_rotation(model, data.part(np.isin(data.flight, study.train)),
                                                         kind.own_lag)
         if kind.own_lag:
@@ -263,7 +263,7 @@ def _rotation(study: Study, seed: int) -> None:
             learn, held = (data.part(np.isin(data.flight, which)) for which in (train, test))
             if not len(learn.start) or not len(held.start):
                 continue
-            model = turning.rotation_model(lag, kind, inertia(study, train))
+            model = turning.rotation_model(lag, kind, inertia(study, train), 1.0 / data.row_hz)
             fit = turning.fit_rotation(model, learn, kind.own_lag)
             troubles += [fit.trouble] if fit.trouble else []
             parts.append((held.flight, turning.errors(fit, held)))
@@ -312,5 +312,5 @@ def simulator(study: Study) -> Model:
     if fitted is not None and not fitted.trouble:
         own = fitted.model.as_dict()
         vehicle = replace(vehicle, inertia_kg_m2=own["inertia"]["inertia_kg_m2"])
-        terms |= {name: own[name] for name in ("yaw_torque", "drag_torque", "angular_damping")}
+        terms |= {name: own[name] for name in ("yaw_torque", "rotor_reaction", "drag_torque", "angular_damping")}
     return Model(vehicle, terms)

@@ -36,12 +36,12 @@ LOSS_RAD_S = setting("motors.rotation.loss_rad_s")
 TRIM_S = setting("motors.rotation.trim_s")
 """Of the past from which a window's constant moment is learnt; 0.04 to 0.3 s were tried on the public logs."""
 
-FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m", "drag_torque.c",
+FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m", "rotor_reaction.J_r", "drag_torque.c",
         "angular_damping.d_r[0]", "angular_damping.d_r[1]", "angular_damping.d_r[2]", "command_delay.delay_s")
 START_LAG_S = 0.04
 """Where a fit of own time constants begins: it is to know nothing of the measured speed."""
 LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
-SCALES: Mapping[str, float] = {"inertia": 1e-5, "yaw_torque": 1e-2, "drag_torque": 1e-4, "angular_damping": 1e-5,
+SCALES: Mapping[str, float] = {"inertia": 1e-5, "yaw_torque": 1e-2, "rotor_reaction": 1e-8, "drag_torque": 1e-4, "angular_damping": 1e-5,
                                "command_delay": 1e-2, "motor_lag": 3e-2}
 """Size of a change that matters, by term."""
 STEP = 1e-3
@@ -145,15 +145,19 @@ def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
                  (warm + trim) * every)
 
 
-def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float]) -> Model:
-    """The terms of one input at the values a fit starts from; thrust map, vehicle and k_f are those of the lag."""
+def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float], row_s: float) -> Model:
+    """The terms of one input, in rows of ``row_s``, at the values a fit starts from; thrust map, vehicle and k_f are
+    those of the lag."""
     base = lag.model
     if kind.source == "rpm":
-        model = Model(replace(base.vehicle, input="rpm"), {"thrust_rpm": base.values_of("thrust_rpm")})
+        # a measured speed is followed within a row: a jump would have no acceleration
+        model = Model(replace(base.vehicle, input="rpm"), {"thrust_rpm": base.values_of("thrust_rpm"),
+                                                           "motor_lag": {"tau_up_s": row_s, "tau_down_s": row_s}})
     else:
         up, down = (START_LAG_S,) * 2 if kind.own_lag else (lag.tau_up_s, lag.tau_down_s)
-        model = base.without("thrust_rpm").with_term("motor_lag", tau_up_s=up, tau_down_s=down)
+        model = base.with_term("motor_lag", tau_up_s=up, tau_down_s=down)
     return (model.with_term("inertia", inertia_kg_m2=tuple(inertia)).with_term("yaw_torque", k_m=0.006)
+            .with_term("rotor_reaction", J_r=2e-8)
             .with_term("drag_torque", c=-1e-4).with_term("com_offset", r_m=(0.0, 0.0, 0.0))
             .with_term("angular_damping", d_r=(1e-6, 1e-6, 1e-6)).with_term("command_delay", delay_s=0.005))
 

@@ -56,8 +56,9 @@ class Equations:
             motor = self._run(stage, motor, at)
         return motor
 
-    def body(self, state: Components, thrust: Components) -> list[Any]:
-        """Position, velocity, quaternion, rate (13) and lagged thrusts [N] -> derivative of the 13."""
+    def body(self, state: Components, thrust: Components, command: Components = ()) -> list[Any]:
+        """Position, velocity, quaternion, rate (13) and lagged thrusts [N] -> derivative of the 13. ``command``: the
+        thrusts that the rotors follow; without it their speeds are steady."""
         vehicle = self.model.vehicle
         position, velocity, rate = state[POSITION], state[VELOCITY], state[RATE]
         turn = rotation(state[QUATERNION])
@@ -65,6 +66,7 @@ class Equations:
         windy = bool(self._acting[Stage.WIND])
         at = replace(self._still, gain=self._gain, position_m=position, rate_rad_s=rate, velocity_b=velocity_b,
                      air_b=apply_transposed(turn, subtract(velocity, self.wind)) if windy else velocity_b)
+        at.lagged_N, at.command_N, at.tau_s = thrust, command, self.tau_s
         at.rotor_rad_s = self._run(Stage.ROTOR_SPEED, thrust, at)
         at.thrust_N = thrust = self._run(Stage.GROUND, self._run(Stage.INFLOW, thrust, at), at)
         drag = self._run(Stage.BODY_FORCE, [0.0, 0.0, 0.0], at)
@@ -86,7 +88,7 @@ class Equations:
         if self.tau_s is None:
             return [*self.body(state[:13], command), *([0.0] * self.model.rotors)]
         acting, slope = rotor.derivative(thrust, command, *self.tau_s, self.ops)
-        return [*self.body(state[:13], acting), *slope]
+        return [*self.body(state[:13], acting, command), *slope]
 
     def lagged(self, thrust: Components, inputs: Components) -> list[Any]:
         """Rotor states [N] one row later."""
@@ -108,10 +110,10 @@ class Equations:
             first = middle = last = command
             if self.tau_s is not None:
                 first, middle, last = rotor.stage_thrusts(thrust, command, *self.tau_s, step_s, self.ops)
-            k1 = self.body(x, first)
-            k2 = self.body(_ahead(x, 0.5 * step_s, k1), middle)
-            k3 = self.body(_ahead(x, 0.5 * step_s, k2), middle)
-            k4 = self.body(_ahead(x, step_s, k3), last)
+            k1 = self.body(x, first, command)
+            k2 = self.body(_ahead(x, 0.5 * step_s, k1), middle, command)
+            k3 = self.body(_ahead(x, 0.5 * step_s, k2), middle, command)
+            k4 = self.body(_ahead(x, step_s, k3), last, command)
             x = [s + (step_s / 6.0) * (a + 2.0 * (b + c) + d)
                  for s, a, b, c, d in zip(x, k1, k2, k3, k4, strict=True)]
             x[QUATERNION] = normalised(x[QUATERNION], self.ops)

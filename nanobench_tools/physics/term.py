@@ -115,7 +115,8 @@ class Situation:
     """What an expression may look at beside its own value; filled while the stages are evaluated.
 
     Lists hold components. ``before`` and ``whole_rows`` belong to command_delay: the input one row earlier, and how
-    many whole rows both have been shifted by already.
+    many whole rows both have been shifted by already. ``lagged_N`` and ``command_N``: thrusts of the rotors before
+    inflow, and what they follow with ``tau_s`` (up, down); nothing where rotors turn steadily.
     """
 
     vehicle: Any
@@ -129,6 +130,9 @@ class Situation:
     velocity_b: Sequence[Any] = ()
     air_b: Sequence[Any] = ()
     thrust_N: Sequence[Any] = ()
+    lagged_N: Sequence[Any] = ()
+    command_N: Sequence[Any] = ()
+    tau_s: tuple[Any, Any] | None = None
     rotor_rad_s: Sequence[Any] = ()
     force_b: Sequence[Any] = ()
 
@@ -152,6 +156,7 @@ class Term:
     ``left_out``: target of an export -> what to do there instead, ``""`` for all others. ``injector``:
     "module:Class" of an ``identification.prove`` effect that flies it in blind cases, by default its own expressions;
     ``sizes``: {"small", "medium", "large"} -> values of its parameters there, by default shares of what is typical.
+    ``not_asked``: why a diagnosis does not ask for it where the simulator lacks it; empty where it does.
     """
 
     name: str
@@ -174,6 +179,7 @@ class Term:
     left_out: Mapping[str, str] = field(default_factory=dict)
     injector: str = ""
     sizes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    not_asked: str = ""
 
     @property
     def is_map(self) -> bool:

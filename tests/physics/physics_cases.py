@@ -14,7 +14,8 @@ ALL = {
     "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.05},
     "command_delay": {"delay_s": 0.013}, "motor_imbalance": {"g": (1.04, 0.97, 1.01, 0.98)},
     "com_offset": {"r_m": (0.001, -0.002, 0.003)}, "inertia": {"inertia_kg_m2": (1.9e-5, 1.7e-5, 3.2e-5)},
-    "yaw_torque": {"k_m": 0.006}, "rotor_gyro": {"J_r": -2e-8}, "angular_damping": {"d_r": (1e-5, 2e-5, 3e-5)},
+    "yaw_torque": {"k_m": 0.006}, "rotor_gyro": {"J_r": -2e-8}, "rotor_reaction": {"J_r": 3e-8},
+    "angular_damping": {"d_r": (1e-5, 2e-5, 3e-5)},
     "drag_linear": {"d": (0.016, 0.0165, 0.006)}, "drag_rotor": {"d": (1e-6, 2e-6, 5e-7)},
     "drag_quadratic": {"q": (0.003, 0.002, 0.001)}, "drag_torque": {"c": -1.5e-4},
     "inflow": {"k_z": 0.014, "k_h": 0.005},
@@ -26,6 +27,7 @@ ALL = {
 """Every term but thrust_pwm, which excludes thrust_voltage."""
 
 BASE_FOR = {"thrust_pwm": {}, "thrust_voltage": {}, "drag_rotor": {**CURVE, **SPEED}, "rotor_gyro": {**CURVE, **SPEED},
+            "rotor_reaction": {**CURVE, **SPEED, "motor_lag": {"tau_up_s": 0.03, "tau_down_s": 0.05}},
             "wind": {**CURVE, "drag_linear": ALL["drag_linear"]}}
 """What a term cannot do without, where that is more or less than a thrust curve."""
 

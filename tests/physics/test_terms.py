@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from nanobench_tools import registry
 from nanobench_tools.physics import Model, Vehicle, find_term, neutral, numeric
 from nanobench_tools.physics.model import QUATERNION, RATE, VELOCITY
+from nanobench_tools.physics.rollout import rollout
 
 MASS, GRAVITY, INERTIA = 0.04085, np.array([0.0, 0.0, -9.81]), np.array([1.8e-5, 1.8e-5, 3.1e-5])
 X, Y = np.array([0.0325, -0.0325, -0.0325, 0.0325]), np.array([-0.0325, -0.0325, 0.0325, 0.0325])
@@ -132,6 +133,39 @@ def test_rotor_gyro():
     omega = np.sqrt(curve() / 2.3e-8)
     turning = np.array([0, 0, -2e-8 * np.sum(SPIN * omega)])
     check(with_terms(**SPEED, rotor_gyro={"J_r": -2e-8}), curve(), torque=-np.cross(W, turning))
+
+
+def test_rotor_reaction_is_the_momentum_that_rotors_take_on():
+    """Omega by differences of the rotors' own solution; drag and reaction push the body the same way."""
+    lag, state, j_r = {"tau_up_s": 0.02, "tau_down_s": 0.05}, np.array([0.05, 0.2, 0.03, 0.3]), 3e-8
+    bare = with_terms(**SPEED, motor_lag=lag)
+    turned = [accelerations(m, thrust=state)[1] for m in (bare, bare.with_term("rotor_reaction", J_r=j_r))]
+
+    def omega(after_s):
+        goal = curve()
+        tau = np.where(goal > state, lag["tau_up_s"], lag["tau_down_s"])
+        return np.sqrt((goal + (state - goal) * np.exp(-after_s / tau)) / SPEED["thrust_rpm"]["k_f"])
+
+    rise = (omega(1e-6) - omega(-1e-6)) / 2e-6
+    np.testing.assert_allclose(turned[1] - turned[0], [0, 0, j_r * np.sum(SPIN * rise) / INERTIA[2]], rtol=1e-6)
+
+
+def test_rotor_reaction_gives_the_body_what_the_rotors_take():
+    """A step of the yaw command, long after: the body has J_r times what the rotors gained (momentum is kept)."""
+    j_r = 3e-8
+    model = with_terms(**SPEED, motor_lag={"tau_up_s": 0.02, "tau_down_s": 0.03}, rotor_reaction={"J_r": j_r})
+    u = np.array([0.70, 0.80, 0.70, 0.80])
+    start = np.zeros((1, 13))
+    start[0, 9] = 1.0
+    hover = np.full(4, 0.75)
+    past = np.tile(hover, (1, 60, 1)), np.full((1, 60), BATTERY)
+    states = rollout(model, start, np.tile(u, (1, 60, 1)), np.full((1, 60), BATTERY), past, row_hz=100.0)
+    gained = np.sqrt(curve(u) / SPEED["thrust_rpm"]["k_f"]) - np.sqrt(curve(hover) / SPEED["thrust_rpm"]["k_f"])
+    np.testing.assert_allclose(states[0, -1, 12] * INERTIA[2], j_r * np.sum(SPIN * gained), rtol=5e-3)
+
+
+def test_rotors_that_follow_at_once_have_no_reaction():
+    check(with_terms(**SPEED, rotor_reaction={"J_r": 3e-8}), curve())
 
 
 def test_rotor_speed_is_the_measured_one_on_rpm():

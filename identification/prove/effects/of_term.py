@@ -35,7 +35,7 @@ FLOWN = (Stage.INPUT_LIMIT, Stage.WIND, Stage.BODY_FORCE, Stage.TORQUE, Stage.WO
 
 def effect_of(term: Term) -> type[Effect] | None:
     """The injector a term declares, or one of its expressions; None where some act on what an engine keeps to itself
-    (delay, thrust map, rotor speeds, tilt) or need a term that no airframe has. UsageError for an injector that is no
+    (delay, thrust map, rotor speeds, tilt) or need a term that no airframe has, or no diagnosis asks for it. UsageError for an injector that is no
     effect."""
     if term.injector:
         found = registry.load("terms", term.injector)
@@ -43,7 +43,7 @@ def effect_of(term: Term) -> type[Effect] | None:
             raise UsageError(f"term {term.name}: injector {term.injector} is no Effect of identification.prove.effects")
         return found
     has = {known.name for known in Airframe().model().terms}
-    if not set(term.acts) <= set(FLOWN) or (term.needs and not has & set(term.needs)):
+    if term.not_asked or not set(term.acts) <= set(FLOWN) or (term.needs and not has & set(term.needs)):
         return None
     hooks: dict[str, Callable[..., np.ndarray]] = {}
     if Stage.INPUT_LIMIT in term.acts:

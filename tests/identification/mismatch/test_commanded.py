@@ -48,7 +48,8 @@ def test_a_right_simulator_is_left_alone_and_what_was_not_asked_is_said(flights)
     assert not set(verdict["power"]) & set(UNASKED)
     assert {"drag_linear", "mass", "motor_lag"} <= set(verdict["power"])
     assert [e["term"] for e in verdict["not_asked"]] == [
-        "angular_damping", "com_offset", "drag_torque", "inertia", "motor_imbalance", "rotor_gyro", "yaw_torque"]
+        "angular_damping", "com_offset", "drag_torque", "inertia", "motor_imbalance", "rotor_gyro",
+            "rotor_reaction", "yaw_torque"]
     assert {e["why"] for e in verdict["not_asked"]} == {"cannot be asked: no motor commands"}
     assert "Only translation was asked" in verdict["paragraph"]
 
