@@ -41,8 +41,8 @@ FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m"
 START_LAG_S = 0.04
 """Where a fit of own time constants begins: it is to know nothing of the measured speed."""
 LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
-SCALES: Mapping[str, float] = {"inertia": 1e-5, "yaw_torque": 1e-2, "rotor_reaction": 1e-8, "drag_torque": 1e-4, "angular_damping": 1e-5,
-                               "command_delay": 1e-2, "motor_lag": 3e-2}
+SCALES: Mapping[str, float] = {"inertia": 1e-5, "yaw_torque": 1e-2, "rotor_reaction": 1e-8, "drag_torque": 1e-4,
+                               "angular_damping": 1e-5, "command_delay": 1e-2, "motor_lag": 3e-2}
 """Size of a change that matters, by term."""
 STEP = 1e-3
 """Step of differences in these sizes."""

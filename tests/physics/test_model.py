@@ -16,9 +16,9 @@ from nanobench_tools.physics.term import Stage
 
 EFFECTS = [
     "thrust_pwm", "thrust_voltage", "thrust_rpm", "thrust_scale", "mass", "motor_lag", "command_delay",
-    "motor_imbalance", "com_offset", "inertia", "yaw_torque", "rotor_gyro", "rotor_reaction", "angular_damping", "drag_linear",
-    "drag_rotor", "drag_quadratic", "drag_torque", "inflow", "ground_effect", "wind", "force_world", "frame_tilt",
-    "saturation", "slung_load"]
+    "motor_imbalance", "com_offset", "inertia", "yaw_torque", "rotor_gyro", "rotor_reaction", "angular_damping",
+    "drag_linear", "drag_rotor", "drag_quadratic", "drag_torque", "inflow", "ground_effect", "wind",
+    "force_world", "frame_tilt", "saturation", "slung_load"]
 
 
 def test_all_effects_are_registered():

@@ -35,8 +35,8 @@ FLOWN = (Stage.INPUT_LIMIT, Stage.WIND, Stage.BODY_FORCE, Stage.TORQUE, Stage.WO
 
 def effect_of(term: Term) -> type[Effect] | None:
     """The injector a term declares, or one of its expressions; None where some act on what an engine keeps to itself
-    (delay, thrust map, rotor speeds, tilt) or need a term that no airframe has, or no diagnosis asks for it. UsageError for an injector that is no
-    effect."""
+    (delay, thrust map, rotor speeds, tilt), where it needs a term that no airframe has, and where no diagnosis asks
+    for it. UsageError for an injector that is no effect."""
     if term.injector:
         found = registry.load("terms", term.injector)
         if not (isinstance(found, type) and issubclass(found, Effect)):

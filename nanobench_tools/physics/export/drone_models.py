@@ -59,7 +59,8 @@ def section(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any
         "rotor_dyn_coef": [0.0, 0.5 / (hover_rpm * up), 0.0, 0.5 / (hover_rpm * down)],
         "mixing_matrix": [[y / arm for _, y, _ in about.motors_m], [-x / arm for x, _, _ in about.motors_m],
                           list(about.spin)],
-        "drag_matrix": _diagonal([-d for d in drag]), "prop_inertia": get(model, "rotor_reaction", "J_r", -get(model, "rotor_gyro", "J_r", 0.0)),
+        "drag_matrix": _diagonal([-d for d in drag]),
+        "prop_inertia": get(model, "rotor_reaction", "J_r", -get(model, "rotor_gyro", "J_r", 0.0)),
         "thrust_min": 0.0, "thrust_max": about.thrust_max_N,
     }
     if "thrust_voltage" in model:

@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, total
 from .thrust_rpm import STILL_N
 
-
 NEARLY_STILL = 0.02
 """Of the thrust of hover: a rotor that gives less starts or stops, and its speed would jump with its thrust."""
 
