@@ -245,8 +245,6 @@ def _cell(found: Mapping[str, float], ci95: Mapping[str, Any]) -> str:
     text = " ".join(f"{found[h]:.4f}" for h in ("1", "10", "50") if h in found)
     if "sum" in found:
         text += f" Σ {found['sum']:.2f}"
-    if "sum_at_least" in found:
-        text += f" Σ ≥ {found['sum_at_least']:.2f}"
     if interval := ci95.get("sum"):
         text += f" \\[{interval[0]:.2f}, {interval[1]:.2f}]"
     return text

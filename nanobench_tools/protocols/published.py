@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from ..result import OPTIONAL, Result
-from .least_sum import least_sum
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,14 +22,11 @@ class MeanStd(Result):
 
 @dataclass(frozen=True, repr=False)
 class Published(Result):
-    """A published row beside ours: by metric a MeanStd; of Task 1 {horizon: error}, and as its sums are in no released
-    file, the least they can be, ``sum_at_least``. published_n: flights."""
+    """A published row beside ours: by metric a MeanStd; of Task 1 the error after {1, 10, 50} steps and their ``sum``
+    over 1..50. published_n: flights."""
 
     published: Mapping[str, Any]
     published_n: int | None
-
-
-RATE, ATTITUDE = "rate_mae_rad_s", "attitude_mae_rad"
 
 
 @functools.cache
@@ -45,15 +41,5 @@ def beside(task: str, kind: str, name: str) -> Published | None:
     found = published()[task][kind].get(name)
     if found is None:
         return None
-    metrics = {key: value for key, value in found.items() if key not in ("n", "holds")}
-    if task == "task1":
-        return Published({key: {**value, "sum_at_least": _least_sum(found, key)} for key, value in metrics.items()},
-                         found.get("n"))
-    return Published({key: MeanStd(**value) for key, value in metrics.items()}, found.get("n"))
-
-
-def _least_sum(row: Mapping[str, Any], metric: str) -> float:
-    """Of one metric of a published row of Task 1, by what the row says that it holds."""
-    turning = row[RATE]["50"] if metric == ATTITUDE and RATE in row["holds"] else None
-    held = metric in row["holds"]
-    return least_sum(row[metric], held, None if held else turning)
+    metrics = {key: value if task == "task1" else MeanStd(**value) for key, value in found.items() if key != "n"}
+    return Published(metrics, found.get("n"))
