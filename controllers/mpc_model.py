@@ -30,6 +30,7 @@ from .mpc_code import import_casadi
 STATES, INPUTS, DISTURBANCES = 17, 4, 6
 RIGID, ERRORS = 12, 16
 YAW_ARM_M = 0.006993
+"""Torque about z over thrust of a rotor, as in the firmware (``motor_output.YAW_ARM_M``)."""
 LEAST_LIFT = 0.2
 """Of g: no target asks for less thrust along the vertical, so that none is upside down."""
 LAG_S = number("control.mpc_model.lag_s")

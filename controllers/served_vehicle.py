@@ -28,6 +28,7 @@ from .served_loop import NOISES, STEP_S, WORLD, run
 BATTERY_V = (2.6, float(OPEN_CIRCUIT[-1, 1]))
 """Voltages at rest that a cell may start with."""
 DISCONNECTED_V = 4.15
+"""Of a cell that was charged and taken off the charger."""
 
 
 def noise_share(corner_hz: float) -> float:

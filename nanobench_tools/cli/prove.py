@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 CASES, REAL_CASES = 200, 12
 MASS_KG = 0.04085
+"""Of the vehicle of NanoBench, as its paper gives it (``published_physics``)."""
 DEFAULT_PLACES = "the default places"
 
 

@@ -9,8 +9,7 @@ of ``recordings.toml``, which says kinds and number of the recordings or made-up
 them. Functions compiled by Numba get settings as arguments: Numba keeps machine code by the date of the source file,
 and a TOML file is none.
 
-Numbers of another origin stay where they are used, and ``origins.toml`` says what they are: ``literals`` finds those
-that nothing explains.
+Numbers of another origin (firmware, a format, an equation, a limit for safety) stay where they are used.
 """
 
 from __future__ import annotations
