@@ -1,4 +1,4 @@
-"""Numbers in README.md and docs/*.md come from stored results; the tool that writes them does what it says."""
+"""Tables in README.md and docs/*.md come from stored results; the tool that writes them does what it says."""
 
 from __future__ import annotations
 
@@ -29,9 +29,8 @@ STORE = Store(
             "command": "slow command",
             "data": "SYNTHETIC",
             "version": "0.1.0",
-            "imported": True,
+            "date": "2030-01-02",
             "figures": {"share": 0.5, "votes": ["gyro", "accelerometer"], "none": None, "word": "unknown"},
-            "tables": {"t": {"header": ["a", "b"], "rows": [["x", "1"]], "note": "n = 3"}},
         },
     },
     {
@@ -42,7 +41,8 @@ STORE = Store(
                     "cells": ["{ate mm.1} ({ate.ci95 mm.1})"],
                     "rows": [["re-timed", "clean.retimed"], ["joint", "clean.joint?"]],
                     "note": "{clean.retimed.n} flights",
-                }
+                },
+                "limits": {"header": ["", "m/s²"], "rows": [["g", "{code:scipy.constants:g .2}"]], "note": "Of nature"},
             }
         }
     },
@@ -71,7 +71,7 @@ def test_every_source_says_what_was_measured() -> None:
             assert re.match(r"(Real|SYNTHETIC): \w", source["data"]), name
             assert source["command"], name
             assert source["version"], name
-            assert source.get("imported") or re.fullmatch(r"\d{4}-\d{2}-\d{2}", source["date"]), name
+            assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", source["date"]), name
             assert "/tmp/" not in json.dumps(source), name
 
 
@@ -85,14 +85,9 @@ def test_settings_that_pages_name_exist() -> None:
 # -- marks
 
 
-def test_a_mark_is_filled_from_the_stored_figure() -> None:
-    page = "It is <!-- fig: estimate/clean.retimed.ate mm.1 -->7<!-- /fig --> mm."
-    assert text.render(page, STORE) == "It is <!-- fig: estimate/clean.retimed.ate mm.1 -->12.5<!-- /fig --> mm."
-
-
 def test_a_constant_is_read_from_the_code() -> None:
-    page = "g = <!-- code: scipy.constants:g .2 --><!-- /code -->"
-    assert ">9.81<" in text.render(page, STORE)
+    page = text.render("<!-- table: estimate/limits -->\n<!-- /table -->", Store({}, STORE.layouts))
+    assert "| g | 9.81 |\n\n*Of nature.*\n" in page
 
 
 @pytest.mark.parametrize(
@@ -115,18 +110,29 @@ def test_formats(value: object, form: str | None, shown: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("{clean.retimed.ape mm.1}", "no 'ape'"),
+        ("{nothing/here .1}", "no docs/figures/nothing.json"),
+        ("{clean.retimed.ate}", "needs a format"),
+        ("{clean.retimed.ate miles.1}", "no format 'miles.1'"),
+        ("{clean.retimed mm.1}", "say which"),
+        ("{code:no.such.module:g .1}", "No module"),
+        ("{code:scipy.constants:ggg .1}", "no 'ggg'"),
+    ],
+)
+def test_a_wrong_cell_is_refused_by_name(cell: str, said: str) -> None:
+    with pytest.raises(FigureError, match=re.escape(said)):
+        text.fill(cell, STORE, "estimate")
+
+
+@pytest.mark.parametrize(
     ("page", "said"),
     [
-        ("x <!-- fig: estimate/clean.retimed.ape mm.1 -->1<!-- /fig -->", "no 'ape'"),
-        ("x <!-- fig: nothing/here .1 -->1<!-- /fig -->", "no docs/figures/nothing.json"),
-        ("x <!-- fig: estimate/clean.retimed.ate -->1<!-- /fig -->", "needs a format"),
-        ("x <!-- fig: estimate/clean.retimed.ate miles.1 -->1<!-- /fig -->", "no format 'miles.1'"),
-        ("x <!-- fig: estimate/clean.retimed mm.1 -->1<!-- /fig -->", "say which"),
-        ("x\n<!-- fig: estimate/clean.retimed.n -->1<!-- /fig -->", "must not begin a line"),
-        ("x <!-- figs: estimate/clean.retimed.n -->1<!-- /figs -->", "not a mark"),
-        ("x <!-- fig: estimate/clean.retimed.n -->1", "not a mark"),
-        ("x <!-- code: no.such.module:g .1 -->1<!-- /code -->", "No module"),
-        ("<!-- table: estimate/absent -->\n<!-- /table -->", "neither in"),
+        ("x <!-- fig: estimate/clean.retimed.n -->1<!-- /fig -->", "not a mark"),
+        ("x\n<!-- table: estimate/clocks -->\n| a |", "not a mark"),
+        ("<!-- holds: old/share -->", "not a mark"),
+        ("<!-- table: estimate/absent -->\n<!-- /table -->", "not in docs/figures/estimate.toml"),
     ],
 )
 def test_a_wrong_mark_is_refused_by_name(page: str, said: str) -> None:
@@ -143,27 +149,10 @@ def test_a_table_of_a_layout() -> None:
     assert text.render(page, STORE) == page
 
 
-def test_a_table_taken_over_says_so() -> None:
-    page = text.render("<!-- table: old/t -->\n<!-- /table -->", STORE)
-    assert "| x | 1 |" in page
-    assert "SYNTHETIC; `slow command`, version 0.1.0, taken over from its pages" in page
-
-
-def test_a_table_taken_over_stands_until_its_command_is_run() -> None:
-    layout = {"tables": {"t": {"header": ["a", "b"], "cells": ["{n}"], "rows": [["x", "no.such"]]}}}
-    page = text.render("<!-- table: old/t -->\n<!-- /table -->", Store(STORE.sources, {"old": layout}))
-    assert "| x | 1 |" in page
-
-
 def test_marks_in_code_are_code() -> None:
-    page = "```\n<!-- fig: no/such -->1<!-- /fig -->\n```\n"
+    page = "```\n<!-- table: no/such -->\n1<!-- /table -->\n```\n"
     assert text.render(page, STORE) == page
     assert text.used(page) == []
-
-
-def test_the_sources_of_a_page() -> None:
-    page = "x <!-- fig: old/share %.0 --><!-- /fig --> %\n\n<!-- table: sources -->\n<!-- /table -->"
-    assert "| `slow command` | SYNTHETIC | 0.1.0 | taken over from its pages |" in text.render(page, STORE)
 
 
 def test_a_row_of_another_length_is_refused() -> None:
@@ -191,7 +180,9 @@ def test_a_claim_that_fails_is_found(claim: str) -> None:
     assert said.startswith(claim)
 
 
-# -- numbers without a mark
+# -- numbers without a table
+
+TABLE = "<!-- table: k -->\n\n| a |\n|---|\n| 12.5 (1,067) |\n\n*n = 3*\n\n<!-- /table -->\n\n"
 
 
 @pytest.mark.parametrize(
@@ -201,7 +192,10 @@ def test_a_claim_that_fails_is_found(claim: str) -> None:
         "## 3 flights",
         "| a |\n|---|\n| 7 |",
         "- off by .05 m",
-        "as <!-- fig: k -->1<!-- /fig --> and 2",
+        TABLE + "as 12.5 and 2",
+        TABLE + "as 12",
+        TABLE + "## Next\n\n12.5 mm",
+        "12.5 mm\n\n## Next\n\n" + TABLE,
         "x 95 % of flights",
         "a 20-s window",
         "1.2 <!-- holds: a/b < 1 -->",
@@ -210,27 +204,27 @@ def test_a_claim_that_fails_is_found(claim: str) -> None:
     ],
 )
 def test_a_number_in_the_text_is_found(page: str) -> None:
-    assert len(numbers.unmarked(page)) == 1
+    assert len(numbers.without_table(page)) == 1
 
 
 @pytest.mark.parametrize(
     "page",
     [
-        "as <!-- fig: k -->12.5<!-- /fig --> mm",
-        "<!-- table: k -->\n\n| a |\n|---|\n| 7 |\n\n*n = 3*\n\n<!-- /table -->",
+        TABLE + "12.5 mm, 1,067 rows of n = 3",
+        "before it: 12.5\n\n" + TABLE,
         "`--seed 3` and\n\n```sh\nseq 5\n```\n\n    indented 4\n",
         "Task 1, ROS 1 and 2, PX4, p99, BSD-3-Clause, GPL-3.0, Python 3.11, 2026-11-23, m/s^2, a 95 % interval, 3-D",
         "[page](https://a.b/9)",
         "1. first\n2. second",
     ],
 )
-def test_marks_code_and_harmless_kinds_are_left_alone(page: str) -> None:
-    assert numbers.unmarked(page) == []
+def test_numbers_of_a_table_code_and_harmless_kinds_are_left_alone(page: str) -> None:
+    assert numbers.without_table(page) == []
 
 
 @given(st.integers(0, 99999), st.sampled_from(["mm", "m", "%", "flights"]))
 def test_any_number_of_flights_or_millimetres_is_found(value: int, unit: str) -> None:
-    assert numbers.unmarked(f"It was {value} {unit}.") != []
+    assert numbers.without_table(f"It was {value} {unit}.") != []
 
 
 # -- results to stored figures

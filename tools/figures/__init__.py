@@ -3,6 +3,6 @@
 store.py    what the pages quote, kept in docs/figures/*.json
 collect.py  results of commands -> docs/figures/*.json, as docs/figures/*.toml says
 text.py     marks in the pages -> text
-tables.py   whole tables of the pages
-numbers.py  numbers that stand outside a mark
+tables.py   tables of the pages
+numbers.py  numbers in the text that no table beside them has
 """

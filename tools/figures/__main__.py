@@ -115,7 +115,7 @@ def check(page: Path, store: Store, only_check: bool = True) -> list[str]:
     elif new != old:
         page.write_text(new)
         print(f"{page.name}: written")
-    problems += [f"a number without a mark: {piece}" for piece in numbers.unmarked(new)]
+    problems += [f"a number without a table: {piece}" for piece in numbers.without_table(new)]
     return [f"{page.name}: {p}" for p in problems]
 
 

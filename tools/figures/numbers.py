@@ -1,8 +1,8 @@
-"""Numbers that stand in a page outside a mark.
+"""Numbers in the text of a page that no table of their section contains.
 
-A digit in the text of a page has to come from a mark, from code (a fence or `backticks`) or be one of the harmless
-kinds below. What this cannot see: numbers in words ("three of seven"), numbers in code, and a sentence that says of a
-right number what it does not show. For the last there is `holds` (text.py).
+A digit in the text comes from a table of `make figures` in the same section, from code (a fence or `backticks`), or is
+one of the harmless kinds below. What this cannot see: numbers in words ("three of seven"), numbers in code, and a
+sentence that misreads its table. For the last there is `holds` (text.py).
 """
 
 from __future__ import annotations
@@ -23,48 +23,41 @@ HARMLESS = {
     "acronym": r"\b[A-Z]{2,}-\d[\d.]*(?:-\w+)?",
     "name": r"(?<![\w.])[A-Za-z][A-Za-z_]*-?\d+(?:[\w-]*)(?!\.\d)",
 }
-MARKS = re.compile(r"<!-- (/?)(?:fig|code|table)\b")
+NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?")
 
 
-def unmarked(text: str) -> list[str]:
-    """Pieces of a page with a digit outside marks, code and harmless kinds, each with its line."""
+def without_table(text: str) -> list[str]:
+    """Pieces of a page with a number that is in no table of the section, in code or harmless, each with its line."""
     found: list[str] = []
+    pieces: list[tuple[str, int]] = []
+    known: set[str] = set()
     inside = False
     for token in MarkdownIt("commonmark").enable("table").parse(text):
         line = (token.map or [0])[0] + 1
-        if token.type == "html_block":
-            inside = _after(token.content, inside)
-            if not inside and not MARKS.search(token.content):
-                found += _digits(re.sub(r"<!--.*?-->", "", token.content, flags=re.DOTALL), line)
-        elif token.type == "inline" and not inside:
-            found += [f for piece in _pieces(token.children or []) for f in _digits(piece, line)]
+        if token.type == "heading_open":
+            found += _unknown(pieces, known)
+            pieces, known = [], set()
+        elif token.type == "html_block":
+            inside = "<!-- table:" in token.content or (inside and "<!-- /table" not in token.content)
+            pieces.append((re.sub(r"<!--.*?-->|<[^>]*>", "", token.content, flags=re.DOTALL), line))
+        elif token.type == "inline" and inside:
+            known |= set(NUMBER.findall(token.content))
+        elif token.type == "inline":
+            pieces.append((_words(token.children or []), line))
+    return found + _unknown(pieces, known)
+
+
+def _words(tokens: list[Token]) -> str:
+    """The running text of a paragraph, code left out."""
+    shown = {"softbreak": " ", "hardbreak": " ", "code_inline": "`"}
+    return "".join(t.content if t.type == "text" else shown.get(t.type, "") for t in tokens)
+
+
+def _unknown(pieces: list[tuple[str, int]], known: set[str]) -> list[str]:
+    found = []
+    for text, line in pieces:
+        for pattern in HARMLESS.values():
+            text = re.sub(pattern, lambda m: "#" * len(m[0]), text)
+        found += [f"line {line}: {text[max(0, m.start() - 30) : m.end() + 20].strip()}"
+                  for m in NUMBER.finditer(text) if m[0] not in known]
     return found
-
-
-def _pieces(tokens: list[Token]) -> list[str]:
-    """The running text of a paragraph, marks and code left out."""
-    words, inside = "", False
-    for token in tokens:
-        if token.type == "html_inline":
-            inside = _after(token.content, inside)
-        elif token.type in ("softbreak", "hardbreak"):
-            words += " "
-        elif token.type == "code_inline":
-            words += "`"
-        elif token.type == "text" and not inside:
-            words += token.content
-    return [words]
-
-
-def _after(html: str, inside: bool) -> bool:
-    """Whether text after this piece of HTML stands in a mark."""
-    for match in MARKS.finditer(html):
-        inside = not match[1]
-    return inside
-
-
-def _digits(text: str, line: int) -> list[str]:
-    for pattern in HARMLESS.values():
-        text = re.sub(pattern, lambda m: "#" * len(m[0]), text)
-    places = re.finditer(r"\d[\d.,]*", text)
-    return [f"line {line}: {text[max(0, m.start() - 30) : m.end() + 20].strip()}" for m in places]

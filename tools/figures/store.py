@@ -1,11 +1,9 @@
 """What the pages quote: docs/figures/*.json, one file a source.
 
-A source is one command and what was quoted of its result. Keys are `source/dotted.path`. A file holds
+A source is one command and what was quoted of its result. Keys are `source/dotted.path`. A file contains
 
     command, data (what was measured, real or SYNTHETIC), version, date, source_sha256
     figures: {...}              nested, floats in SI
-    tables: {name: {header, rows}}   text, of sources that were taken over by hand
-    imported: true              of sources that were taken over by hand from the pages of `version`
 
 The source `published` is nanobench_tools/protocols/published.toml.
 """

@@ -9,15 +9,13 @@ docs/figures/SOURCE.toml lays a table out:
     note = "{clean.retimed.n} flights"                         # printed below; optional
 
 A row whose key ends in `?` is left out while nothing is stored for it. A table without `cells` has its cells in `rows`.
-Tables that were taken over by hand stand as text in docs/figures/SOURCE.json until their command is run. Where the
-numbers come from is said below every table.
+Where the numbers come from is said below every table.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
 
 from tools.figures.store import FigureError, Store
 
@@ -28,11 +26,8 @@ def table(key: str, store: Store, fill: Fill) -> str:
     """The table `SOURCE/NAME` as Markdown with a line that says where its numbers come from."""
     source, _, name = key.partition("/")
     layout = store.layouts.get(source, {}).get("tables", {}).get(name)
-    stored = store.sources.get(source, {}).get("tables", {}).get(name)
-    if layout is None and stored is None:
-        raise FigureError(f"{key}: neither in docs/figures/{source}.toml nor in docs/figures/{source}.json")
-    if stored is not None:
-        return markdown(stored["header"], stored["rows"]) + f"\n\n{origin([source], store, stored.get('note', ''))}"
+    if layout is None:
+        raise FigureError(f"{key}: not in docs/figures/{source}.toml")
     rows, sources = [], []
     for entry in layout["rows"]:
         if "cells" not in layout:
@@ -60,23 +55,16 @@ def markdown(header: list[str], rows: list[list[str]]) -> str:
 
 
 def origin(names: list[str], store: Store, note: str = "") -> str:
-    """One line: real or SYNTHETIC, command, version and date of every source."""
+    """One line: real or SYNTHETIC, command, version and date of every source that is stored."""
     commands: dict[tuple[str, str, str], list[str]] = {}
     for name in dict.fromkeys(names):
-        if name != "published":
-            command, data, version, when = _whence(store.source(name))
-            commands.setdefault((data, version, when), []).append(command)
+        if "command" in (of := store.sources.get(name, {})):
+            commands.setdefault((of["data"], of["version"], of["date"]), []).append(f"`{of['command']}`")
     whence = [
-        f"{data}; {', '.join(dict.fromkeys(of))}, version {version}, {when}"
-        for (data, version, when), of in commands.items()
+        f"{data}; {', '.join(dict.fromkeys(typed))}, version {version}, {when}"
+        for (data, version, when), typed in commands.items()
     ]
     return f"*{'. '.join(filter(None, [note.rstrip('.'), *whence]))}.*"
-
-
-def sources(names: list[str], store: Store) -> str:
-    """Where the numbers of a page come from, one line a source."""
-    rows = [list(_whence(store.source(n))) for n in names if n != "published"]
-    return markdown(["command", "measured on", "version", "when"], rows)
 
 
 def settings() -> str:
@@ -91,8 +79,3 @@ def settings() -> str:
         on = recordings()[name]
         rows.append([f"`nanobench settings {area}`", str(n), ": ".join(filter(None, (on.n, on.what))), on.kind])
     return markdown(["part", "settings", "set on", "real or SYNTHETIC"], rows)
-
-
-def _whence(source: dict[str, Any]) -> tuple[str, str, str, str]:
-    when = "taken over from its pages" if source.get("imported") else source["date"]
-    return f"`{source['command']}`", source["data"], source["version"], when

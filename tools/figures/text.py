@@ -1,15 +1,12 @@
 """Marks in the pages, and the text they stand for.
 
-    <!-- fig: KEY FORMAT -->12.5<!-- /fig -->          a stored figure (store.py)
-    <!-- code: MODULE:NAME FORMAT -->0.3<!-- /code -->  a constant, read from the code itself
-    <!-- table: SOURCE/NAME --> ... <!-- /table -->     a whole table (tables.py); `sources`: what the page quotes,
-                                                       `settings`: the numbers set by looking at data; a
-                                                       `?` behind a name: nothing while nothing is stored
+    <!-- table: SOURCE/NAME --> ... <!-- /table -->     a table (tables.py); `settings`: the numbers set by looking at
+                                                       data; a `?` behind a name: nothing while nothing is stored
     <!-- holds: KEY < KEY -->                          what a sentence claims: < > or =, a key, number or word
 
-FORMAT is a scale and the number of decimals: `mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need
-none. Two numbers are an interval, `lo .. hi`; a `,` behind the format makes them a list. A mark must not begin a line:
-a comment there would end the paragraph. Marks in fenced code are code.
+A cell is text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces. FORMAT is a scale and the number of decimals:
+`mm.1`, `%.0`, `.3`; a `+` before it shows the sign. Text and counts need none. Two numbers are an interval, `lo .. hi`;
+a `,` behind the format makes them a list. Marks in fenced code are code.
 """
 
 from __future__ import annotations
@@ -24,11 +21,10 @@ from tools.figures import tables
 from tools.figures.store import FigureError, Store
 
 SCALES = {"": 1.0, "mm": 1e3, "cm": 1e2, "ms": 1e3, "%": 1e2, "deg": 180.0 / math.pi, "mN": 1e3, "e-5": 1e5, "e-8": 1e8}
-INLINE = re.compile(r"<!-- (fig|code): (\S+)(?: (\S+))? -->(.*?)<!-- /\1 -->", re.DOTALL)
 BLOCK = re.compile(r"<!-- table: (\S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
 HOLDS = re.compile(r"<!-- holds: (\S+) ([<>=]) (\S+) -->")
 FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
-KEYS = re.compile(r"<!-- (?:fig|table|holds): (\S+)")
+KEYS = re.compile(r"<!-- (?:table|holds): (\S+)")
 FORMAT = re.compile(r"(\+?)([^.+]*)\.(\d)(,?)")
 
 
@@ -71,7 +67,7 @@ def constant(name: str) -> Any:
 
 
 def fill(template: str, store: Store, base: str = "") -> str:
-    """Text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces; keys without a source begin at `base`.
+    """A cell with its values; keys without a source begin at `base`.
 
     [?text with {KEY}] is left out where nothing is stored for a key in it; [KEY? text] is left out where KEY is nothing
     or 0, [KEY! text] where it is more.
@@ -101,42 +97,30 @@ def fill(template: str, store: Store, base: str = "") -> str:
 
 def render(text: str, store: Store) -> str:
     """The page with every mark filled anew."""
-    names = used(text)
-    parts = FENCE.split(text)
-    return "".join(part if k % 2 else _render(part, store, names) for k, part in enumerate(parts))
+    return "".join(part if k % 2 else _render(part, store) for k, part in enumerate(FENCE.split(text)))
 
 
-def _render(text: str, store: Store, names: list[str]) -> str:
-    def inline(match: re.Match[str]) -> str:
-        kind, key, form, _ = match.groups()
-        if text[: match.start()].endswith("\n"):
-            raise FigureError(f"{key}: a mark must not begin a line")
-        value = store.value(key) if kind == "fig" else constant(key)
-        return f"<!-- {kind}: {key}{f' {form}' if form else ''} -->{show(value, form, key)}<!-- /{kind} -->"
-
+def _render(text: str, store: Store) -> str:
     def block(match: re.Match[str]) -> str:
         key = match[1]
         if key.endswith("?") and key.partition("/")[0] not in store.sources:
             return f"<!-- table: {key} -->\n<!-- /table -->"  # nothing is stored for it yet
         if key == "settings":
             lines = tables.settings()
-        elif key == "sources":
-            lines = tables.sources(names, store)
         else:
             lines = tables.table(key.rstrip("?"), store, partial(fill, store=store))
         return f"<!-- table: {key} -->\n\n{lines}\n\n<!-- /table -->"
 
-    marks = "|".join(pattern.pattern for pattern in (INLINE, BLOCK, HOLDS))
-    strays = re.search(r"<!--.*?(?:-->|$)", re.sub(marks, "", text, flags=re.DOTALL))
+    strays = re.search(r"<!--.*?(?:-->|$)", HOLDS.sub("", BLOCK.sub("", text)), re.DOTALL)
     if strays:
         raise FigureError(f"not a mark: {strays[0]}")
-    return BLOCK.sub(block, INLINE.sub(inline, text))
+    return BLOCK.sub(block, text)
 
 
 def used(text: str) -> list[str]:
     """Sources that a page quotes, in order, each once."""
     names = (key.partition("/")[0] for key in KEYS.findall(FENCE.sub("", text)))
-    return [n for n in dict.fromkeys(names) if n not in ("sources", "settings")]
+    return [n for n in dict.fromkeys(names) if n != "settings"]
 
 
 def broken_claims(text: str, store: Store) -> list[str]:
