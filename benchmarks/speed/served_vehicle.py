@@ -29,7 +29,7 @@ from kept import show
 from controllers.served_vehicle import served
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.radio.crtp import Packet, Port, pack, parse
-from nanobench_tools.radio.pose_datagram import HELLO, unpack
+from nanobench_tools.radio.mocap.pose_datagram import HELLO, unpack
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 
 BLOCKS = ("acc.x acc.y acc.z gyro.x gyro.y gyro.z", "motor.m1 motor.m2 motor.m3 motor.m4",

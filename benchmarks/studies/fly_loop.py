@@ -57,11 +57,11 @@ with SimulatedCrazyflie(served(battery_V=4.15), '127.0.0.1', 0, radio=RadioOptio
 def loop(minutes: float) -> None:
     """The real-time loop, in flights of 60 s of path each."""
     from nanobench_tools.cli.fly_controllers import pilot_for
-    from nanobench_tools.radio import mission
-    from nanobench_tools.radio.fly_plan import chosen_path
-    from nanobench_tools.radio.fly_session import Request, fly_session
-    from nanobench_tools.radio.mocap_sources import pose_source
-    from nanobench_tools.radio.safety import Limits
+    from nanobench_tools.radio.fly import mission
+    from nanobench_tools.radio.fly.flight_plan import chosen_path
+    from nanobench_tools.radio.fly.safety import Limits
+    from nanobench_tools.radio.fly.session import Request, fly_session
+    from nanobench_tools.radio.mocap.mocap_sources import pose_source
 
     late, sent, ticks, missed, flown = [], [], 0, 0, 0.0
     fly_whole = mission.Flight._fly
@@ -121,10 +121,10 @@ def fly_virtual(name: str, folder: Path, seed: int, seconds: float, model=None) 
     from controllers.served_vehicle import ServedVehicle, served
     from nanobench_tools.cli.fly_controllers import pilot_for
     from nanobench_tools.radio.blocks import default_blocks
-    from nanobench_tools.radio.fly_plan import chosen_path
-    from nanobench_tools.radio.fly_session import Request, fly_session
-    from nanobench_tools.radio.fly_virtual import VirtualWorld
-    from nanobench_tools.radio.safety import Limits
+    from nanobench_tools.radio.fly.flight_plan import chosen_path
+    from nanobench_tools.radio.fly.safety import Limits
+    from nanobench_tools.radio.fly.session import Request, fly_session
+    from nanobench_tools.radio.fly.virtual import VirtualWorld
     from nanobench_tools.radio.simulated.channel import RadioOptions
     from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 

@@ -19,10 +19,10 @@ from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
     from ..practice.references import PathSpec
-    from ..radio.fly_outcome import FlightSummary
-    from ..radio.fly_pilot import Pilot
-    from ..radio.fly_session import Request
-    from ..radio.safety import Limits
+    from ..radio.fly.outcome import FlightSummary
+    from ..radio.fly.pilot import Pilot
+    from ..radio.fly.safety import Limits
+    from ..radio.fly.session import Request
 
 KINDS = ("thrust-rates", "full-state", "velocity", "position")
 INTERRUPTED = 130
@@ -66,10 +66,10 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
     vehicle holds its place and lands, and the exit line says why. Nothing is armed when a check fails.
     """
     from ..radio.blocks import default_blocks, read_blocks
-    from ..radio.fly_plan import chosen_path
-    from ..radio.fly_session import Request
-    from ..radio.mocap_sources import pose_source
-    from ..radio.safety import Limits
+    from ..radio.fly.flight_plan import chosen_path
+    from ..radio.fly.safety import Limits
+    from ..radio.fly.session import Request
+    from ..radio.mocap.mocap_sources import pose_source
 
     spec = chosen_path(trajectory, speed, size, seconds)
     limits = Limits(fence_m=tuple(fence), tilt_deg=tilt_deg,  # type: ignore[arg-type]
@@ -89,9 +89,9 @@ def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> 
     import numpy as np
     from rich.table import Table
 
-    from ..radio.checklist import check_plan
-    from ..radio.fly_dry import rows
-    from ..radio.fly_plan import Plan
+    from ..radio.fly.checklist import check_plan
+    from ..radio.fly.dry_run import rows
+    from ..radio.fly.flight_plan import Plan
 
     plan = Plan(spec, np.zeros(3), 0.0)
     check_plan(plan, limits)
@@ -118,8 +118,8 @@ class FlyBody(Result):
 
 
 def _fly(options: Options, request: Request) -> int:
-    from ..radio.fly_outcome import summary
-    from ..radio.fly_session import fly_session
+    from ..radio.fly.outcome import summary
+    from ..radio.fly.session import fly_session
 
     result = fly_session(request)
     outcome, ready = result.outcome, result.ready

@@ -10,20 +10,20 @@ from ..settings import setting
 from ..steps.named_methods import load_methods
 
 if TYPE_CHECKING:
-    from ..radio.fly_pilot import Pilot
+    from ..radio.fly.pilot import Pilot
 
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are sent set-points; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
 NOW: dict[str, Any] = setting("flying.fly_controllers.now")
-"""Of the observer: what it is told is of now (``radio.fly_state``), and its rates come from poses, noisier than a
+"""Of the observer: what it is told is of now (``radio.pose_tracker``), and its rates come from poses, noisier than a
 gyro's."""
 
 
 def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
     """The pilot that ``--controller`` and ``--setpoints`` name. Raises UsageError."""
     from ..firmware.onboard import Mellinger, PidCascade
-    from ..radio.fly_motors import MotorPilot
-    from ..radio.fly_pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
+    from ..radio.fly.motor_commands import MotorPilot
+    from ..radio.fly.pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
     from ..registry import load
 
     found = load("controllers", name)
@@ -58,7 +58,7 @@ def _is_predictive(kind: type) -> bool:
 def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
     from controllers.disturbance import Tuning
 
-    from ..radio.fly_planned import PlannedPilot
+    from ..radio.fly.predictive import PlannedPilot
 
     model = None
     if simulator is not None:

@@ -64,10 +64,10 @@ class RecordBody(Result):
 def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: str | None, seconds: float | None,
             stamps: str) -> RecordBody:
     from ..radio.blocks import default_blocks, read_blocks
-    from ..radio.fly_clock import HostClock
-    from ..radio.fly_link import open_link
-    from ..radio.mocap_sources import pose_source
+    from ..radio.host_clock import HostClock
+    from ..radio.mocap.mocap_sources import pose_source
     from ..radio.recorder import Recorder, check_folder, recording_name
+    from ..radio.vehicle_link import open_link
 
     wanted = read_blocks(blocks) if blocks else default_blocks()
     source = pose_source(mocap, uri) if mocap else None

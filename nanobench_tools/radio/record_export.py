@@ -26,9 +26,9 @@ from ..sources.usd_variables import VARIABLES, Variable
 from ..units import factor
 from .align import TICK_S, Alignment, align, ticks_of
 from .blocks import Block
+from .mocap.pose_datagram import unpack
+from .mocap.pose_source import seen
 from .packets import ECHO, LOG, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
-from .pose_datagram import unpack
-from .pose_source import seen
 from .recorder import RAW_FOLDER
 
 OWN = {"setpoint": {"yaw": (Variable("ctrltarget.yaw", "deg"),)}}

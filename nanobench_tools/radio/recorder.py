@@ -14,11 +14,11 @@ import numpy as np
 from ..errors import InputError
 from ..version import __version__
 from .blocks import Block
-from .fly_clock import Clock
-from .fly_link import CflibLink
-from .fly_state import Believed
+from .fly.pose_tracker import Believed
+from .host_clock import Clock
+from .mocap.pose_datagram import Pose, pack
 from .packets import ECHO, LOG, POSE, REFERENCE, SENT, PacketWriter
-from .pose_datagram import Pose, pack
+from .vehicle_link import CflibLink
 
 RAW_FOLDER = ".raw"
 """Below the folder of recordings; readers of recordings leave folders with a dot out."""

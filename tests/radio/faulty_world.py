@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.served_vehicle import served
 from nanobench_tools.radio.crtp import Packet, Port, parse
-from nanobench_tools.radio.fly_virtual import VirtualWorld
+from nanobench_tools.radio.fly.virtual import VirtualWorld
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 

@@ -38,7 +38,7 @@ def mocap(server: SimulatedCrazyflie) -> str:
 
 
 def test_record_and_a_second_client(server, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("nanobench_tools.radio.fly_link.ANSWER_S", 1.0)
+    monkeypatch.setattr("nanobench_tools.radio.vehicle_link.ANSWER_S", 1.0)
     first = subprocess.Popen([sys.executable, "-m", "nanobench_tools.cli.main", "record", "--uri", server.uri,
                               "--mocap", mocap(server), "--seconds", "60", "--out", str(tmp_path / "first"), "--quiet"],
                              cwd=ROOT)
@@ -72,10 +72,10 @@ def wait_for_file(folder: Path, seconds: float = 60.0) -> Path:
 FLIES = """
 import sys
 from nanobench_tools.cli.fly_controllers import pilot_for
-from nanobench_tools.radio.fly_plan import chosen_path
-from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.mocap_sources import pose_source
-from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.session import Request, fly_session
+from nanobench_tools.radio.mocap.mocap_sources import pose_source
+from nanobench_tools.radio.fly.safety import Limits
 uri, mocap = sys.argv[1:]
 busy = Limits((-9.0, 9.0) * 3, stale_s=9.0, silent_s=9.0, overrun_s=9.0, late_ticks=10**6, tilt_deg=180.0)
 print(fly_session(Request(chosen_path("circle", 0.5, 0.2, 60.0), pilot_for("onboard_pid", None, None), busy, uri,

@@ -23,13 +23,13 @@ from controllers.served_vehicle import served
 from nanobench_tools.auditing import audit
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.cli.main import main
-from nanobench_tools.radio.fly_plan import chosen_path
-from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.fly_setpoints import decoded
-from nanobench_tools.radio.fly_virtual import VirtualWorld
+from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.session import Request, fly_session
+from nanobench_tools.radio.fly.setpoint_packets import decoded
+from nanobench_tools.radio.fly.virtual import VirtualWorld
 from nanobench_tools.radio.packets import SENT, read_packets
 from nanobench_tools.radio.record_export import export
-from nanobench_tools.radio.safety import Limits
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 from nanobench_tools.sources.discover import load_recordings
@@ -86,7 +86,7 @@ def flights(tmp_path_factory):
                 results[name] = in_world(world, request), world
                 return results[name][0]
 
-            patch.setattr("nanobench_tools.radio.fly_session.fly_session", flown)
+            patch.setattr("nanobench_tools.radio.fly.session.fly_session", flown)
             assert main([*command, "--quiet"]) == 0
     audits = {str(a.controller): a for a in map(audit, load_recordings([place / "flights"]).flights)}
     return place / "flights", {name: (*found, audits[name]) for name, found in results.items()}

@@ -15,15 +15,16 @@ import pytest
 from toy_vehicle import Notes, Toy
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.radio import fly_clock, fly_plan, fly_session, packets, safety_handover
-from nanobench_tools.radio.fly_clock import HostClock
-from nanobench_tools.radio.fly_guardian import Guardian
-from nanobench_tools.radio.fly_outcome import Outcome
-from nanobench_tools.radio.fly_pilot import OnboardPilot
+from nanobench_tools.radio import host_clock, packets
+from nanobench_tools.radio.fly import flight_plan, safety_handover, session
+from nanobench_tools.radio.fly.guardian import Guardian
+from nanobench_tools.radio.fly.mission import Flight
+from nanobench_tools.radio.fly.outcome import Outcome
+from nanobench_tools.radio.fly.pilot import OnboardPilot
+from nanobench_tools.radio.fly.safety import Limits, Stop
+from nanobench_tools.radio.host_clock import HostClock
 from nanobench_tools.radio.in_time import within
-from nanobench_tools.radio.mission import Flight
 from nanobench_tools.radio.packets import PacketWriter
-from nanobench_tools.radio.safety import Limits, Stop
 
 HERE = Path(__file__).parent
 IN_PATH = 109.0
@@ -70,14 +71,14 @@ def quick(patch) -> None:
         patch.setattr(safety_handover, name, 0.2)
     patch.setattr(safety_handover, "LANDING_M_S", 10.0)
     for name in ("TAKEOFF_S", "SETTLE_S"):
-        patch.setattr(fly_plan, name, 0.2)
+        patch.setattr(flight_plan, name, 0.2)
 
 
 def test_a_clock_that_is_set_back_keeps_nobody_waiting(monkeypatch):
     clock, begun = HostClock(), time.monotonic()
     due = clock.now() + 0.01
     unix = time.time
-    monkeypatch.setattr(fly_clock.time, "time", lambda: unix() - 5.0)
+    monkeypatch.setattr(host_clock.time, "time", lambda: unix() - 5.0)
     clock.sleep_until(due)
     assert 0.0 < clock.now() - due < 1.0
     assert time.monotonic() - begun < 1.0
@@ -268,24 +269,24 @@ def test_a_driver_that_fails_keeps_no_sender_and_no_end_waiting(monkeypatch):
     pytest.importorskip("cflib")
     from cflib.crazyflie import State
 
-    from nanobench_tools.radio import fly_cflib
+    from nanobench_tools.radio import crazyflie
 
-    monkeypatch.setattr(fly_cflib, "CLOSE_S", 0.3)
+    monkeypatch.setattr(crazyflie, "CLOSE_S", 0.3)
     lost: list[str] = []
-    vehicle = fly_cflib.crazyflie(None, lost.append)
+    vehicle = crazyflie.crazyflie(None, lost.append)
     vehicle.state = State.CONNECTED
     vehicle.link = Driver(lambda packet: vehicle._link_error_cb("unplugged"))
     begun = time.monotonic()
     vehicle.send_packet(ping())
     vehicle.send_packet(ping())
     assert lost == ["unplugged"]
-    fly_cflib.close(vehicle, motors_off=True)
+    crazyflie.close(vehicle, motors_off=True)
     assert time.monotonic() - begun < 3.0
 
 
 def test_an_end_in_the_middle_of_sending_leaves_the_way_free_for_others():
     pytest.importorskip("cflib")
-    from nanobench_tools.radio.fly_cflib import crazyflie
+    from nanobench_tools.radio.crazyflie import crazyflie
 
     def interrupted(packet) -> None:
         raise KeyboardInterrupt
@@ -303,11 +304,11 @@ def test_a_recording_too_short_to_export_does_not_hide_why_the_flight_was_stoppe
     def refused(raw, folder):
         raise InputError("a.packets", "0 poses while the log ran", "nothing to export")
 
-    monkeypatch.setattr(fly_session, "export", refused)
+    monkeypatch.setattr(session, "export", refused)
     said: list[str] = []
     request = SimpleNamespace(record_to=None, say=said.append)
     stopped = Outcome(Stop("lost link", "no packet for 0.60 s", 1.0, "ground"))
-    assert fly_session._exported(Path("a.packets"), stopped, request) is None
+    assert session._exported(Path("a.packets"), stopped, request) is None
     assert "0 poses while the log ran" in said[0]
     with pytest.raises(InputError):
-        fly_session._exported(Path("a.packets"), Outcome(), request)
+        session._exported(Path("a.packets"), Outcome(), request)

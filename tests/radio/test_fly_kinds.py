@@ -12,11 +12,11 @@ pytest.importorskip("cflib")
 from controllers.served_vehicle import served
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.crtp import Packet
-from nanobench_tools.radio.fly_plan import chosen_path
-from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.fly_setpoints import decoded
-from nanobench_tools.radio.fly_virtual import VirtualWorld
-from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.session import Request, fly_session
+from nanobench_tools.radio.fly.setpoint_packets import decoded
+from nanobench_tools.radio.fly.virtual import VirtualWorld
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 from nanobench_tools.radio.simulated.onboard_services import Build, Onboard

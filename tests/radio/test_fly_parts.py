@@ -10,15 +10,15 @@ from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Reference
-from nanobench_tools.radio import fly_setpoints as sp
-from nanobench_tools.radio.checklist import check_plan
-from nanobench_tools.radio.fly_dry import rows
-from nanobench_tools.radio.fly_link import check_uri
-from nanobench_tools.radio.fly_loop import Pacer
-from nanobench_tools.radio.fly_pilot import finite
-from nanobench_tools.radio.fly_plan import Plan, chosen_path
-from nanobench_tools.radio.safety import Limits
-from nanobench_tools.radio.watch import sparkline
+from nanobench_tools.radio.fly import setpoint_packets as sp
+from nanobench_tools.radio.fly.checklist import check_plan
+from nanobench_tools.radio.fly.dry_run import rows
+from nanobench_tools.radio.fly.flight_loop import Pacer
+from nanobench_tools.radio.fly.flight_plan import Plan, chosen_path
+from nanobench_tools.radio.fly.pilot import finite
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.watch import sparkline
+from nanobench_tools.radio.vehicle_link import check_uri
 
 RNG = np.random.default_rng(5)
 
@@ -132,7 +132,7 @@ def test_controllers_and_setpoints_that_do_not_go_together(name, kind):
 
 
 def test_thrust_and_rates_of_a_hovering_controller_hold_the_vehicle():
-    from nanobench_tools.radio.fly_dry import BATTERY_V
+    from nanobench_tools.radio.fly.dry_run import BATTERY_V
 
     pilot = pilot_for("geometric", None, None)
     p = plan()
@@ -168,7 +168,7 @@ def test_a_dry_run_shows_every_phase_and_needs_no_link(capsys):
     (["--uri", "udp://127.0.0.1:9"], "udp://127.0.0.1:9: no"),  # nobody serves port 9
 ])
 def test_bad_input_is_one_line_and_exit_code_2(capsys, monkeypatch, arguments, words):
-    monkeypatch.setattr("nanobench_tools.radio.fly_link.ANSWER_S", 0.4)
+    monkeypatch.setattr("nanobench_tools.radio.vehicle_link.ANSWER_S", 0.4)
     extra = ["--mocap", "simulated://127.0.0.1:1"] if arguments else []
     assert main(["fly", "--controller", "onboard_pid", "--quiet", *arguments, *extra]) == 2
     error = capsys.readouterr().err

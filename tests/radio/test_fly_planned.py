@@ -12,9 +12,9 @@ from nanobench_tools.firmware.onboard import STEPS, PidCascade, estimates
 from nanobench_tools.firmware.records import SETPOINT, VELOCITY
 from nanobench_tools.firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
 from nanobench_tools.methods import Reference, VehicleState
-from nanobench_tools.radio import fly_setpoints as sp
-from nanobench_tools.radio.fly_heading import yaw_rate
-from nanobench_tools.radio.fly_planned import MOST_RATE_RAD_S, TO_ROLL_PITCH, PlannedPilot
+from nanobench_tools.radio.fly import setpoint_packets as sp
+from nanobench_tools.radio.fly.heading import yaw_rate
+from nanobench_tools.radio.fly.predictive import MOST_RATE_RAD_S, TO_ROLL_PITCH, PlannedPilot
 
 BATTERY_V = 3.6
 RATE = np.array([0.3, -0.2, 0.0])

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from nanobench_tools.radio.fly_loop import Beat, ahead_of_others, undisturbed
-from nanobench_tools.radio.fly_state import Believed
-from nanobench_tools.radio.watch import Watch
+from nanobench_tools.radio.fly.flight_loop import Beat, ahead_of_others, undisturbed
+from nanobench_tools.radio.fly.pose_tracker import Believed
+from nanobench_tools.radio.fly.watch import Watch
 
 linux = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no such priorities")
 

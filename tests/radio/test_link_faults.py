@@ -13,12 +13,12 @@ from faulty_world import FaultyWorld, every, kind
 from toy_vehicle import Notes
 
 from nanobench_tools.cli.fly_controllers import pilot_for
-from nanobench_tools.radio import fly_session as session
 from nanobench_tools.radio.crtp import Port
-from nanobench_tools.radio.fly_outcome import Outcome
-from nanobench_tools.radio.fly_plan import chosen_path
-from nanobench_tools.radio.fly_session import Request, fly_session
-from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.fly import session
+from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.outcome import Outcome
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.session import Request, fly_session
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.supervisor import State
 

@@ -12,13 +12,13 @@ import pytest
 
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, MissingExtraError, UsageError
-from nanobench_tools.radio import checklist
-from nanobench_tools.radio.fly_feed import Feed
-from nanobench_tools.radio.fly_state import PoseTrack
-from nanobench_tools.radio.mocap_sources import pose_source
-from nanobench_tools.radio.pose_datagram import Pose, pack
-from nanobench_tools.radio.pose_source import checked, seen
-from nanobench_tools.radio.safety import Limits
+from nanobench_tools.radio.fly import checklist
+from nanobench_tools.radio.fly.pose_feed import Feed
+from nanobench_tools.radio.fly.pose_tracker import PoseTrack
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.mocap.mocap_sources import pose_source
+from nanobench_tools.radio.mocap.pose_datagram import Pose, pack
+from nanobench_tools.radio.mocap.pose_source import checked, seen
 
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])

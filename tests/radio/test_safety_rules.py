@@ -11,11 +11,11 @@ from toy_vehicle import Notes, Toy
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
-from nanobench_tools.radio import fly_setpoints
-from nanobench_tools.radio.fly_pilot import OnboardPilot
-from nanobench_tools.radio.mission import Flight
-from nanobench_tools.radio.safety import Limits, LowBattery, Situation
-from nanobench_tools.radio.safety_handover import place_to_hold
+from nanobench_tools.radio.fly import setpoint_packets
+from nanobench_tools.radio.fly.mission import Flight
+from nanobench_tools.radio.fly.pilot import OnboardPilot
+from nanobench_tools.radio.fly.safety import Limits, LowBattery, Situation
+from nanobench_tools.radio.fly.safety_handover import place_to_hold
 
 IN_PATH = 109.0
 
@@ -59,7 +59,8 @@ def no_number(toy: Toy) -> OnboardPilot:
     class Nan(OnboardPilot):
         def packet(self, time_s, state, reference):
             nan = toy.time_s > IN_PATH
-            return fly_setpoints.rates(40000.0, np.full(3, np.nan)) if nan else super().packet(time_s, state, reference)
+            return (setpoint_packets.rates(40000.0, np.full(3, np.nan)) if nan
+                    else super().packet(time_s, state, reference))
 
     return Nan("mine", 1)
 
@@ -127,7 +128,7 @@ def test_a_fault_of_the_controller_ends_the_flight_on_the_ground(rule, pilot, wo
     assert outcome.stop.rule == rule
     assert words in str(outcome.stop)
     assert landed(toy)
-    kinds = {fly_setpoints.decoded(p)["kind"] for p in toy.packets}
+    kinds = {setpoint_packets.decoded(p)["kind"] for p in toy.packets}
     assert kinds == {"position", "stop"}  # what the controller said wrongly was never sent
 
 

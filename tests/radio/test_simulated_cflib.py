@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from still_vehicle import StillVehicle
 
-from nanobench_tools.radio.pose_datagram import unpack
+from nanobench_tools.radio.mocap.pose_datagram import unpack
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 

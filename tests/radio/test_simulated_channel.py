@@ -10,8 +10,8 @@ from still_vehicle import StillVehicle
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.radio.crtp import Packet, pack, parse
-from nanobench_tools.radio.pose_datagram import pack as pack_pose
-from nanobench_tools.radio.pose_datagram import unpack
+from nanobench_tools.radio.mocap.pose_datagram import pack as pack_pose
+from nanobench_tools.radio.mocap.pose_datagram import unpack
 from nanobench_tools.radio.simulated.channel import RESEND_S, Channel, RadioOptions, repeated
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions, MotionCapture
 from nanobench_tools.radio.simulated.simulation import Simulation

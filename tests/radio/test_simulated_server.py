@@ -14,7 +14,7 @@ from nanobench_tools.cli.main import main
 from nanobench_tools.cli.simulate_serve import address
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.radio.crtp import Packet, pack
-from nanobench_tools.radio.pose_datagram import PORT_OFFSET, unpack
+from nanobench_tools.radio.mocap.pose_datagram import PORT_OFFSET, unpack
 from nanobench_tools.radio.simulated import server
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 from nanobench_tools.radio.simulated.supervisor import State

@@ -6,13 +6,13 @@ from collections import deque
 
 import numpy as np
 
-from nanobench_tools.radio import fly_setpoints
-from nanobench_tools.radio.fly_heard import ESTIMATE, HEALTH
-from nanobench_tools.radio.fly_pilot import PERIOD_S
-from nanobench_tools.radio.fly_plan import Plan, chosen_path
-from nanobench_tools.radio.fly_prepare import Ready
-from nanobench_tools.radio.fly_state import PoseTrack
-from nanobench_tools.radio.pose_datagram import Pose
+from nanobench_tools.radio.fly import setpoint_packets
+from nanobench_tools.radio.fly.flight_plan import Plan, chosen_path
+from nanobench_tools.radio.fly.latest_log import ESTIMATE, HEALTH
+from nanobench_tools.radio.fly.pilot import PERIOD_S
+from nanobench_tools.radio.fly.pose_tracker import PoseTrack
+from nanobench_tools.radio.fly.prepare import Ready
+from nanobench_tools.radio.mocap.pose_datagram import Pose
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -75,7 +75,7 @@ class Toy:
         self.told.append((self.time_s, what))
 
     def send_setpoint(self, packet: bytes) -> None:
-        said = fly_setpoints.decoded(packet)
+        said = setpoint_packets.decoded(packet)
         self.packets.append(packet)
         if said["kind"] == "position":
             self.landing = False

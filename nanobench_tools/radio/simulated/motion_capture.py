@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
-from ..pose_datagram import pack
+from ..mocap.pose_datagram import pack
 
 
 @dataclass(frozen=True)

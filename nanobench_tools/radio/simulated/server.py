@@ -11,7 +11,7 @@ from types import TracebackType
 
 from ...errors import InputError
 from ..crtp import NULL, Port, parse
-from ..pose_datagram import PORT_OFFSET, SUBSCRIPTION_S
+from ..mocap.pose_datagram import PORT_OFFSET, SUBSCRIPTION_S
 from .channel import RadioOptions
 from .motion_capture import MocapOptions
 from .onboard_services import Build

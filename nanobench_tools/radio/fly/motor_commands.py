@@ -4,30 +4,30 @@ The thrust is what the firmware's own curve makes of the four commands at the ba
 back into the same mean command. The moment M that the controller asks for becomes the body rate that it would have led
 to after LEAD_S: w_s = w + LEAD_S J^-1 M, with w the rate at the time it acts. LEAD_S is about what the way from here to
 a turning vehicle takes (link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings. The
-heading is the vehicle's own loop's (``fly_heading``).
+heading is the vehicle's own loop's (``heading``).
 
 The state is moved to the time at which the set-point acts: at constant body rate and at the acceleration that the
 thrust under way gives. Gains that were made for motors at hand are high for this way; a controller that makes
-set-points itself (``setpoint``, see ``fly_pilot``) or foresees its states (``fly_planned``) flies better.
+set-points itself (``setpoint``, see ``pilot``) or foresees its states (``predictive``) flies better.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .. import so3
-from ..firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
-from ..methods import Controller, Reference, VehicleState
-from ..physics.vehicle import Vehicle
-from ..settings import number
-from ..units import GRAVITY_M_S2
-from . import fly_setpoints
-from .fly_heading import yaw_rate
-from .fly_pilot import PERIOD_S, PID
+from ... import so3
+from ...firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
+from ...methods import Controller, Reference, VehicleState
+from ...physics.vehicle import Vehicle
+from ...settings import number
+from ...units import GRAVITY_M_S2
+from . import setpoint_packets
+from .heading import yaw_rate
+from .pilot import PERIOD_S, PID
 
-LEAD_S = number("flying.fly_motors.lead_s")
+LEAD_S = number("flying.motor_commands.lead_s")
 MOST_RATE_RAD_S = 8.0
-THRUST_SCALE = number("flying.fly_motors.thrust_scale")
+THRUST_SCALE = number("flying.motor_commands.thrust_scale")
 """What the motors give of what the firmware's curve promises (recordings)."""
 
 
@@ -62,8 +62,8 @@ class MotorPilot:
         self._lift = THRUST_SCALE * float(thrust.sum()) / self._mass
         wanted = then.rate_rad_s[0, :2] + LEAD_S * (self._moment @ (THRUST_SCALE * thrust))
         wanted = np.clip(wanted, -MOST_RATE_RAD_S, MOST_RATE_RAD_S)
-        counts = float(thrust.mean()) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
-        return fly_setpoints.rates(counts, np.array([*wanted, yaw_rate(then, reference)]))
+        counts = float(thrust.mean()) / THRUST_MAX_N * setpoint_packets.MOST_COUNTS
+        return setpoint_packets.rates(counts, np.array([*wanted, yaw_rate(then, reference)]))
 
     def _ahead(self, state: VehicleState) -> VehicleState:
         """The state when a set-point of now acts."""

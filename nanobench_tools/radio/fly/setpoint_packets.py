@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..errors import UsageError
-from ..firmware.flatness import body_rates
-from ..firmware.records import ABSOLUTE, VELOCITY
-from ..methods import Reference
-from ..units import GRAVITY_M_S2
+from ...errors import UsageError
+from ...firmware.flatness import body_rates
+from ...firmware.records import ABSOLUTE, VELOCITY
+from ...methods import Reference
+from ...units import GRAVITY_M_S2
 
 KINDS = ("thrust-rates", "full-state", "velocity", "position")
 STOP, FULL_STATE, POSITION, VELOCITY_WORLD, MANUAL = 0, 6, 7, 8, 11

@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..result import Result
-from .fly_loop import Beat
-from .fly_prepare import Ready
-from .fly_state import Believed
+from ...result import Result
+from .flight_loop import Beat
+from .pose_tracker import Believed
+from .prepare import Ready
 from .safety import Stop
 
 

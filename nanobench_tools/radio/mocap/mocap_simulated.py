@@ -7,7 +7,7 @@ import threading
 import time
 from urllib.parse import urlparse
 
-from ..errors import InputError, UsageError
+from ...errors import InputError, UsageError
 from .pose_datagram import HELLO, PORT_OFFSET, SUBSCRIPTION_S, unpack
 from .pose_source import Sink
 

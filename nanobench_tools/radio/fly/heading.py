@@ -6,8 +6,8 @@ A controller's moment about z, made for motors at hand, would have to pass throu
 
 from __future__ import annotations
 
-from .. import so3
-from ..methods import Reference, VehicleState
+from ... import so3
+from ...methods import Reference, VehicleState
 
 YAW_1_S = 1.5
 """Speed at which a heading that is off is led back: well below the 5 rad/s of the vehicle's loop."""

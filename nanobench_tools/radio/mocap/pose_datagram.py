@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ...errors import InputError
 
 PORT_OFFSET = 100
 SUBSCRIPTION_S = 2.0

@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
-from ..practice.references import PathSpec
-from ..result import to_json
-from .blocks import Block
+from ...errors import InputError
+from ...practice.references import PathSpec
+from ...result import to_json
+from ..blocks import Block
+from ..host_clock import Clock, HostClock
+from ..mocap.pose_source import PoseSource
+from ..record_export import Exported, export
+from ..recorder import Recorder, check_folder, recording_name
+from ..vehicle_link import check_uri, open_link
 from .checklist import check_tables, health_blocks
-from .fly_clock import Clock, HostClock
-from .fly_feed import Feed
-from .fly_link import check_uri, open_link
-from .fly_outcome import Listener, Outcome, summary
-from .fly_pilot import Pilot
-from .fly_plan import Plan
-from .fly_prepare import Preparation, Ready
+from .flight_plan import Plan
 from .mission import Flight
-from .pose_source import PoseSource
-from .record_export import Exported, export
-from .recorder import Recorder, check_folder, recording_name
+from .outcome import Listener, Outcome, summary
+from .pilot import Pilot
+from .pose_feed import Feed
+from .prepare import Preparation, Ready
 from .safety import Limits
 from .watch import Watch
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import urlparse
 
-from ..errors import UsageError
+from ...errors import UsageError
 from .mocap_callable import CallableMocap
 from .mocap_package import PackageMocap
 from .mocap_simulated import SimulatedMocap, address_of

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import so3
-from ..errors import InputError
-from .blocks import Block
-from .fly_clock import Clock
-from .fly_plan import Plan
-from .fly_state import PoseTrack
-from .pose_datagram import Pose
+from ... import so3
+from ...errors import InputError
+from ..blocks import Block
+from ..host_clock import Clock
+from ..mocap.pose_datagram import Pose
+from .flight_plan import Plan
+from .pose_tracker import PoseTrack
 from .safety import CRASHED, LOCKED, TUMBLED, Limits
 
 NEEDED_LOGS = ("pm.vbat", "supervisor.info", "acc.x", "acc.y", "acc.z", "stateEstimate.x", "stateEstimate.y",

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import InputError
+from ...errors import InputError
 from .pose_datagram import Pose
 
 Sink = Callable[[Pose], None]
@@ -20,7 +20,7 @@ Sink = Callable[[Pose], None]
 
 class PoseSource(Protocol):
     """``synthetic``: the poses are made up, and so is what is recorded. ``setpoint``: told of everything that is sent
-    to the vehicle (time [Unix s], what it says in words of ``fly_setpoints``), for who wants to pass it on."""
+    to the vehicle (time [Unix s], what it says in words of ``setpoint_packets``), for who wants to pass it on."""
 
     name: str
     synthetic: bool

@@ -1,7 +1,8 @@
 """Who says what is sent: a pilot turns the believed state and the reference of a tick into one set-point.
 
 Three kinds: the vehicle's own controllers, which are told where to be; controllers that make set-points themselves
-(method ``setpoint``, as predictive ones do); and any controller of the project that commands motors (``fly_motors``).
+(method ``setpoint``, as predictive ones do); and any controller of the project that commands motors
+(``motor_commands``).
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..firmware.records import SETPOINT
-from ..methods import Reference, VehicleState
-from . import fly_setpoints
+from ...firmware.records import SETPOINT
+from ...methods import Reference, VehicleState
+from . import setpoint_packets
 
 PERIOD_S = 0.01
 PID, MELLINGER = 1, 2
@@ -66,7 +67,7 @@ class OnboardPilot:
             reference = Reference(later.position_m[0], later.yaw_rad[0], later.velocity_m_s[0],
                                   later.acceleration_m_s2[0], None if later.jerk_m_s3 is None else later.jerk_m_s3[0],
                                   None if later.yaw_rate_rad_s is None else later.yaw_rate_rad_s[0])
-        return fly_setpoints.of_reference(self.kind, reference)
+        return setpoint_packets.of_reference(self.kind, reference)
 
 
 class StreamingPilot:
@@ -88,11 +89,11 @@ class StreamingPilot:
         record = np.asarray(self.controller.setpoint(time_s, state, reference))
         if record.dtype != SETPOINT or record.shape != (1,):
             raise ValueError(f"setpoint returned {record.dtype} of shape {record.shape}, not one SETPOINT record")
-        return fly_setpoints.of_record(record[0])
+        return setpoint_packets.of_record(record[0])
 
 
 def finite(packet: bytes) -> bool:
     """Whether all numbers of a set-point are finite: floats that are none survive packing."""
-    numbers = [v for value in fly_setpoints.decoded(packet).values() if not isinstance(value, str)
+    numbers = [v for value in setpoint_packets.decoded(packet).values() if not isinstance(value, str)
                for v in (value if isinstance(value, tuple) else (value,))]
     return bool(np.isfinite(numbers).all())

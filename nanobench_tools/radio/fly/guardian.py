@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from .in_time import last_resort, renew
+from ..in_time import last_resort, renew
 
 
 class Guardian:

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import UsageError
+from ...errors import UsageError
 
 TUMBLED, LOCKED, CRASHED = 1 << 5, 1 << 6, 1 << 7
 """Bits of ``supervisor.info`` (supervisor.c of firmware 2025.12.1)."""

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .fly_clock import HostClock
-from .fly_link import Link
-from .fly_loop import Beat
-from .fly_state import Believed
+from ..host_clock import HostClock
+from ..vehicle_link import Link
+from .flight_loop import Beat
+from .pose_tracker import Believed
 
 if TYPE_CHECKING:
     from rich.live import Live

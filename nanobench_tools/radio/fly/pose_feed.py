@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import fly_setpoints
-from .fly_link import Link
-from .fly_state import PoseTrack
-from .in_time import within
-from .pose_datagram import Pose
-from .pose_source import PoseSource
+from ..in_time import within
+from ..mocap.pose_datagram import Pose
+from ..mocap.pose_source import PoseSource
+from ..vehicle_link import Link
+from . import setpoint_packets
+from .pose_tracker import PoseTrack
 
 CLOSE_S = 3.0
 
@@ -37,7 +37,7 @@ class Feed:
 
     def sent(self, time_s: float, packet: bytes) -> None:
         """Tells the source what was sent."""
-        self._source.setpoint(time_s, fly_setpoints.decoded(packet))
+        self._source.setpoint(time_s, setpoint_packets.decoded(packet))
 
     def _pose(self, pose: Pose) -> None:
         fresh = self.track.add(pose)

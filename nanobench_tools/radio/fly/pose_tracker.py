@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import so3
-from ..methods import VehicleState
-from .pose_datagram import Pose
-from .pose_source import seen
+from ... import so3
+from ...methods import VehicleState
+from ..mocap.pose_datagram import Pose
+from ..mocap.pose_source import seen
 
 POSES = 11
 """Of the fit; at 100 Hz 0.1 s. Rates are 41 times as noisy then as the poses' angles [1/s] (least squares)."""

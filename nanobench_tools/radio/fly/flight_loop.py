@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .fly_clock import Clock
+from ..host_clock import Clock
 
 PRIORITY = 2
 """Of real time: before all ordinary processes and a simulated vehicle that has the least, behind the system's own."""

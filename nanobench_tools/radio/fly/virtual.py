@@ -18,12 +18,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from .pose_datagram import unpack
-from .pose_source import Sink
-from .simulated.channel import RadioOptions
-from .simulated.motion_capture import MocapOptions
-from .simulated.simulation import Simulation
-from .simulated.vehicle_protocol import Vehicle
+from ..mocap.pose_datagram import unpack
+from ..mocap.pose_source import Sink
+from ..simulated.channel import RadioOptions
+from ..simulated.motion_capture import MocapOptions
+from ..simulated.simulation import Simulation
+from ..simulated.vehicle_protocol import Vehicle
 
 STEP_S = 0.001
 SETTLE_S = 5.0

@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import fly_setpoints
-from .fly_clock import Clock
-from .fly_link import Link
-from .fly_plan import LANDED_M
-from .fly_state import Believed
+from ..host_clock import Clock
+from ..vehicle_link import Link
+from . import setpoint_packets
+from .flight_plan import LANDED_M
+from .pose_tracker import Believed
 
 HOLD_S = 1.0
 BRIEF_HOLD_S = 0.2
@@ -58,7 +58,7 @@ def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, gro
     if own is not None:
         _lower(link, clock, seen(), ground_m, seen, tick, own)
         return "it does not know where it is"
-    hold = fly_setpoints.position(place_m, yaw_rad)
+    hold = setpoint_packets.position(place_m, yaw_rad)
     until = clock.now() + (BRIEF_HOLD_S if brief else HOLD_S)
     while clock.now() < until:
         _try(link.send_setpoint, hold)
@@ -109,7 +109,7 @@ def _lower(link: Link, clock: Clock, first: Believed | None, ground_m: float, se
     most_s = (top - ground_m) / LANDING_M_S + 2.0 * AFTER_S
     while (since := clock.now() - begun) < most_s and (now is None or now.position_m[2] > ground_m + LANDED_M):
         place = np.array([*first.position_m[:2], max(top - LANDING_M_S * since, ground_m - MARGIN_M)])
-        _try(link.send_setpoint, fly_setpoints.position(own(place), first.yaw_rad))
+        _try(link.send_setpoint, setpoint_packets.position(own(place), first.yaw_rad))
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
         now = seen()

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import so3
-from ..errors import InputError
+from ... import so3
+from ...errors import InputError
+from ..host_clock import Clock
+from ..in_time import last_resort
+from ..mocap.pose_datagram import Pose
+from ..vehicle_link import CflibLink
 from . import checklist
-from .fly_clock import Clock
-from .fly_link import CflibLink
-from .fly_loop import ahead_of_others
-from .fly_pilot import PERIOD_S, Pilot
-from .fly_plan import Plan
-from .fly_state import PoseTrack
-from .in_time import last_resort
-from .pose_datagram import Pose
+from .flight_loop import ahead_of_others
+from .flight_plan import Plan
+from .pilot import PERIOD_S, Pilot
+from .pose_tracker import PoseTrack
 from .safety import Limits
 
 ECHOES, ECHOES_S, ECHO_S = 10, 3.0, 0.05

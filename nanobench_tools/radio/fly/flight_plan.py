@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import UsageError
-from ..methods import Reference
-from ..practice.curves import planner
-from ..practice.references import FAMILIES, PathSpec, family_named, path_spec
-from ..so3 import wrap_angle
+from ...errors import UsageError
+from ...methods import Reference
+from ...practice.curves import planner
+from ...practice.references import FAMILIES, PathSpec, family_named, path_spec
+from ...so3 import wrap_angle
 
 TAKEOFF, HOVER, APPROACH, FADE_IN, PATH, FADE_OUT, HOVER_END, LANDING = PHASES = (
     "take-off", "hover", "approach", "fade-in", "path", "fade-out", "hover at end", "landing")

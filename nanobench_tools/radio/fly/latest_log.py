@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .fly_link import Link
-from .fly_state import Believed
+from ..vehicle_link import Link
+from .pose_tracker import Believed
 
 HEALTH = ("pm.vbat", "supervisor.info")
 ESTIMATE = ("stateEstimate.x", "stateEstimate.y", "stateEstimate.z")

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import InputError, UsageError
-from ..registry import load
+from ...errors import InputError, UsageError
+from ...registry import load
 from .pose_source import Sink, checked
 
 

@@ -16,12 +16,12 @@ from typing import Protocol
 
 import numpy as np
 
-from ..firmware.pid import KI, KP, LOOPS, defaults
-from ..firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
-from ..methods import Reference, VehicleState
-from . import fly_setpoints
-from .fly_heading import yaw_rate
-from .fly_pilot import PERIOD_S, PID
+from ...firmware.pid import KI, KP, LOOPS, defaults
+from ...firmware.thrust_curve import THRUST_MAX_N, thrust_of_voltage
+from ...methods import Reference, VehicleState
+from . import setpoint_packets
+from .heading import yaw_rate
+from .pilot import PERIOD_S, PID
 
 MOST_RATE_RAD_S = 8.0
 _LOOP = defaults()["block"][0, LOOPS.index("rollrate")]
@@ -63,9 +63,9 @@ class PlannedPilot:
 
     def packet(self, time_s: float, state: VehicleState, reference: Reference) -> bytes:
         ratios = np.asarray(self.controller.command(time_s, state, reference))[0]
-        counts = thrust_of_voltage(ratios * state.battery_V[0]) / THRUST_MAX_N * fly_setpoints.MOST_COUNTS
+        counts = thrust_of_voltage(ratios * state.battery_V[0]) / THRUST_MAX_N * setpoint_packets.MOST_COUNTS
         now = self.controller.foreseen(0.0)[0, 10:12]
         commanded = now + (TO_ROLL_PITCH @ counts - self._held) / COUNTS_PER_RAD_S
         commanded = np.clip(commanded, -MOST_RATE_RAD_S, MOST_RATE_RAD_S)
         self._held = self._held + PERIOD_S * INTEGRAL_1_S * COUNTS_PER_RAD_S * (commanded - now)
-        return fly_setpoints.rates(float(counts.mean()), np.array([*commanded, yaw_rate(state, reference)]))
+        return setpoint_packets.rates(float(counts.mean()), np.array([*commanded, yaw_rate(state, reference)]))

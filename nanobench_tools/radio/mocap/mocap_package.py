@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MissingExtraError
-from .fly_clock import HostClock
+from ...errors import InputError, MissingExtraError
+from ..host_clock import HostClock
 from .pose_datagram import Pose
 from .pose_source import Sink
 

@@ -8,19 +8,19 @@ from contextlib import ExitStack
 
 import numpy as np
 
-from . import fly_setpoints, safety
-from .fly_clock import Clock
-from .fly_guardian import Guardian
-from .fly_heard import astray, health_age_s
-from .fly_interrupts import Hung, Interrupts
-from .fly_link import FLYING, Link
-from .fly_loop import Pacer, ahead_of_others, undisturbed
-from .fly_outcome import Listener, Outcome
-from .fly_pilot import PERIOD_S, Pilot, finite
-from .fly_plan import LANDING, TAKEOFF, Plan
-from .fly_prepare import Ready
-from .fly_state import Believed, PoseTrack
-from .in_time import end_at_once
+from ..host_clock import Clock
+from ..in_time import end_at_once
+from ..vehicle_link import FLYING, Link
+from . import safety, setpoint_packets
+from .flight_loop import Pacer, ahead_of_others, undisturbed
+from .flight_plan import LANDING, TAKEOFF, Plan
+from .guardian import Guardian
+from .interrupts import Hung, Interrupts
+from .latest_log import astray, health_age_s
+from .outcome import Listener, Outcome
+from .pilot import PERIOD_S, Pilot, finite
+from .pose_tracker import Believed, PoseTrack
+from .prepare import Ready
 from .safety import Limits, Situation, Stop, first_stop
 from .safety_handover import command_landing, hand_over, land, place_to_hold
 
@@ -175,7 +175,7 @@ class Flight:
                 raise ValueError("no pose")
             packet = self.pilot.packet(time_s, self._believed.state(self._now.battery_V), commanded)
             if not finite(packet):
-                error = f"{self.pilot.name} commanded what is no number: {fly_setpoints.in_words(packet)}"
+                error = f"{self.pilot.name} commanded what is no number: {setpoint_packets.in_words(packet)}"
         except Exception as raised:  # anybody's code: it must not take the vehicle down
             error = f"{self.pilot.name} raised {type(raised).__name__}: {raised}"
         ours = self._guardian is None or self._guardian.end()
@@ -280,7 +280,7 @@ class Flight:
         """Motors off, if the vehicle is where they may be."""
         newest, again = self.track.newest, 0
         if newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
-            self.link.send_setpoint(fly_setpoints.stop())
+            self.link.send_setpoint(setpoint_packets.stop())
             self.link.release()  # else the vehicle's watchdog would miss further set-points and lock it
             again = RELEASES
         self._enter(LANDED, self.clock.now())

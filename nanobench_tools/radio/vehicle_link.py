@@ -19,15 +19,15 @@ import numpy as np
 
 from ..errors import InputError, MissingExtraError
 from .blocks import Block, check_numbers, resolve
-from .fly_cflib import close, crazyflie
-from .fly_clock import Clock
+from .crazyflie import close, crazyflie
+from .host_clock import Clock
 
 ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
 """How long an answer is waited for: any at all, all tables and parameters, one written parameter, log blocks."""
 PROTOCOLS = (9, 12)
 """Oldest and newest CRTP version whose set-points are known here (9: signs of yaw rates as today's)."""
 SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
-"""``virtual`` is a simulated vehicle in this process on a clock of its own (``fly_virtual``)."""
+"""``virtual`` is a simulated vehicle in this process on a clock of its own (``virtual``)."""
 GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
 HL_TAKEOFF, HL_LAND = 7, 8
 FLYING = 1 << 4
@@ -221,7 +221,7 @@ class CflibLink:
             self.on_sent(self._clock.now(), port << 4 | channel, data)
 
     def send_setpoint(self, packet: bytes) -> None:
-        """A packet of ``fly_setpoints``."""
+        """A packet of ``setpoint_packets``."""
         self._send(GENERIC, 0, packet)
 
     def release(self) -> None:

@@ -1,0 +1,1 @@
+"""Sources of poses while flying: simulated motion capture, the package ``motioncapture``, or a user's callable."""
