@@ -36,7 +36,7 @@ from nanobench_tools.sources.discover import load_recordings
 
 pytestmark = pytest.mark.slow
 
-README = Path(__file__).parents[2] / "README.md"
+FLYING = Path(__file__).parents[2] / "docs/flying.md"
 ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
 """Noise as the recordings have it."""
 FILTER_S = np.sqrt(2.0) / (2.0 * np.pi * 80.0) + 0.001
@@ -47,8 +47,8 @@ that is larger than has to be, and the mixer then takes thrust from all."""
 
 
 def tutorial() -> dict[str, list[list[str]]]:
-    """The commands of README's section, by verb, without the program's name."""
-    section = README.read_text().split("### Fly it and record it\n")[1].split("\n## ")[0]
+    """The commands of the section of docs/flying.md, by verb, without the program's name."""
+    section = FLYING.read_text().split("## Fly it and record it\n")[1].split("\n## ")[0]
     found: dict[str, list[list[str]]] = {}
     for line in section.split("With a real vehicle")[0].splitlines():
         if line.startswith("    nanobench "):
