@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import difflib
+import os
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 DISTRIBUTION = "nanobench-tools"
 """What pip installs. The index's ``nanobench`` is somebody else's; the command is called ``nanobench`` all the same."""
 
 
 def how_to_install(extra: str) -> str:
-    """The command that brings an extra, quoted for every shell.
+    """Return the command that installs an extra where nanobench is installed now, quoted for every shell.
 
-    >>> how_to_install("mpc")
-    'pip install "nanobench-tools[mpc]"'
+    A checkout is installed by its path. A virtual environment that is not activated is named by its Python.
     """
-    return f'pip install "{DISTRIBUTION}[{extra}]"'
+    checkout = Path(__file__).resolve().parents[1]
+    if not (checkout / "setup.cfg").is_file():
+        return f'pip install "{DISTRIBUTION}[{extra}]"'
+    activated = sys.prefix == sys.base_prefix or os.environ.get("VIRTUAL_ENV") == sys.prefix
+    program = "pip" if activated else f"{_from_here(Path(sys.executable))} -m pip"
+    return f'{program} install -e "{_from_here(checkout)}[{extra}]"'
+
+
+def _from_here(path: Path) -> str:
+    """``path`` relative to the working directory where it is inside it."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -1,6 +1,6 @@
 """The diagnosis against sparse regression (pysindy) on the same residual of the same blind cases: names and time.
 
-    pip install "nanobench-tools[bench]"
+    pip install -e ".[bench]"
     python benchmarks/studies/diagnose_against_pysindy.py [--cases 12] [--seed 77] [--json FILE]
 
 SYNTHETIC cases of ``nanobench prove`` (kinds but faults of the data, which sparse regression does not look for). Both

@@ -10,14 +10,14 @@ import pytest
 from nanobench_tools import so3
 from nanobench_tools.auditing import audit
 from nanobench_tools.cli.main import main
-from nanobench_tools.errors import InputError, MissingExtraError
+from nanobench_tools.errors import InputError, MissingExtraError, how_to_install
 from nanobench_tools.export import export
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.frames import gravity_up
 from nanobench_tools.sources.discover import load_recordings
 
 NEEDS_RERUN = pytest.mark.skipif(importlib.util.find_spec("rerun") is None,
-                                 reason='RERUN ABSENT: pip install "nanobench-tools[viewer]" to read what is written')
+                                 reason='RERUN ABSENT: pip install -e ".[viewer]" to read what is written')
 HIDDEN = slice(800, 1000)
 """Rows that the cameras do not see: 8 to 10 s."""
 
@@ -302,7 +302,7 @@ def test_without_rerun_the_extra_is_named_before_anything_is_read(monkeypatch, c
     assert main(["convert", "nowhere.csv", "--to", "rrd", "--out", str(tmp_path)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert 'rerun-sdk is not installed; pip install "nanobench-tools[viewer]"' in err
+    assert f"rerun-sdk is not installed; {how_to_install('viewer')}" in err
     with pytest.raises(MissingExtraError):
         export(flight, tmp_path, "rrd")
     assert list(tmp_path.iterdir()) == []

@@ -5,7 +5,7 @@ import pytest
 
 from nanobench_tools import so3
 
-gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install "nanobench-tools[smoothers]"')
+gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
 
 from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
 from estimators.gtsam_graph import params_of  # noqa: E402

@@ -12,7 +12,7 @@ from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.metrics.consistency import normalised_squared
 from nanobench_tools.protocols import aided, blackout
 
-gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install "nanobench-tools[smoothers]"')
+gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
 
 from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
 from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402

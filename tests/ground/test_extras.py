@@ -60,7 +60,7 @@ def test_without_the_package_a_verb_says_which_extra(monkeypatch, capsys, packag
     assert main(arguments) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert f'{package} is not installed; pip install "nanobench-tools[{extra}]"' in err
+    assert f"{package} is not installed; {how_to_install(extra)}" in err
 
 
 def test_the_message_has_the_words():

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
+pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
 
 from controllers.learned import pilots, policies, rollouts
 from controllers.learned.mppi import MppiSettings

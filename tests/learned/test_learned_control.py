@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
+pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
 
 from controllers.ensemble import shipped_simulator
 from controllers.learned import policies

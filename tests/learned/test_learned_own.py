@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
+pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
 
 from identification.learned.bound import flexible_bound
 from identification.learned.correction import corrected, modules, wanted

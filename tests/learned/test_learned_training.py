@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install "nanobench-tools[learned]"')
+pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
 
 from identification.learned import bar, checkpoints, learned_study
 from identification.learned.bar import Left, bars

@@ -22,7 +22,7 @@ from nanobench_tools.physics.export import Assumed, export_model
 from nanobench_tools.physics.export.rotorpy_params import quad_params
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("rotorpy") is None,
-                                reason='ROTORPY ABSENT: pip install "nanobench-tools[rotorpy]" to fly what is exported')
+                                reason='ROTORPY ABSENT: pip install -e ".[rotorpy]" to fly what is exported')
 
 BOTH = {"yaw_torque": {"k_m": 0.006}, "inertia": {"inertia_kg_m2": (1.9e-5, 1.7e-5, 3.2e-5)}, "mass": {"m": 0.0413},
         "com_offset": {"r_m": (0.001, -0.002, 0.003)}, "motor_imbalance": {"g": (1.04, 0.97, 1.01, 0.98)},

@@ -14,7 +14,7 @@ from nanobench_tools.radio.mocap.pose_datagram import unpack
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 
-pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install "nanobench-tools[radio]" to run these tests')
+pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install -e ".[radio]" to run these tests')
 
 import cflib.crtp
 from cflib.crazyflie import Crazyflie

@@ -16,7 +16,7 @@ from nanobench_tools.radio.simulated.onboard_services import Build
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 from nanobench_tools.radio.simulated.supervisor import State
 
-pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install "nanobench-tools[radio]" to run these tests')
+pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install -e ".[radio]" to run these tests')
 
 from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.log import LogConfig

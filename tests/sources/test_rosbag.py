@@ -15,6 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from nanobench_tools.errors import how_to_install
 from nanobench_tools.sources import load_recordings
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
@@ -207,4 +208,4 @@ def test_missing_extra_is_one_line(tmp_path, monkeypatch):
     path = write(tmp_path, "ros1", n=1)
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     (failure,) = load_recordings([path], cache=False).failed
-    assert failure["error"] == f'{path}: a ROS bag is read through rosbags; pip install "nanobench-tools[rosbag]"'
+    assert failure["error"] == f"{path}: a ROS bag is read through rosbags; {how_to_install('rosbag')}"

@@ -12,6 +12,7 @@ from ulog_samples import MAGIC, times, ulog, yaw_right_of_north
 pytest.importorskip("pyulog", reason="extra ulog is not installed")
 
 from nanobench_tools import so3
+from nanobench_tools.errors import how_to_install
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.ulog import Px4Log
 
@@ -275,5 +276,5 @@ def test_missing_extra_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyulog", None)
     (tmp_path / "a").write_bytes(ulog({"sensor_combined": REST}))
     (failure,) = load_recordings([tmp_path], cache=False).failed
-    says = 'a PX4 log is read through pyulog; pip install "nanobench-tools[ulog]"'
+    says = f"a PX4 log is read through pyulog; {how_to_install('ulog')}"
     assert failure["error"] == f"{tmp_path / 'a'}: {says}"

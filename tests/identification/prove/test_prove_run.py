@@ -14,7 +14,7 @@ from identification.prove.plan import plan_cases
 from identification.prove.seal import seal
 from identification.prove.truth import TrueEffect, TrueFault, Truth
 from nanobench_tools.cli.main import main
-from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.errors import InputError, UsageError, how_to_install
 from nanobench_tools.harness import run_items
 
 ASKED: list[str] = []
@@ -150,4 +150,4 @@ def test_the_verb_refuses(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name, found=importlib.util.find_spec: (
         None if name == "rotorpy" else found(name)))
     assert main(["prove", "--engine", "rotorpy"]) == 2
-    assert 'pip install "nanobench-tools[rotorpy]"' in capsys.readouterr().err
+    assert how_to_install('rotorpy') in capsys.readouterr().err
