@@ -20,12 +20,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from kept import show
 
-from controllers import mpc_model
-from controllers.disturbance import Tuning
-from controllers.mpc_base import Mpc
-from controllers.mpc_condense import headed
-from controllers.mpc_linear import MpcDaqp, MpcOsqp
-from controllers.nmpc import Nmpc
+from controllers.mpc import prediction_model
+from controllers.mpc.condense import headed
+from controllers.mpc.disturbance import Tuning
+from controllers.mpc.linear_mpc import MpcDaqp, MpcOsqp
+from controllers.mpc.nmpc import Nmpc
+from controllers.mpc.predictive_base import Mpc
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.references import path_spec
@@ -33,15 +33,15 @@ from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELO
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 from nanobench_tools.result_files import write_json
 
-PRACTICE = mpc_model.practice_model()
+PRACTICE = prediction_model.practice_model()
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))
 ROWS = {
-    "mpc_daqp, 12 states": lambda: MpcDaqp(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "mpc_daqp, 12 states": lambda: MpcDaqp(PRACTICE, tuning=FRESH, states=prediction_model.RIGID),
     "mpc_daqp, 12 + 4 rotors": lambda: MpcDaqp(PRACTICE, tuning=FRESH),
     "mpc_daqp, solved by OSQP": lambda: MpcDaqp(PRACTICE, tuning=FRESH, solver="osqp"),
-    "mpc_osqp, 12 states": lambda: MpcOsqp(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "mpc_osqp, 12 states": lambda: MpcOsqp(PRACTICE, tuning=FRESH, states=prediction_model.RIGID),
     "mpc_osqp, 12 + 4 rotors": lambda: MpcOsqp(PRACTICE, tuning=FRESH),
-    "nmpc, 13 states": lambda: Nmpc(PRACTICE, tuning=FRESH, states=mpc_model.RIGID),
+    "nmpc, 13 states": lambda: Nmpc(PRACTICE, tuning=FRESH, states=prediction_model.RIGID),
     "nmpc, 13 + 4 rotors": lambda: Nmpc(PRACTICE, tuning=FRESH),
 }
 WARM = 50
@@ -95,9 +95,9 @@ def referee(controller: Nmpc):
     model = do_mpc.model.Model("discrete", "SX")
     x, u = model.set_variable("_x", "x", (17, 1)), model.set_variable("_u", "u", (4, 1))
     target, goal = model.set_variable("_tvp", "target", (17, 1)), model.set_variable("_tvp", "goal", (4, 1))
-    made = mpc_model.Equations4(controller.model)
+    made = prediction_model.Equations4(controller.model)
     model.set_rhs("x", made.step(x, u, ca.SX.zeros(6), controller.dt_s))
-    away, push = mpc_model.error(ca, x, target), u - goal
+    away, push = prediction_model.error(ca, x, target), u - goal
     model.set_expression("stage", 0.5 * (ca.sum1(ca.DM(controller.q) * away**2) + push.T @ ca.DM(controller.r) @ push))
     turned = np.empty_like(controller.p)
     headed(controller.p, 0.0, turned)

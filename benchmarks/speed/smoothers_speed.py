@@ -23,9 +23,9 @@ from kept import show
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from estimators.error_state_ekf import ErrorStateEkf
-from estimators.gtsam_aided import DRAG_1_S, GtsamAided
-from estimators.gtsam_batch import GtsamBatch
-from estimators.gtsam_fixed_lag import GtsamFixedLag
+from estimators.gtsam.aided_batch import DRAG_1_S, GtsamAided
+from estimators.gtsam.batch import GtsamBatch
+from estimators.gtsam.fixed_lag import GtsamFixedLag
 from nanobench_tools.flight import Flight, Provenance, make_stream
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")

@@ -27,9 +27,9 @@ import numpy as np
 from kept import show
 from scipy.linalg import solve_discrete_are
 
-from controllers import mpc_model
-from controllers.mpc_linear import MpcDaqp
-from controllers.mpc_qp import Daqp
+from controllers.mpc import prediction_model
+from controllers.mpc.dense_qp import Daqp
+from controllers.mpc.linear_mpc import MpcDaqp
 
 OWN = Path(__file__).parents[2] / ".venv-tinympc"
 PACKAGES = ("numpy<2", "scipy==1.11.4", "tinympc==0.0.8")
@@ -66,7 +66,7 @@ json.dump(found, open(sys.argv[2], "w"))
 
 def program() -> dict[str, np.ndarray]:
     """a, b, q, r, p, low, high about hover; inputs in UNIT_N."""
-    controller = MpcDaqp(mpc_model.practice_model(), states=mpc_model.RIGID)
+    controller = MpcDaqp(prediction_model.practice_model(), states=prediction_model.RIGID)
     a, b = controller.hover_stage()
     low, high = controller.thrust_map.limits(np.full(1, VOLTAGE))
     b, q, r = UNIT_N * b, controller.q[:len(a)], UNIT_N**2 * np.diag(controller.r)

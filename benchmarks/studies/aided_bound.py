@@ -93,7 +93,7 @@ def main() -> None:
     seen = replace(options, clock="retimed").see_on_clock(distinct(flights)[0], audits, ("position", "velocity"))
     methods: list[Estimator] = [DragEkf(), ErrorStateEkf()]
     if arguments.batch:
-        from estimators.gtsam_batch import GtsamBatch
+        from estimators.gtsam.batch import GtsamBatch
 
         methods.append(GtsamBatch())
     for label, cases in (("real, as recorded", task3.select(flights, audits, "clean")),

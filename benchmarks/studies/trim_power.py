@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from identification.mismatch.causes import Body
-from identification.mismatch.steady import compare, normal_flights
-from identification.mismatch.trim import Trim
+from identification.mismatch.steady.causes import Body
+from identification.mismatch.steady.comparison import compare, normal_flights
+from identification.mismatch.steady.trim import Trim
 from nanobench_tools.result_files import write_json
 
 MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325

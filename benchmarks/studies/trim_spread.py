@@ -1,4 +1,4 @@
-"""How much the steady trim of a vehicle differs from flight to flight: the prior of ``identification.mismatch.weigh``.
+"""How much the steady trim of a vehicle differs from flight to flight: the prior of ``mismatch.steady.weigh``.
 
     python -m benchmarks.studies.trim_spread [DIR ...]
 
@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.mismatch.trim import trim_of
-from identification.mismatch.weigh import GROUPS
+from identification.mismatch.steady.trim import trim_of
+from identification.mismatch.steady.weigh import GROUPS
 from nanobench_tools.auditing import audit
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.protocols.selection import distinct

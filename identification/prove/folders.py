@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from identification.mismatch.steady import compare, normal_flights
-from identification.mismatch.steady_input import body_of, renamed, trim_item, trims_in
+from identification.mismatch.steady.comparison import compare, normal_flights
+from identification.mismatch.steady.trim_inputs import body_of, renamed, trim_item, trims_in
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import Item, RunResult, make_item

@@ -21,10 +21,10 @@ NORMAL_SIMULATOR, CORRECTED = "simulator_normal.toml", "simulator_corrected.toml
 def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | None, mass_kg: float | None,
                     same_day: bool = False, nothing_added: bool = False) -> int:
     """The verdict on ``--data`` against the recordings of ``normal``."""
-    from identification.mismatch.steady import compare, normal_flights
-    from identification.mismatch.steady_input import body_of, trims_in
-    from identification.mismatch.steady_page import write_steady_page
-    from identification.mismatch.steady_simulator import corrected, simulator_of
+    from identification.mismatch.steady.comparison import compare, normal_flights
+    from identification.mismatch.steady.trim_inputs import body_of, trims_in
+    from identification.mismatch.steady.trim_page import write_steady_page
+    from identification.mismatch.steady.trim_simulator import corrected, simulator_of
 
     from ..auditing import find_copies
     from ..physics.simulator import read_quadrotor, write_simulator
@@ -64,10 +64,10 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
 def diagnose_trim(options: Options, simulator: Model) -> int | None:
     """The verdict on recordings without the states that a diagnosis of motion needs: the trim they hover with against
     the one the simulator would. None where fewer than two have a trim, or the simulator has none."""
-    from identification.mismatch.steady import FEWEST, Flights, compare
-    from identification.mismatch.steady_input import body_of, trims_in
-    from identification.mismatch.steady_page import write_steady_page
-    from identification.mismatch.steady_simulator import believed_by, corrected
+    from identification.mismatch.steady.comparison import FEWEST, Flights, compare
+    from identification.mismatch.steady.trim_inputs import body_of, trims_in
+    from identification.mismatch.steady.trim_page import write_steady_page
+    from identification.mismatch.steady.trim_simulator import believed_by, corrected
     from identification.mismatch.track import missing
     from identification.mismatch.verdict import UNASKED
 
@@ -100,7 +100,7 @@ def _apart(here: Sequence[Flight], usual: Sequence[Flight]) -> tuple[list[Flight
 
 
 def _values(options: Options, flights: Sequence[Flight], copies: Mapping[str, str]) -> dict[str, Mapping[str, Any]]:
-    from identification.mismatch.steady_input import trim_item
+    from identification.mismatch.steady.trim_inputs import trim_item
 
     from ..harness import make_item
 

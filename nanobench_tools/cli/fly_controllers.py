@@ -49,14 +49,14 @@ def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
 
 def _is_predictive(kind: type) -> bool:
     try:
-        from controllers.mpc_base import Mpc
+        from controllers.mpc.predictive_base import Mpc
     except ImportError:  # without casadi there is none
         return False
     return issubclass(kind, Mpc)
 
 
 def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
-    from controllers.disturbance import Tuning
+    from controllers.mpc.disturbance import Tuning
 
     from ..radio.fly.predictive import PlannedPilot
 

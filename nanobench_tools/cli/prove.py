@@ -144,7 +144,7 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProo
 def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
           mass_kg: float | None, same_day: bool, nothing_added: bool) -> FolderProof:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
-    from identification.mismatch.steady_page import write_steady_page
+    from identification.mismatch.steady.trim_page import write_steady_page
     from identification.prove.condition_labels import read_labels
     from identification.prove.folder_score import score_folders
     from identification.prove.folders import LEAVE_ONE_OUT, judge

@@ -4,10 +4,10 @@ import functools
 
 import numpy as np
 
-from controllers.disturbance import Tuning
-from controllers.mpc_linear import MpcDaqp, MpcOsqp
-from controllers.mpc_model import practice_model
-from controllers.nmpc import Nmpc
+from controllers.mpc.disturbance import Tuning
+from controllers.mpc.linear_mpc import MpcDaqp, MpcOsqp
+from controllers.mpc.nmpc import Nmpc
+from controllers.mpc.prediction_model import practice_model
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles

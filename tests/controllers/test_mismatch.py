@@ -5,7 +5,7 @@ import pytest
 
 from controllers.ensemble import draw, shipped_simulator
 from controllers.mismatch import BELIEVED_RADIO_S, CASES, mismatched
-from controllers.mpc_horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_jumps
+from controllers.mpc.horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_jumps
 from controllers.simulated_flights import GivenReference, flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import Paths, score, specs_of

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mpc_flights import World, fresh, resting, with_future
 
-from controllers import fallback, mpc_qp
-from controllers.mpc_code import SolverFailure
+from controllers.mpc import dense_qp, fallback
+from controllers.mpc.casadi_code import SolverFailure
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import VELOCITY
@@ -47,7 +47,7 @@ def hovers(controller):
 @pytest.mark.parametrize(("limit", "value"), [("MOST_ITERATIONS", 1), ("SOLVED", (99,))])
 def test_a_solver_that_stops_early_is_a_solver_without_an_answer(monkeypatch, limit, value):
     controller = fresh("mpc_daqp")
-    monkeypatch.setattr(mpc_qp, limit, value)
+    monkeypatch.setattr(dense_qp, limit, value)
     _, there = resting(r_position_m=np.array([[3.0, 0.0, 1.0]]))
     state, _ = resting()
     assert np.isfinite(controller.command(0.0, state, there)).all()

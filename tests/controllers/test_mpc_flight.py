@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mpc_flights import FRESH, KINDS, World, flight, fresh, make, resting, with_future
 
-from controllers import fallback, mpc_base, mpc_linear, nmpc
-from controllers.mpc_linear import MpcDaqp
-from controllers.mpc_model import practice_model
-from controllers.nmpc import Nmpc
+from controllers.mpc import fallback, linear_mpc, nmpc, predictive_base
+from controllers.mpc.linear_mpc import MpcDaqp
+from controllers.mpc.nmpc import Nmpc
+from controllers.mpc.prediction_model import practice_model
 from nanobench_tools import registry
 from nanobench_tools.methods import Controller
 from nanobench_tools.practice.references import path_spec
@@ -73,8 +73,8 @@ def test_a_reference_that_jumps_is_flown_to(name):
 @pytest.mark.parametrize("name", ["mpc_daqp", "nmpc"])
 def test_what_is_compiled_at_its_first_call_was_called_before_the_flight(monkeypatch, name):
     called = []
-    for module, function in ((mpc_linear, "rows_of"), (nmpc if name == "nmpc" else mpc_linear, "condensed"),
-                             (mpc_base, "_judged"), (fallback.Geometric, "command")):
+    for module, function in ((linear_mpc, "rows_of"), (nmpc if name == "nmpc" else linear_mpc, "condensed"),
+                             (predictive_base, "_judged"), (fallback.Geometric, "command")):
         inner = getattr(module, function)
 
         def noted(*given, inner=inner, word=function):
@@ -145,4 +145,4 @@ def test_a_model_of_ones_own_with_a_delay_sets_the_delay():
     model = make("mpc_daqp").model
     found = MpcDaqp(model.with_term("command_delay", delay_s=0.02))
     assert found.delay_s == pytest.approx(0.02)
-    assert isinstance(found, mpc_base.Mpc)
+    assert isinstance(found, predictive_base.Mpc)

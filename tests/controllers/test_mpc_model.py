@@ -6,22 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers import mpc_code, mpc_model
-from controllers.delay import UnderWay
-from controllers.disturbance import Observer
-from controllers.mpc_linear import error
-from controllers.mpc_thrust import ThrustMap
+from controllers.mpc import casadi_code, prediction_model
+from controllers.mpc.delay import UnderWay
+from controllers.mpc.disturbance import Observer
+from controllers.mpc.linear_mpc import error
+from controllers.mpc.thrust_map import ThrustMap
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, MissingExtraError
 from nanobench_tools.physics import numeric, rollout
 from nanobench_tools.physics.model import Model
 
-MODEL = mpc_model.default_model()
+MODEL = prediction_model.default_model()
 
 
 @functools.cache
 def call(name, *arguments):
-    return mpc_code.Call(getattr(mpc_model, name)(MODEL, *arguments))
+    return casadi_code.Call(getattr(prediction_model, name)(MODEL, *arguments))
 
 
 def states(rng, n):
@@ -95,7 +95,7 @@ def test_the_linearisation_is_that_of_finite_differences(size):
             tiny[j] = 1e-6
             slope = (missed(k, tiny) - missed(k, -tiny)) / 2e-6
             np.testing.assert_allclose((a[k, :, j] if j < size else b[k, j - size]), slope, rtol=1e-6, atol=2e-7)
-    has_a, has_b = mpc_model.stage_pattern(MODEL, 0.025, size)
+    has_a, has_b = prediction_model.stage_pattern(MODEL, 0.025, size)
     assert not np.any(a[:, ~has_a])
     assert not np.any(b.transpose(0, 2, 1)[:, ~has_b])
 
@@ -157,7 +157,7 @@ def test_pwm_and_thrust_are_inverse_at_every_voltage_and_end_where_the_battery_d
 
 def test_a_model_driven_by_rotor_speed_or_without_yaw_is_refused_in_one_line():
     with pytest.raises(InputError, match="motors cannot turn it"):
-        mpc_model.Equations4(MODEL.without("yaw_torque"))
+        prediction_model.Equations4(MODEL.without("yaw_torque"))
     with pytest.raises(InputError, match="PWM"):
         ThrustMap(Model(replace(MODEL.vehicle, input="rpm"), {"thrust_rpm": {"k_f": 1e-8}}))
 
@@ -166,7 +166,7 @@ def test_without_a_compiler_the_same_numbers_come_from_casadi(monkeypatch):
     rng = np.random.default_rng(5)
     x, u = states(rng, 1)[0], rng.uniform(0.05, 0.12, 4)
     monkeypatch.setenv("NANOBENCH_CC", "")
-    plain = mpc_code.Call(mpc_model.step_function(MODEL))
+    plain = casadi_code.Call(prediction_model.step_function(MODEL))
     assert not plain.is_c
     for array, value in zip(plain.given, (x, u, 0.0, 0.025), strict=True):
         array[:] = value
@@ -179,13 +179,13 @@ def test_a_compiler_that_fails_is_done_without(monkeypatch, tmp_path):
     broken.chmod(0o755)
     monkeypatch.setenv("NANOBENCH_CC", str(broken))
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path))
-    assert not mpc_code.Call(mpc_model.step_function(MODEL)).is_c
+    assert not casadi_code.Call(prediction_model.step_function(MODEL)).is_c
 
 
 def test_a_missing_package_is_one_line_that_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     with pytest.raises(MissingExtraError, match=r'casadi is not installed; pip install "nanobench-tools\[mpc\]"'):
-        mpc_code.import_casadi()
+        casadi_code.import_casadi()
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.004, 0.01, 0.03, 0.034])

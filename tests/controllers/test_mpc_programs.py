@@ -6,10 +6,10 @@ from mpc_flights import FRESH, World, fresh, resting, with_future
 from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
 from scipy.optimize import lsq_linear
 
-from controllers import mpc_condense, mpc_plan, mpc_qp
-from controllers.mpc_code import SolverFailure
-from controllers.mpc_linear import MpcDaqp, error
-from controllers.mpc_model import practice_model
+from controllers.mpc import condense, dense_qp, thrust_plan
+from controllers.mpc.casadi_code import SolverFailure
+from controllers.mpc.linear_mpc import MpcDaqp, error
+from controllers.mpc.prediction_model import practice_model
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.methods import VehicleState
@@ -41,7 +41,7 @@ def programs(count):
 
 
 def test_three_solvers_agree_on_the_same_programs():
-    daqp, osqp = mpc_qp.Daqp(), mpc_qp.DenseOsqp()
+    daqp, osqp = dense_qp.Daqp(), dense_qp.DenseOsqp()
     bound = 0
     for h, g, low, high in programs(8):
         factor = cholesky(h)
@@ -120,10 +120,10 @@ def test_the_program_of_the_nonlinear_one_has_the_slope_of_the_true_cost():
     controller.solve(0, x, 0.4, targets, inputs, np.full(4, -1.0), np.full(4, 1.0))
     controller._solver = solver
     turned = np.empty_like(controller.p)
-    mpc_condense.headed(controller.p, 0.4, turned)
+    condense.headed(controller.p, 0.4, turned)
 
     def cost(change):
-        asked = thrusts + mpc_condense.UNIT_N * change.reshape(20, 4)
+        asked = thrusts + condense.UNIT_N * change.reshape(20, 4)
         flown = controller.flown(x, asked, np.zeros(6))
         gaps = np.array([error(a, b) for a, b in zip(flown, targets, strict=True)])
         away = asked - inputs[:-1]
@@ -154,11 +154,11 @@ def test_programs_that_osqp_refuses_are_failures(wrong):
     low, high = (one, -one) if wrong == "contradiction" else (-one, one)
     for rows in ((), (np.eye(2), one)):
         with pytest.raises(SolverFailure, match="OSQP refuses"):
-            mpc_qp.DenseOsqp()(sign * np.eye(2), one, low, high, *rows)
+            dense_qp.DenseOsqp()(sign * np.eye(2), one, low, high, *rows)
 
 
 def test_a_shifted_plan_is_read_between_its_stages_and_held_at_its_end():
-    plan = mpc_plan.Plan(2, 5, 0.025, 0.1)
+    plan = thrust_plan.Plan(2, 5, 0.025, 0.1)
     plan.thrust_N[:] = np.random.default_rng(1).uniform(0.02, 0.15, (2, 5, 4))
     for seconds in (0.0, 0.01, 0.025, 0.06, 0.3):
         at = np.minimum(0.025 * np.arange(5) + seconds, 0.1)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from controllers import mpc_linear, mpc_sparse, mpc_tilt
-from controllers.disturbance import Tuning
-from controllers.mpc_linear import MpcDaqp, MpcOsqp
-from controllers.mpc_model import practice_model
-from controllers.nmpc import Nmpc
+from controllers.mpc import linear_mpc, sparse_qp, tilt_bounds
+from controllers.mpc.disturbance import Tuning
+from controllers.mpc.linear_mpc import MpcDaqp, MpcOsqp
+from controllers.mpc.nmpc import Nmpc
+from controllers.mpc.prediction_model import practice_model
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles
@@ -29,11 +29,11 @@ def test_a_half_plane_is_the_tangent_at_the_side_on_which_the_circle_was_left():
     targets, turns = np.zeros((31, 17)), 0.3 * rng.standard_normal((30, 3))
     targets[:, 6:10] = Rotation.from_rotvec(0.3 * rng.standard_normal((31, 3))).as_quat()
     normal, bound, radius = np.zeros((30, 3)), np.full(30, np.nan), 0.4
-    count = mpc_tilt.halfplanes(targets, turns, radius, normal, bound)
+    count = tilt_bounds.halfplanes(targets, turns, radius, normal, bound)
     assert 5 < count < 30
     for k in range(30):
         size = np.linalg.norm(level(targets[k + 1, 6:10], turns[k]))
-        assert np.isfinite(bound[k]) == (size > radius + mpc_tilt.SLACK)
+        assert np.isfinite(bound[k]) == (size > radius + tilt_bounds.SLACK)
         if not np.isfinite(bound[k]):
             continue
         for c in range(3):
@@ -84,6 +84,6 @@ def test_a_hard_reference_does_not_tip_it_further_than_the_limit(kind, push, mon
     controller = kind(practice_model(), tuning=FRESH, tilt_rad=LIMIT)
     velocity = np.array([push, 0.0, 0.0])
     assert most_tilt_of(controller, velocity) < LIMIT + 0.04
-    for module, name in ((mpc_linear, "left"), (mpc_sparse, "halfplanes")):
+    for module, name in ((linear_mpc, "left"), (sparse_qp, "halfplanes")):
         monkeypatch.setattr(module, name, lambda *_: 0)
     assert most_tilt_of(controller, velocity) > LIMIT + 0.1

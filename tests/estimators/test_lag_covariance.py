@@ -7,9 +7,9 @@ from nanobench_tools import so3
 
 gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
 
-from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
-from estimators.gtsam_graph import params_of  # noqa: E402
-from estimators.gtsam_lag_sure import Carried  # noqa: E402
+from estimators.gtsam.factor_graph import params_of  # noqa: E402
+from estimators.gtsam.fixed_lag import GtsamFixedLag  # noqa: E402
+from estimators.gtsam.lag_covariance import Carried  # noqa: E402
 from estimators.imu_noise import ImuNoise  # noqa: E402
 
 SIZES = {"x": 6, "v": 3, "b": 6, "c": 8}

@@ -14,13 +14,13 @@ from nanobench_tools.protocols import aided, blackout
 
 gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
 
-from estimators.gtsam_aided import GtsamAided, drag, lift  # noqa: E402
-from estimators.gtsam_batch import GtsamBatch, Poses  # noqa: E402
-from estimators.gtsam_fixed_lag import GtsamFixedLag  # noqa: E402
-from estimators.gtsam_graph import LIFT_SD_M_S2, Problem  # noqa: E402
-from estimators.gtsam_path import Path, State, steps_of  # noqa: E402
-from estimators.gtsam_rows import WARMS_M_S3, rows_of, stands  # noqa: E402
-from estimators.gtsam_sure import covariance_of  # noqa: E402
+from estimators.gtsam.aided_batch import GtsamAided, drag, lift  # noqa: E402
+from estimators.gtsam.batch import GtsamBatch, Poses  # noqa: E402
+from estimators.gtsam.covariance import covariance_of  # noqa: E402
+from estimators.gtsam.factor_graph import LIFT_SD_M_S2, Problem  # noqa: E402
+from estimators.gtsam.fixed_lag import GtsamFixedLag  # noqa: E402
+from estimators.gtsam.smoother_rows import WARMS_M_S3, rows_of, stands  # noqa: E402
+from estimators.gtsam.state_path import Path, State, steps_of  # noqa: E402
 from estimators.imu_noise import ImuNoise  # noqa: E402
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")

@@ -1,8 +1,8 @@
 """A load on a string. A model of terms carries what the load does below the frequency of its swing: it hangs under its
 knot and comes along, as a weight there would. The swing itself has two more states than a model; ``pendulum.swing``
 integrates it beside one, and a diagnosis looks for it as a force that comes and goes
-(``identification/mismatch/periodic.py``). No fit can tell the length from flights that are evaluated without the swing:
-there is no neutral length, and the term is not searched for among the causes of a residual.
+(``identification/mismatch/steady/periodic.py``). No fit can tell the length from flights that are evaluated without the
+swing: there is no neutral length, and the term is not searched for among the causes of a residual.
 """
 
 from types import SimpleNamespace

@@ -33,7 +33,7 @@ TO_ROLL_PITCH = 0.5 * np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
 
 
 class Predictive(Protocol):
-    """As ``controllers.mpc_base.Mpc``; ``foreseen``: states (n, 17) so many seconds after the command acts."""
+    """As ``mpc.predictive_base.Mpc``; ``foreseen``: states (n, 17) so many seconds after the command acts."""
 
     name: str
 

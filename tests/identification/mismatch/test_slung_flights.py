@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hover_flights import OFF_S, ON_S, hover
 
-from identification.mismatch.steady import compare, normal_flights
-from identification.mismatch.steady_input import body_of, trim_item, trims_in
+from identification.mismatch.steady.comparison import compare, normal_flights
+from identification.mismatch.steady.trim_inputs import body_of, trim_item, trims_in
 from nanobench_tools.flight import make_stream
 from nanobench_tools.physics.pendulum import frequencies_hz, lengths_m, swing
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hover_flights import hover
 
-from identification.mismatch.periodic import Swing, frequencies, swing_in, swing_of
-from identification.mismatch.reconstruct import states_of
-from identification.mismatch.smallest_swing import _window, say, smallest_swing
-from identification.mismatch.trim import runs_of
+from identification.mismatch.steady.periodic import Swing, frequencies, swing_in, swing_of
+from identification.mismatch.steady.reconstruct import states_of
+from identification.mismatch.steady.smallest_swing import _window, say, smallest_swing
+from identification.mismatch.steady.trim import runs_of
 from nanobench_tools.auditing import audit
 
 MASS_KG = 0.033

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hover_flights import HOVER_N, hover
 
-from identification.mismatch.periodic import swing_in, swing_of
-from identification.mismatch.reconstruct import states_of
-from identification.mismatch.trim import Trim, runs_of, trim_of
+from identification.mismatch.steady.periodic import swing_in, swing_of
+from identification.mismatch.steady.reconstruct import states_of
+from identification.mismatch.steady.trim import Trim, runs_of, trim_of
 from nanobench_tools.auditing import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from identification.mismatch.causes import CAUSES, Body
-from identification.mismatch.causes.weight import loads
-from identification.mismatch.periodic import Swing, frequencies
-from identification.mismatch.steady import Flights, compare, normal_flights
-from identification.mismatch.steady_page import write_steady_page
-from identification.mismatch.steady_simulator import believed_by, corrected, simulator_of
-from identification.mismatch.trim import Trim
-from identification.mismatch.weigh import LOADS, normal_of, quantiles, weigh
+from identification.mismatch.steady.causes import CAUSES, Body
+from identification.mismatch.steady.causes.weight import loads
+from identification.mismatch.steady.comparison import Flights, compare, normal_flights
+from identification.mismatch.steady.periodic import Swing, frequencies
+from identification.mismatch.steady.trim import Trim
+from identification.mismatch.steady.trim_page import write_steady_page
+from identification.mismatch.steady.trim_simulator import believed_by, corrected, simulator_of
+from identification.mismatch.steady.weigh import LOADS, normal_of, quantiles, weigh
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
 

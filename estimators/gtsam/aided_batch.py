@@ -20,47 +20,47 @@ from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .drag_ekf import TUNED
-from .gtsam_batch import GtsamBatch, Poses
-from .gtsam_graph import Linear, Problem
-from .gtsam_path import Path, State
-from .gtsam_rows import Rows
+from ..drag_ekf import TUNED
+from .batch import GtsamBatch, Poses
+from .factor_graph import Linear, Problem
+from .smoother_rows import Rows
+from .state_path import Path, State
 
-DRAG_1_S = number("estimators.gtsam_aided.drag_1_s")
-DRAG_SD_1_S = number("estimators.gtsam_aided.drag_sd_1_s")
-DRAG_WALK = number("estimators.gtsam_aided.drag_walk")
-DRAG_QUADRATIC_1_M = number("estimators.gtsam_aided.drag_quadratic_1_m")
+DRAG_1_S = number("estimators.aided_batch.drag_1_s")
+DRAG_SD_1_S = number("estimators.aided_batch.drag_sd_1_s")
+DRAG_WALK = number("estimators.aided_batch.drag_walk")
+DRAG_QUADRATIC_1_M = number("estimators.aided_batch.drag_quadratic_1_m")
 """Drag over mass of a 40 g Crazyflie. Next to no freedom for each flight: with 0.03 1/s the fit takes tilt for drag,
 and in fast flight the height after 20 s pays for it (circles and trefoils)."""
 
-OFFSET_SD_M_S2 = number("estimators.gtsam_aided.offset_sd_m_s2")
-OFFSET_WALK = number("estimators.gtsam_aided.offset_walk")
+OFFSET_SD_M_S2 = number("estimators.aided_batch.offset_sd_m_s2")
+OFFSET_WALK = number("estimators.aided_batch.offset_walk")
 WARMS_SD_M_S3, WARMS_WALK = TUNED["slope_sd"], 1e-6
 """By how much the drift of the vertical bias is another in each flight than in all; next to no change within one."""
 
-SCALE = number("estimators.gtsam_aided.scale")
-SCALE_SD = number("estimators.gtsam_aided.scale_sd")
-SCALE_WALK = number("estimators.gtsam_aided.scale_walk")
+SCALE = number("estimators.aided_batch.scale")
+SCALE_SD = number("estimators.aided_batch.scale_sd")
+SCALE_WALK = number("estimators.aided_batch.scale_walk")
 """Thrust against the firmware's curve; it changes from flight to flight, and within one."""
 
-DRAG_NOISE_M_S2 = number("estimators.gtsam_aided.drag_noise_m_s2")
-THRUST_NOISE_M_S2 = number("estimators.gtsam_aided.thrust_noise_m_s2")
+DRAG_NOISE_M_S2 = number("estimators.aided_batch.drag_noise_m_s2")
+THRUST_NOISE_M_S2 = number("estimators.aided_batch.thrust_noise_m_s2")
 """Of a mean over one state: wake and gusts. Thrust counts little: its error hangs together over seconds, and taken for
 white of 0.3 m/s^2 it made the height after 10 s worse on circles and trefoils."""
 
-ODD = number("estimators.gtsam_aided.odd")
+ODD = number("estimators.aided_batch.odd")
 """Drag further off than so many times its noise counts less (Huber): at touch-down legs push, and a graph carries that
 back into the flight."""
 
-LAG_S = number("estimators.gtsam_aided.lag_s")
+LAG_S = number("estimators.aided_batch.lag_s")
 """From a PWM to its thrust."""
 
-FLYING = number("estimators.gtsam_aided.flying")
+FLYING = number("estimators.aided_batch.flying")
 """Share of the weight that the thrust must carry for these laws to hold: not on the ground."""
 
 
-STRUCK_M_S2 = number("estimators.gtsam_aided.struck_m_s2")
-LANDING_S = number("estimators.gtsam_aided.landing_s")
+STRUCK_M_S2 = number("estimators.aided_batch.struck_m_s2")
+LANDING_S = number("estimators.aided_batch.landing_s")
 """A specific force that rotors of a quarter more than the weight cannot make, at the end of a flight, is a touch-down;
 vehicles bounce and slide on with motors running for as long as this."""
 

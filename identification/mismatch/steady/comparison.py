@@ -24,25 +24,25 @@ from .causes import CAUSES, Body, Hypothesis
 from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
 from .ruled_out import against
 from .smallest_swing import smallest_swing
-from .steady_proof import SURE, class_of, held_out, smallest
-from .steady_words import paragraph, unknown_of
 from .trim import Trim
+from .trim_proof import SURE, class_of, held_out, smallest
+from .trim_words import paragraph, unknown_of
 from .weigh import LOADS, NONE, Normal, Weighed, normal_of, quantiles, weigh
 
-TURNED = number("mismatch.steady.turned")
+TURNED = number("mismatch.comparison.turned")
 """Standard deviations of the yaw balance beyond which it is no load: that turns nothing about z."""
 YAW = np.array([-1.0, 1.0, -1.0, 1.0]) / 2.0
-SUREST = number("mismatch.steady.surest")
+SUREST = number("mismatch.comparison.surest")
 """No statement of a few flights is surer."""
-ODD = number("mismatch.steady.odd")
+ODD = number("mismatch.comparison.odd")
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
-MENTIONED = number("mismatch.steady.mentioned")
+MENTIONED = number("mismatch.comparison.mentioned")
 """Probability from which a cause stands in the list of all."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
-ASKEW = number("mismatch.steady.askew")
+ASKEW = number("mismatch.comparison.askew")
 """Chance below which the angle between thrust and sensors is another one."""
-STRANGE = number("mismatch.steady.strange")
+STRANGE = number("mismatch.comparison.strange")
 """Chance below which a flight does not belong to the others of its folder."""
 
 

@@ -12,7 +12,7 @@ from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number
 
-from .geometric import Geometric
+from ..geometric import Geometric
 
 PLAN_S = 0.2
 """The last plan is flown for so long, or to its end if that comes first."""

@@ -12,11 +12,11 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from .mpc_code import Call
-from .mpc_condense import UNIT_N, condensed
-from .mpc_linear import MpcDaqp
-from .mpc_model import rollout_function
-from .mpc_plan import bounded
+from .casadi_code import Call
+from .condense import UNIT_N, condensed
+from .linear_mpc import MpcDaqp
+from .prediction_model import rollout_function
+from .thrust_plan import bounded
 
 LEAST_W = 0.2
 """Least cosine of half the angle between a flight and its target in the change of charts: beyond, half round."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
 
-from .mpc_code import SolverFailure
+from .casadi_code import SolverFailure
 
 MOST_ITERATIONS = 400
 TOLERANCE = 1e-5

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from nanobench_tools import so3
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .gtsam_rows import Rows
+from .smoother_rows import Rows
 
 UP = np.array([0.0, 0.0, GRAVITY_M_S2])
 

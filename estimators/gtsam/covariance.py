@@ -13,7 +13,7 @@ import numpy as np
 
 from nanobench_tools import so3
 
-from .gtsam_path import State
+from .state_path import State
 
 LATE, LATER = 3, 4
 """Where the slow quantities hold how late stamps are, and by how much the poses' attitude is later still."""

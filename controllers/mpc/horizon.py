@@ -20,7 +20,7 @@ JUMP_M = 0.15
 """Between two points of a horizon, beside what its velocity explains: a jump that no vehicle flies, and is answered
 when it has come."""
 LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
-NEAR_M = number("control.mpc_horizon.near_m")
+NEAR_M = number("control.horizon.near_m")
 MOST_SINK_M_S2 = 4.0
 """A reference that asks to fall faster is answered by this."""
 

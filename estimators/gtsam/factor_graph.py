@@ -19,12 +19,12 @@ from nanobench_tools.errors import MissingExtraError
 from nanobench_tools.settings import number
 from nanobench_tools.units import GRAVITY_M_S2
 
-from .drag_ekf import TUNED
-from .gtsam_path import Path, State, steps_of
-from .gtsam_rows import Rows
-from .gtsam_sure import covariance_of
-from .imu_noise import NOMINAL_HZ, ImuNoise
-from .inertial_core import DEFAULTS
+from ..drag_ekf import TUNED
+from ..imu_noise import NOMINAL_HZ, ImuNoise
+from ..inertial_core import DEFAULTS
+from .covariance import covariance_of
+from .smoother_rows import Rows
+from .state_path import Path, State, steps_of
 
 CHANGE_S = DEFAULTS["change_s"]
 """A signal's slope is taken over this: longer than the sensor's own noise, shorter than a manoeuvre."""
@@ -32,7 +32,7 @@ CHANGE_S = DEFAULTS["change_s"]
 INTEGRATION_SD_M = 1e-3
 """Per root second: keeps the covariance of an interval of one row regular."""
 
-LEAST_PACKETS = number("smoothers.gtsam_graph.least_packets")
+LEAST_PACKETS = number("smoothers.factor_graph.least_packets")
 """Packets an interval without any counts as: what happened there is known to about 10 times the usual noise."""
 
 LIFT_SD_M_S2 = TUNED["lift_bias_sd"]

@@ -13,26 +13,26 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.settings import count, number
 from nanobench_tools.sources.interpolation import carries_no_packet, count_packets
 
-from .drag_ekf import TUNED
-from .imu_noise import packet_rate_hz
-from .inertial import lifted
-from .radio_clock import lateness
+from ..drag_ekf import TUNED
+from ..imu_noise import packet_rate_hz
+from ..inertial import lifted
+from ..radio_clock import lateness
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
-STEP_S = number("smoothers.gtsam_rows.step_s")
+STEP_S = number("smoothers.smoother_rows.step_s")
 """Between states; poses that come faster count together at the nearest one."""
 
-NEAR_S = number("smoothers.gtsam_rows.near_s")
+NEAR_S = number("smoothers.smoother_rows.near_s")
 """A pose starts a new state if the last one is at least so old."""
 
 WARMS_M_S3 = TUNED["slope_mean"]
 """By how much the bias of the vertical accelerometer rises as the board warms."""
 
-LEAST_POSES = count("smoothers.gtsam_rows.least_poses")
-LEAST_S = number("smoothers.gtsam_rows.least_s")
-GAP_S = number("smoothers.gtsam_rows.gap_s")
+LEAST_POSES = count("smoothers.smoother_rows.least_poses")
+LEAST_S = number("smoothers.smoother_rows.least_s")
+GAP_S = number("smoothers.smoother_rows.gap_s")
 """A hole in the IMU that no integral bridges."""
 
 

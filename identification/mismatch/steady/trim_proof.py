@@ -13,9 +13,9 @@ from .causes import CAUSES, Body
 from .trim import Trim
 from .weigh import GROUPS, NONE, Normal, Weighed, hypotheses_of, weigh, weigh_change
 
-SURE = number("mismatch.steady_proof.sure")
+SURE = number("mismatch.trim_proof.sure")
 """Probability from which a cause, or a motor, is named."""
-ALIKE = number("mismatch.steady_proof.alike")
+ALIKE = number("mismatch.trim_proof.alike")
 """Nats of marginal likelihood within which two causes explain a trim alike."""
 
 

@@ -19,16 +19,16 @@ from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.model import Model
 from nanobench_tools.settings import number, setting
 
+from ..gains import Gain, around, whole
+from .casadi_code import Call, SolverFailure
 from .delay import UnderWay
 from .disturbance import Observer, Tuning
 from .fallback import PLAN_S, Fallback
-from .gains import Gain, around, whole
-from .mpc_code import Call, SolverFailure
-from .mpc_horizon import NEAR_M, Gains, Horizon, flyable
-from .mpc_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
-from .mpc_plan import Plan, bounded
-from .mpc_thrust import ThrustMap
-from .mpc_tilt import MARGIN_RAD, MOST_RAD
+from .horizon import NEAR_M, Gains, Horizon, flyable
+from .prediction_model import ERRORS, RIGID, STATES, Equations4, default_model, stages_function, targets_function
+from .thrust_map import ThrustMap
+from .thrust_plan import Plan, bounded
+from .tilt_bounds import MARGIN_RAD, MOST_RAD
 
 PERIOD_S = 0.01
 OUTAGE_S = 0.6
@@ -46,12 +46,12 @@ class Weights:
     """Errors that cost as much as each other (Bryson): position m and velocity m/s level and vertical, turn rad and
     rate rad/s about body x, y and about z; thrust N and moments N m (x and y, z) that cost as much as those."""
 
-    position_m: tuple[float, float] = setting("control.mpc_base.weights_position_m")
-    velocity_m_s: tuple[float, float] = setting("control.mpc_base.weights_velocity_m_s")
-    turn_rad: tuple[float, float] = setting("control.mpc_base.weights_turn_rad")
-    rate_rad_s: tuple[float, float] = setting("control.mpc_base.weights_rate_rad_s")
-    thrust_N: float = number("control.mpc_base.weights_thrust_n")
-    moment_N_m: tuple[float, float] = setting("control.mpc_base.weights_moment_n_m")
+    position_m: tuple[float, float] = setting("control.predictive_base.weights_position_m")
+    velocity_m_s: tuple[float, float] = setting("control.predictive_base.weights_velocity_m_s")
+    turn_rad: tuple[float, float] = setting("control.predictive_base.weights_turn_rad")
+    rate_rad_s: tuple[float, float] = setting("control.predictive_base.weights_rate_rad_s")
+    thrust_N: float = number("control.predictive_base.weights_thrust_n")
+    moment_N_m: tuple[float, float] = setting("control.predictive_base.weights_moment_n_m")
 
     def of_errors(self, states: int) -> np.ndarray:
         """Diagonal of Q (S,); rotor states cost nothing."""
@@ -127,8 +127,8 @@ class Mpc:
     """Full references in, with their future where it is given; motor PWM out, every PERIOD_S.
 
     ``delay_s``: how long after ``command`` returns its result begins to act (the model's command_delay by default).
-    ``tilt_rad``: plans tip no further (``mpc_tilt``); targets less, and less still on a battery that could not carry
-    the vehicle then. ``near_m``: nearer errors are left to the program (``mpc_horizon.within_reach``); not where other
+    ``tilt_rad``: plans tip no further (``tilt_bounds``); targets less, and less still on a battery that could not carry
+    the vehicle then. ``near_m``: nearer errors are left to the program (``horizon.within_reach``); not where other
     loops stand between a plan and the motors.
     ``guard``, ``fallback`` and ``counts`` say what was replaced. ``plan`` holds the last plans.
     """

@@ -24,8 +24,8 @@ from nanobench_tools.physics.vector import total
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number
 
-from .geometric import DRAG_1_S, THRUST_SCALE
-from .mpc_code import import_casadi
+from ..geometric import DRAG_1_S, THRUST_SCALE
+from .casadi_code import import_casadi
 
 STATES, INPUTS, DISTURBANCES = 17, 4, 6
 RIGID, ERRORS = 12, 16
@@ -33,15 +33,15 @@ YAW_ARM_M = 0.006993
 """Torque about z over thrust of a rotor, as in the firmware (``motor_output.YAW_ARM_M``)."""
 LEAST_LIFT = 0.2
 """Of g: no target asks for less thrust along the vertical, so that none is upside down."""
-LAG_S = number("control.mpc_model.lag_s")
+LAG_S = number("control.prediction_model.lag_s")
 """Lag of the thrust of practice flights' vehicle."""
-AIR_MOMENT_N_S = number("control.mpc_model.air_moment_n_s")
+AIR_MOMENT_N_S = number("control.prediction_model.air_moment_n_s")
 """Moment of lateral air velocity on that vehicle."""
 
 
 def default_model() -> Model:
     """The recorded vehicle as it was identified, which is the plant of Task 2 too."""
-    return loads(resources.files(__package__).joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
+    return loads(resources.files("controllers").joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
 
 
 def practice_model() -> Model:

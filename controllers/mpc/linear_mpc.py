@@ -14,12 +14,12 @@ import numpy as np
 
 from nanobench_tools.errors import UsageError
 
-from .mpc_base import Mpc
-from .mpc_condense import UNIT_N, condensed
-from .mpc_model import stage_pattern
-from .mpc_qp import Daqp, DenseOsqp, DenseSolver, import_solver
-from .mpc_sparse import SparseOsqp
-from .mpc_tilt import ROUNDS, left, rows_of
+from .condense import UNIT_N, condensed
+from .dense_qp import Daqp, DenseOsqp, DenseSolver, import_solver
+from .prediction_model import stage_pattern
+from .predictive_base import Mpc
+from .sparse_qp import SparseOsqp
+from .tilt_bounds import ROUNDS, left, rows_of
 
 SOLVERS: dict[str, type[Daqp] | type[DenseOsqp]] = {"daqp": Daqp, "osqp": DenseOsqp}
 
@@ -39,7 +39,7 @@ class Linearised(Mpc):
 
 @nb.njit(cache=True)
 def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(16): ``mpc_model.error`` of numbers."""
+    """(16): ``prediction_model.error`` of numbers."""
     (ax, ay, az, aw), (bx, by, bz, bw) = target[6:10], x[6:10]
     w = aw * bw + ax * bx + ay * by + az * bz
     sign = 2.0 if w >= 0.0 else -2.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from nanobench_tools import so3
 
-from .gtsam_sure import LATE, LATER
+from .covariance import LATE, LATER
 
 POSE, VELOCITY, ACC_BIAS, GYRO_BIAS, SLOW = slice(0, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15
 """Where the covariance of a state holds its parts; of a pose turn and way, both in the body."""

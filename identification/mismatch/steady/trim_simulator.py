@@ -17,7 +17,7 @@ from .causes import Body
 from .causes.other_vehicle import GAINS
 from .weigh import PRIOR, Normal
 
-K_M_M = number("mismatch.steady_simulator.k_m_m")
+K_M_M = number("mismatch.trim_simulator.k_m_m")
 """Yaw torque over thrust of a Crazyflie, where a log says nothing of it."""
 
 

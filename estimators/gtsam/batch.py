@@ -18,44 +18,44 @@ from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.methods import Estimate
 from nanobench_tools.settings import number, setting
 
-from .drag_ekf import TUNED
-from .error_state_ekf import ErrorStateEkf
-from .gtsam_graph import Linear, Problem, Solution
-from .gtsam_path import UP, Path, State, steps_of
-from .gtsam_rows import POSE, Rows, rows_of, stands
-from .gtsam_sure import between, given_out
-from .imu_noise import ImuNoise, packet_rate_hz
+from ..drag_ekf import TUNED
+from ..error_state_ekf import ErrorStateEkf
+from ..imu_noise import ImuNoise, packet_rate_hz
+from .covariance import between, given_out
+from .factor_graph import Linear, Problem, Solution
+from .smoother_rows import POSE, Rows, rows_of, stands
+from .state_path import UP, Path, State, steps_of
 
 NOISE = ImuNoise(gyro_rad_s_sqrtHz=TUNED["gyro_noise"], acc_m_s2_sqrtHz=TUNED["acc_noise"],
                  vertical_m_s2_sqrtHz=TUNED["vertical_noise"], gyro_walk_rad_s2_sqrtHz=TUNED["gyro_walk"],
                  acc_walk_m_s3_sqrtHz=TUNED["acc_walk"], stamp_s_sqrtHz=TUNED["stamp"])
 """That of ``drag_ekf``, in flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
 
-CLOCK_SD_S = number("smoothers.gtsam_batch.clock_sd_s")
-TOGETHER_SD_M = number("smoothers.gtsam_batch.together_sd_m")
-ALONE_SD_M = number("smoothers.gtsam_batch.alone_sd_m")
+CLOCK_SD_S = number("smoothers.batch.clock_sd_s")
+TOGETHER_SD_M = number("smoothers.batch.together_sd_m")
+ALONE_SD_M = number("smoothers.batch.alone_sd_m")
 """What poses and the IMU disagree by besides the noise of the pose. Where several poses come to one state: the wander
 of the IMU's stamps, whose errors hang together, times the velocity of each axis, and a rest; where one comes alone."""
 
-ATTITUDE_SD_RAD = number("smoothers.gtsam_batch.attitude_sd_rad")
-UNKNOWN_SD_M = number("smoothers.gtsam_batch.unknown_sd_m")
+ATTITUDE_SD_RAD = number("smoothers.batch.attitude_sd_rad")
+UNKNOWN_SD_M = number("smoothers.batch.unknown_sd_m")
 """Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
 
-MOUNT_SD_RAD = number("smoothers.gtsam_batch.mount_sd_rad")
-LATE_SD_S = number("smoothers.gtsam_batch.late_sd_s")
-ATTITUDE_LATE_SD_S = number("smoothers.gtsam_batch.attitude_late_sd_s")
-VELOCITY_SD_M_S = number("smoothers.gtsam_batch.velocity_sd_m_s")
+MOUNT_SD_RAD = number("smoothers.batch.mount_sd_rad")
+LATE_SD_S = number("smoothers.batch.late_sd_s")
+ATTITUDE_LATE_SD_S = number("smoothers.batch.attitude_late_sd_s")
+VELOCITY_SD_M_S = number("smoothers.batch.velocity_sd_m_s")
 """Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
 the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
 
-WALKS = setting("smoothers.gtsam_batch.walks")
+WALKS = setting("smoothers.batch.walks")
 """Of the slow quantities: rad x3, s, s per root second."""
 WALK = np.array(WALKS)
 
-TAIL_S = number("smoothers.gtsam_batch.tail_s")
+TAIL_S = number("smoothers.batch.tail_s")
 """A longer stretch after the last measurement is integrated alone, and nothing is said of how sure it is (nan)."""
 
-CONTRADICTED_M = number("smoothers.gtsam_batch.contradicted_m")
+CONTRADICTED_M = number("smoothers.batch.contradicted_m")
 """Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
 
 

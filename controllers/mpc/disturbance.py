@@ -17,8 +17,8 @@ import numpy as np
 from nanobench_tools.physics.model import Model
 from nanobench_tools.settings import number, setting
 
-from .mpc_code import Call
-from .mpc_model import DISTURBANCES, STATES, rollout_function
+from .casadi_code import Call
+from .prediction_model import DISTURBANCES, STATES, rollout_function
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _correct(past: np.ndarray, head: int, ages: np.ndarray, share: np.ndarray, p
 
 
 class Observer:
-    """States (n, 17) and disturbances (n, 6) of n vehicles, as ``mpc_model`` orders them, one step a period.
+    """States (n, 17) and disturbances (n, 6) of n vehicles, as ``prediction_model`` orders them, one step a period.
 
     ``lengths``: how many commands ``predicted`` will mostly be given; so many are flown by one compiled function.
     """

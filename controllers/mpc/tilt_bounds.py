@@ -17,7 +17,7 @@ SLACK = 2e-3
 FARTHEST = 0.7
 """Sine of half the angle: what is linear in turns says nothing of larger ones."""
 MOST_RAD = 0.75
-"""Beside errors, targets ask for ``mpc_horizon.MOST_TILT_RAD`` at most."""
+"""Beside errors, targets ask for ``horizon.MOST_TILT_RAD`` at most."""
 MARGIN_RAD = 0.15
 """What corrections may take beyond the tilt that targets ask for."""
 

@@ -16,12 +16,12 @@ from .smallest_swing import say as say_swing
 from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
-MOST = number("mismatch.steady_words.most")
+MOST = number("mismatch.trim_words.most")
 """No chance is said to be higher."""
 ALL = "several motors that changed each by itself, as on another vehicle"
-RATHER = number("mismatch.steady_words.rather")
+RATHER = number("mismatch.trim_words.rather")
 """Probability of no change below which it is said what it may be."""
-WORTH = number("mismatch.steady_words.worth")
+WORTH = number("mismatch.trim_words.worth")
 """Probability from which on a cause is worth a word."""
 
 

@@ -1,7 +1,7 @@
 """The sparse quadratic program of predictive control, states left in, by OSQP: factorised anew at every call.
 
 Unknowns: errors of the states 1..N and changes of the inputs 0..N-1, each counted in what costs as much as the others,
-and by how much each stage may be tipped too far (``mpc_tilt``).
+and by how much each stage may be tipped too far (``tilt_bounds``).
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from .mpc_condense import headed
-from .mpc_qp import MISSED, import_solver, refusals
-from .mpc_tilt import ROUNDS, halfplanes
+from .condense import headed
+from .dense_qp import MISSED, import_solver, refusals
+from .tilt_bounds import ROUNDS, halfplanes
 
 TOLERANCE, MOST_ITERATIONS = 1e-4, 2000
 FAR = 1e3
@@ -23,7 +23,7 @@ FREE_UNIT = np.array([0.05])
 
 
 class SparseOsqp:
-    """Of one vehicle. q (S,) diagonal, p (S, S) terminal, r (4, 4): weights as in ``mpc_condense``; pattern: which
+    """Of one vehicle. q (S,) diagonal, p (S, S) terminal, r (4, 4): weights as in ``condense``; pattern: which
     entries of A (S, S) and B (S, 4) may be other than zero."""
 
     def __init__(self, horizon: int, q: np.ndarray, p: np.ndarray, r: np.ndarray,

@@ -1,0 +1,1 @@
+"""Predictive controllers: one beat from measurement to command, its model, programs and plans."""
