@@ -5,16 +5,19 @@ BIN := $(VENV)/bin
 FORMER := $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-check nanobench 2>/dev/null || true
 OUT ?= results
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# One test process more than there are cores: some tests wait for sockets, for each other or for what another compiles.
+TEST_JOBS ?= $(shell expr $(JOBS) + 1)
 
 .PHONY: run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
-	@echo "make test   install with the test tools, lint, check types, run the tests"
+	@echo "make test   install with the test tools, lint, run the tests"
+	@echo "make types  check the types; make learned: the tests of learned models"
 	@echo "make test-slow  the slow proofs that make test leaves out"
 	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run, kept in a table"
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
-	@echo "make clean  remove the virtual environment and results"
+	@echo "make clean  remove the virtual environment, results and compiled models of the tests"
 
 # The stamps make an installation happen once per change of what is to be installed. An installation under the former
 # name "nanobench" is taken away: its entry points would be found beside those of today.
@@ -42,18 +45,17 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# Types and learned models are checked beside the tests: where these wait for each other, for a disk or for time to pass,
-# a core is free. Learned models need processes of their own.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check .
-	@$(MAKE) --no-print-directory -j 3 pytest types learned
+	@$(MAKE) --no-print-directory pytest
+
+pytest: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n $(TEST_JOBS) --leave-out-slow
 
 types: $(VENV)/.installed-test
 	$(BIN)/mypy
 
-pytest: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n $(JOBS) --leave-out-slow
-
+# Learned models need processes of their own.
 learned: $(VENV)/.installed-test
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 --leave-out-slow tests/learned
 
@@ -62,7 +64,7 @@ test-slow: $(VENV)/.installed-test
 	@$(MAKE) --no-print-directory -j 2 pytest-slow learned-slow
 
 pytest-slow: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n $(JOBS) -m slow
+	$(BIN)/python -m pytest -n $(TEST_JOBS) -m slow
 
 learned-slow: $(VENV)/.installed-test
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 -m slow tests/learned
@@ -79,4 +81,4 @@ figures-slow: $(VENV)/.installed
 	$(BIN)/python -m tools.figures --results $(or $(RESULTS),$(OUT)) --run slow
 
 clean:
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) build

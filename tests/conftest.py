@@ -10,6 +10,7 @@ import os
 import pickle
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -23,8 +24,12 @@ if TYPE_CHECKING:
     from nanobench_tools.auditing import Audit
     from nanobench_tools.flight import Flight
 
+pytest_plugins = ["leftovers"]
+
 T = TypeVar("T")
 REPOSITORY = Path(__file__).resolve().parent.parent
+COMPILED = ("kernels", "compiled")
+"""Folders of the cache with machine code."""
 LEFT_OUT = "a slow proof: make test-slow"
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -127,23 +132,54 @@ def audited(made_once, shared_cache) -> Callable[[Flight], Audit]:
     return give
 
 
+def _use_kept_code(cache: Path) -> Path:
+    """Gives a cache the compiled models that earlier runs left, found by the hash of all that goes into them."""
+    cache.mkdir(parents=True, exist_ok=True)
+    for name in COMPILED:
+        kept = REPOSITORY / "build" / "tests" / name
+        kept.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with suppress(FileExistsError):
+            (cache / name).symlink_to(kept)
+    return cache
+
+
 @pytest.fixture(scope="session", autouse=True)
 def shared_cache(tmp_path_factory):
     """All tests of a run share one cache; nothing is read from or left in the user's."""
-    cache = _place_of_all(tmp_path_factory) / "cache"
-    (cache / "kernels").mkdir(mode=0o700, parents=True, exist_ok=True)
+    cache = _use_kept_code(_place_of_all(tmp_path_factory) / "cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NANOBENCH_CACHE", str(cache))
         yield cache
 
 
 @pytest.fixture
-def empty_cache(tmp_path, shared_cache):
-    """A cache without recordings. Compiled models, found by all that goes into them, are those of the whole run."""
-    cache = tmp_path / "cache"
-    cache.mkdir()
-    (cache / "kernels").symlink_to(shared_cache / "kernels")
-    return cache
+def empty_cache(tmp_path):
+    """A cache without recordings."""
+    return _use_kept_code(tmp_path / "cache")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory):
+    """What Numba keeps on disk is compiled by one test process; others that need it meanwhile wait and read it."""
+    from numba.core.caching import NullCache
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.dispatcher import Dispatcher
+
+    locks = _place_of_all(tmp_path_factory) / "numba_locks"
+    locks.mkdir(exist_ok=True)
+    compile_now = Dispatcher.compile
+
+    def compile_once(self, signature):
+        if isinstance(self._cache, NullCache):
+            return compile_now(self, signature)
+        function = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        with global_compiler_lock, (locks / function).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return compile_now(self, signature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", compile_once)
+        yield
 
 
 def pytest_terminal_summary(terminalreporter) -> None:

@@ -1,4 +1,4 @@
-"""Made flights for learned models. These tests run in a process of their own (``make test`` does so): after JAX has
+"""Made flights for learned models. These tests run in a process of their own (``make learned`` does so): after JAX has
 mapped its memory, LLVM may abort when a compiled model is loaded (code and data land more than 2 GB apart)."""
 
 import os

@@ -30,6 +30,11 @@ GENTLY_M_S = 1.5
 4.5."""
 
 
+def slow(*case: object) -> object:
+    """A case that ``make test`` leaves out, its name last; each outcome has one that it keeps."""
+    return pytest.param(*case[:-1], id=str(case[-1]), marks=pytest.mark.slow)
+
+
 def flown(world: FaultyWorld, patch: pytest.MonkeyPatch, controller: str = "onboard_pid") -> tuple[Outcome, list[str]]:
     """Outcome, and what the flight said of itself."""
     notes = Notes()
@@ -59,14 +64,16 @@ def on_the_ground(world: FaultyWorld) -> bool:
 
 
 @pytest.mark.parametrize("fault", [
-    {"up": ECHO, "down": ECHO}, {"down": PARAMETERS}, {"down": CONSOLE},
-    {"up": SETPOINTS, "lasts_s": 0.3}, {"up": POSES, "lasts_s": 0.5}, {"down": LOG, "lasts_s": 1.5},
-    {"up": every, "down": every, "lasts_s": 0.3}, {"up": every, "down": every, "share": 0.3},
-    {"up": every, "down": every, "share": 0.6}, {"up": SETPOINTS, "late_s": 0.05}, {"up": POSES, "late_s": 0.05},
-    {"down": LOG, "late_s": 0.2}, {"radio": RadioOptions(latency_s=0.01, loss=0.3)},
-    {"radio": RadioOptions(latency_s=0.01, loss=0.6)}],
-    ids=["echoes", "parameters", "console", "set-points 0.3 s", "poses 0.5 s", "log 1.5 s", "link 0.3 s", "30 percent",
-         "60 percent", "set-points late", "poses late", "log late", "radio 30 percent", "radio 60 percent"])
+    slow({"up": ECHO, "down": ECHO}, "echoes"), slow({"down": PARAMETERS}, "parameters"),
+    slow({"down": CONSOLE}, "console"), slow({"up": SETPOINTS, "lasts_s": 0.3}, "set-points 0.3 s"),
+    slow({"up": POSES, "lasts_s": 0.5}, "poses 0.5 s"), slow({"down": LOG, "lasts_s": 1.5}, "log 1.5 s"),
+    pytest.param({"up": every, "down": every, "lasts_s": 0.3}, id="link 0.3 s"),
+    slow({"up": every, "down": every, "share": 0.3}, "30 percent"),
+    pytest.param({"up": every, "down": every, "share": 0.6}, id="60 percent"),
+    slow({"up": SETPOINTS, "late_s": 0.05}, "set-points late"), slow({"up": POSES, "late_s": 0.05}, "poses late"),
+    slow({"down": LOG, "late_s": 0.2}, "log late"),
+    slow({"radio": RadioOptions(latency_s=0.01, loss=0.3)}, "radio 30 percent"),
+    slow({"radio": RadioOptions(latency_s=0.01, loss=0.6)}, "radio 60 percent")])
 def test_what_a_flight_can_do_without_does_not_end_it(fault, monkeypatch):
     world = FaultyWorld(**fault)
     outcome, _ = flown(world, monkeypatch)
@@ -79,11 +86,10 @@ def test_what_a_flight_can_do_without_does_not_end_it(fault, monkeypatch):
 
 
 @pytest.mark.parametrize(("fault", "rule", "words"), [
-    ({"down": LOG}, "silent log", "battery and supervisor were not heard of for 2.0 s"),
-    ({"up": POSES}, "astray", "m from the poses"),
-    ({"down": every}, "lost link", "no packet for 0.5"),
-    ({"up": every, "down": every, "lasts_s": 0.8}, "lost link", "no packet for 0.5")],
-    ids=["log", "poses", "everything that comes", "link 0.8 s"])
+    slow({"down": LOG}, "silent log", "battery and supervisor were not heard of for 2.0 s", "log"),
+    slow({"up": POSES}, "astray", "m from the poses", "poses"),
+    slow({"down": every}, "lost link", "no packet for 0.5", "everything that comes"),
+    pytest.param({"up": every, "down": every, "lasts_s": 0.8}, "lost link", "no packet for 0.5", id="link 0.8 s")])
 def test_what_it_cannot_do_without_ends_it_gently_on_the_ground(fault, rule, words, monkeypatch):
     world = FaultyWorld(**fault)
     outcome, said = flown(world, monkeypatch)
@@ -96,8 +102,9 @@ def test_what_it_cannot_do_without_ends_it_gently_on_the_ground(fault, rule, wor
 
 
 @pytest.mark.parametrize(("fault", "rule"), [
-    ({"up": SETPOINTS}, "supervisor"), ({"up": every}, "lost link"), ({"up": every, "down": every}, "lost link")],
-    ids=["set-points", "everything that is sent", "link"])
+    pytest.param({"up": SETPOINTS}, "supervisor", id="set-points"),
+    slow({"up": every}, "lost link", "everything that is sent"),
+    slow({"up": every, "down": every}, "lost link", "link")])
 def test_a_vehicle_that_nothing_reaches_is_left_to_its_watchdog_and_the_reason_is_said(fault, rule, monkeypatch):
     """It levels out after 0.5 s and stops its motors after 2: that is the firmware's, and it falls."""
     world = FaultyWorld(**fault)
@@ -112,9 +119,9 @@ def test_a_vehicle_that_nothing_reaches_is_left_to_its_watchdog_and_the_reason_i
 
 
 @pytest.mark.parametrize(("fault", "words", "most_m_s"), [
-    ({"up": HIGH_LEVEL}, "commanded to land it fell with", 3.2),
-    ({"up": END_OF_SETPOINTS}, "commanded to land it did not sink for 1.5 s", GENTLY_M_S)],
-    ids=["commands to land", "end of set-points"])
+    slow({"up": HIGH_LEVEL}, "commanded to land it fell with", 3.2, "commands to land"),
+    pytest.param({"up": END_OF_SETPOINTS}, "commanded to land it did not sink for 1.5 s", GENTLY_M_S,
+                 id="end of set-points")])
 def test_a_vehicle_that_does_not_hear_that_it_shall_land_is_taken_down_by_set_points(fault, words, most_m_s,
                                                                                       monkeypatch):
     world = FaultyWorld(**fault)

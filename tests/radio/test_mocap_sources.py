@@ -23,6 +23,16 @@ from nanobench_tools.radio.mocap.pose_source import checked, seen
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 URI = "udp://127.0.0.1:19850"
+ANSWER_S = 60.0
+"""A busy machine is slow, not wrong."""
+
+
+def came(got: list[Pose], count: int) -> bool:
+    """Waits for poses."""
+    until = time.monotonic() + ANSWER_S
+    while len(got) < count and time.monotonic() < until:
+        time.sleep(0.005)
+    return len(got) >= count
 
 
 @pytest.mark.parametrize(("spec", "uri"), [
@@ -42,16 +52,14 @@ def test_without_the_package_it_says_how_to_install_it(monkeypatch):
 def test_simulated_poses_come_over_a_socket_and_the_subscription_is_renewed():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
-        server.settimeout(3.0)
+        server.settimeout(ANSWER_S)
         source = pose_source(f"simulated://127.0.0.1:{server.getsockname()[1]}", URI)
         got = []
         source.start(got.append)
         for _ in range(2):  # it asks again by itself
             _, viewer = server.recvfrom(100)
         server.sendto(pack(12.5, [1.0, 2.0, 3.0], LEVEL), viewer)
-        until = time.time() + 3.0
-        while not got and time.time() < until:
-            time.sleep(0.005)
+        assert came(got, 1)
         source.close()
     assert got[0].time_s == 12.5
     np.testing.assert_allclose(got[0].position_m, [1.0, 2.0, 3.0])
@@ -81,15 +89,13 @@ def test_the_package_gives_bodies_by_name_and_nothing_when_unseen(monkeypatch):
     body = SimpleNamespace(position=[0.1, 0.2, 0.3], rotation=SimpleNamespace(x=0.0, y=0.0, z=1.0, w=0.0))
     monkeypatch.setitem(sys.modules, "motioncapture", stand_in([{"cf1": body}, {"other": body}]))
     source = pose_source("vicon://10.0.0.1/cf1", URI)
-    got = []
+    got, before = [], time.time()
     source.start(got.append)
-    until = time.time() + 3.0
-    while len(got) < 2 and time.time() < until:
-        time.sleep(0.005)
+    assert came(got, 2)
     assert seen(got[0])
     np.testing.assert_allclose(got[0].quaternion, [0.0, 0.0, 1.0, 0.0])
     assert not seen(got[1])
-    assert abs(got[0].time_s - time.time()) < 5.0
+    assert before <= got[0].time_s <= time.time()
     monkeypatch.setitem(sys.modules, "motioncapture", stand_in([]))
     with pytest.raises(InputError, match="Unknown motion capture type"):
         pose_source("kinect://10.0.0.1/cf1", URI).start(got.append)

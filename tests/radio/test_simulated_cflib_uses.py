@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 import warnings
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,21 +17,18 @@ from nanobench_tools.radio.simulated.supervisor import State
 
 pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install -e ".[radio]" to run these tests')
 
-from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.mem import MemoryElement, Poly4D
 from cflib.crazyflie.swarm import CachedCfFactory, Swarm
-from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 from cflib.crazyflie.syncLogger import SyncLogger
 from cflib.localization.param_io import ParamFileManager
+from cflib.positioning import position_hl_commander
 from cflib.positioning.position_hl_commander import PositionHlCommander
+from cflib.utils import reset_estimator
 from cflib.utils.param_file_helper import ParamFileHelper
-from cflib.utils.reset_estimator import reset_estimator
+from cflib_world import WorldTime, linked_to, until
 
 GAIN = "pid_rate.roll_kp"
-ANSWER_S = 10.0
-"""For an answer on a busy machine."""
-
 pytestmark = pytest.mark.usefixtures("cflib_drivers")
 
 
@@ -44,19 +40,8 @@ def served():
 
 @pytest.fixture
 def linked(served):
-    time.sleep(0.5)  # the last client has to be gone
-    with SyncCrazyflie(served.uri, cf=Crazyflie(rw_cache=None)) as link:
-        link.wait_for_params()
+    with linked_to(served) as link:
         yield link
-
-
-def until(done) -> bool:
-    end = time.monotonic() + ANSWER_S
-    while not done():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def block(name: str, period_ms: int, *variables: str) -> LogConfig:
@@ -80,8 +65,10 @@ def test_sync_logger_gives_blocks_one_by_one_and_ends_with_the_link(served, link
     logger = SyncLogger(linked, block("last", 10, "acc.z"))
     logger.connect()
     next(logger)
-    threading.Timer(0.2, linked.close_link).start()
-    assert sum(1 for _ in logger) >= 1  # and it ends
+    closing = threading.Timer(0.2, linked.close_link)
+    closing.start()
+    assert all(values.keys() == {"acc.z"} for _, values, _ in logger)  # and it ends
+    closing.join()
 
 
 def answered(ask, *given) -> object:
@@ -122,9 +109,7 @@ def test_a_trajectory_that_was_uploaded_is_read_back_from_memory(linked) -> None
 def test_tables_come_from_the_cache_the_second_time(served, tmp_path: Path) -> None:
     spent = []
     for _ in range(2):
-        time.sleep(0.5)
-        with SyncCrazyflie(served.uri, cf=Crazyflie(rw_cache=str(tmp_path))) as link:
-            link.wait_for_params()
+        with linked_to(served, rw_cache=str(tmp_path)) as link:
             spent.append({f"{group}.{name}" for group, members in link.cf.log.toc.toc.items() for name in members})
             kept = sorted((path.name, path.stat().st_mtime_ns) for path in tmp_path.glob("*.json"))
     assert spent[0] == spent[1]
@@ -133,10 +118,9 @@ def test_tables_come_from_the_cache_the_second_time(served, tmp_path: Path) -> N
 
 
 def test_the_console_is_heard_and_an_emergency_stop_locks(served) -> None:
-    with SimulatedCrazyflie(StillVehicle()) as own, SyncCrazyflie(own.uri, cf=Crazyflie(rw_cache=None)) as link:
+    with SimulatedCrazyflie(StillVehicle()) as own, linked_to(own) as link:
         heard: list[str] = []
         link.cf.console.receivedChar.add_callback(heard.append)
-        link.wait_for_params()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that there is another way from protocol 12 on
             link.cf.loc.send_emergency_stop()
@@ -160,21 +144,21 @@ def test_ten_in_a_swarm_are_told_in_sequence_and_side_by_side(tmp_path: Path) ->
     assert [places[one.uri] for one in ten] == [(k, -k, 0.5) for k in range(10)]
 
 
-def test_the_position_commander_flies_from_place_to_place_and_lands() -> None:
+def test_the_position_commander_flies_from_place_to_place_and_lands(monkeypatch: pytest.MonkeyPatch) -> None:
     from controllers.served_vehicle import served as vehicle
 
     own = vehicle()
-    with SimulatedCrazyflie(own, build=Build(positioning=True)) as served, \
-            SyncCrazyflie(served.uri, cf=Crazyflie(rw_cache=None)) as link:
-        link.wait_for_params()
-        reset_estimator(link)
+    with SimulatedCrazyflie(own, build=Build(positioning=True)) as served, linked_to(served) as link:
+        world = WorldTime(served)
+        for module in (reset_estimator, position_hl_commander):
+            monkeypatch.setattr(module, "time", world)
+        reset_estimator.reset_estimator(link)
         with PositionHlCommander(link, default_velocity=0.5, default_height=0.5) as flying:
             flying.forward(0.4)
             flying.go_to(0.4, 0.3, 0.6)
-            time.sleep(0.5)
-            there = own.true_pose()[0]
+            world.sleep(0.5)
+            there = own.true_pose()[0].copy()
             assert flying.get_position() == pytest.approx((0.4, 0.3, 0.6))
-        time.sleep(0.5)
+        assert until(lambda: own.true_pose()[0][2] < 0.05)
         assert served.broken is None
     assert there == pytest.approx((0.4, 0.3, 0.6), abs=0.15)
-    assert own.true_pose()[0][2] < 0.05
