@@ -21,10 +21,10 @@ from nanobench_tools.protocols.simulated import Paths, score
 from nanobench_tools.result import Result
 from nanobench_tools.settings import count, number
 
-from .ensemble import Ensemble, draw
 from .gains import Gain
-from .mismatch import LATE_S
-from .simulated_flights import flown, made
+from .plants.ensemble import Ensemble, draw
+from .plants.off_nominal import LATE_S
+from .plants.simulated_flights import flown, made
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,8 +18,8 @@ import time
 import numpy as np
 from kept import show
 
-from controllers.ensemble import shipped_simulator
 from controllers.learned.pilots import MppiFar
+from controllers.plants.ensemble import shipped_simulator
 from identification.learned.libraries import libraries, platform
 from identification.learned.networks import DEPTH, KINDS, WIDTH, network
 from identification.learned.published_networks import LearnedPredictor, row_name

@@ -2,7 +2,7 @@
 
     python benchmarks/speed/plant_speed.py [--vehicles 512] [--seconds 1] [--json FILE]
 
-SYNTHETIC: vehicles that hover. Counted is processor time of whole flights (``controllers.plant_flight.fly``): sensing,
+SYNTHETIC: vehicles that hover. Counted is processor time of whole flights (``plants.closed_loop.fly``): sensing,
 controller with guard, motors, battery, physics at 500 Hz, records; not compilation. ``late``: the estimate is the
 truth, late and with errors; ``onboard``: the firmware's Kalman filter at 1 kHz for every vehicle too, as the gate and
 the simulated rows have it. ``compiled chain`` is the same loop without what the Controller protocol and its guard
@@ -23,10 +23,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from kept import show
 
-from controllers.ensemble import draw, shipped_simulator
-from controllers.plant_filter import Onboard
-from controllers.plant_flight import fly
-from controllers.plant_senses import SUBSTEPS, TICK_S, Late
+from controllers.plants.closed_loop import fly
+from controllers.plants.ensemble import draw, shipped_simulator
+from controllers.plants.kalman_senses import Onboard
+from controllers.plants.senses import SUBSTEPS, TICK_S, Late
 from nanobench_tools.firmware import motor_output, pid
 from nanobench_tools.firmware.onboard import PidCascade, estimates, setpoints
 from nanobench_tools.firmware.records import CONTROL, ESTIMATE, SETPOINT

@@ -26,7 +26,7 @@ from collections.abc import Callable
 
 from kept import show
 
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.radio.crtp import Packet, Port, pack, parse
 from nanobench_tools.radio.mocap.pose_datagram import HELLO, unpack

@@ -45,7 +45,7 @@ SERVE = """
 import contextlib, os, sys
 with contextlib.suppress(AttributeError, OSError):  # the vehicle's own time must not stand still for other processes
     os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 with SimulatedCrazyflie(served(battery_V=4.15), '127.0.0.1', 0, radio=RadioOptions(latency_s=0.01, loss=0.02)) as s:
@@ -118,7 +118,7 @@ def loop(minutes: float) -> None:
 
 
 def fly_virtual(name: str, folder: Path, seed: int, seconds: float, model=None) -> None:
-    from controllers.served_vehicle import ServedVehicle, served
+    from controllers.plants.served_vehicle import ServedVehicle, served
     from nanobench_tools.cli.fly_controllers import pilot_for
     from nanobench_tools.radio.blocks import default_blocks
     from nanobench_tools.radio.fly.flight_plan import chosen_path
@@ -162,7 +162,7 @@ def circle(seeds: int, seconds: float, written: str | None) -> None:
 
 def hidden(effects: list[str], flights: int, seconds: float) -> None:
     """SYNTHETIC: what ``diagnose`` says of recordings of a vehicle that has more in it than the simulator."""
-    from controllers.ensemble import shipped_simulator
+    from controllers.plants.ensemble import shipped_simulator
     from nanobench_tools.cli.main import main
     from nanobench_tools.physics.simulator import loads, write_simulator
 

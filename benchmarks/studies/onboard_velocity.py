@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.plant_filter import POSE_SD_M, POSE_SD_RAD
+from controllers.plants.kalman_senses import POSE_SD_M, POSE_SD_RAD
 from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools.auditing import audit
 from nanobench_tools.errors import InputError

@@ -43,7 +43,7 @@ def commands(name: str, steps: int, mark: Callable[[], None]) -> None:
 
 def plant(name: str, steps: int, mark: Callable[[], None]) -> None:
     """Of a controller in front of 16 vehicles that hover."""
-    from controllers.ensemble import draw, shipped_simulator
+    from controllers.plants.ensemble import draw, shipped_simulator
     from nanobench_tools.methods import Reference, VehicleState
     from nanobench_tools.registry import load
 
@@ -63,7 +63,7 @@ def plant(name: str, steps: int, mark: Callable[[], None]) -> None:
 
 
 def served(steps: int, mark: Callable[[], None]) -> None:
-    from controllers.served_vehicle import served as made
+    from controllers.plants.served_vehicle import served as made
 
     vehicle, part = made(battery_V=4.1), max(steps // MARKS, 1)
     vehicle.stabilizer.loop["override"] = 1

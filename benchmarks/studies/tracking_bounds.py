@@ -20,8 +20,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import daqp
 import numpy as np
 
-from controllers.ensemble import Ensemble, draw, shipped_simulator
-from controllers.simulated_flights import flown, made
+from controllers.plants.ensemble import Ensemble, draw, shipped_simulator
+from controllers.plants.simulated_flights import flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import TICK_S, Paths, score, specs_of
 from nanobench_tools.result_files import write_json

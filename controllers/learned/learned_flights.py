@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.ensemble import draw
 from controllers.onboard_pid import OnboardPid
-from controllers.plant_flight import Flown
-from controllers.simulated_flights import flown
+from controllers.plants.closed_loop import Flown
+from controllers.plants.ensemble import draw
+from controllers.plants.simulated_flights import flown
 from nanobench_tools.errors import UsageError
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.simulator import loads

@@ -41,7 +41,7 @@ AIR_MOMENT_N_S = number("control.prediction_model.air_moment_n_s")
 
 def default_model() -> Model:
     """The recorded vehicle as it was identified, which is the plant of Task 2 too."""
-    return loads(resources.files("controllers").joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
+    return loads(resources.files("controllers.plants").joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
 
 
 def practice_model() -> Model:

@@ -47,10 +47,10 @@ class Chosen:
     @classmethod
     def of(cls, options: Options, simulator: Path | None, train: Sequence[Path]) -> Chosen:
         """From a file, identified from recordings, or the one that is shipped."""
-        from controllers.ensemble import shipped_draws, shipped_simulator
+        from controllers.plants.ensemble import shipped_draws, shipped_simulator
 
         if simulator is not None:
-            from controllers.plant import closed_loop_model
+            from controllers.plants.plant import closed_loop_model
 
             from ..physics.simulator import loads, read_quadrotor
 
@@ -104,7 +104,7 @@ def shipped_gate() -> ShippedGate:
 
     from ..protocols.simulated import ErrorBar
 
-    found = tomllib.loads(resources.files("controllers").joinpath(SHIPPED_GATE).read_text(encoding="utf-8"))
+    found = tomllib.loads(resources.files("controllers.plants").joinpath(SHIPPED_GATE).read_text(encoding="utf-8"))
     summary = found["summary"][AS_RECORDED]
     return ShippedGate(tuple((float(a), float(b)) for a, b in found["trained"]),
                        ErrorBar(summary["ratio_off_median"], summary["ratio_off_p90"], summary["path_gap_median_m"],
@@ -129,7 +129,7 @@ def given_gains(options: Options, files: Sequence[Path]) -> dict[str, dict[str, 
 def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], speeds: Sequence[float],
                     seconds: float) -> list[PathSpec]:
     """The paths; UsageError for an unknown controller, trajectory or too short a path, before anything is read."""
-    from controllers.simulated_flights import settled_s
+    from controllers.plants.simulated_flights import settled_s
 
     from ..protocols.simulated import specs_of
     from ..registry import load
@@ -148,7 +148,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
 
     Raises InputError when it was ``requested`` for and no recording can be judged.
     """
-    from controllers.gate_flights import fly_cases
+    from controllers.plants.gate_flights import fly_cases
 
     from ..harness import make_item
     from ..protocols import gate
@@ -275,7 +275,7 @@ def simulated_rows(options: Options, chosen: Chosen, names: Sequence[str], specs
     """Rows and what is beside them: every controller (all registered ones without
     ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
     families."""
-    from controllers.simulated_flights import fly_controller
+    from controllers.plants.simulated_flights import fly_controller
 
     from ..harness import make_item
     from ..protocols.simulated import solve_times, tabulate
@@ -317,7 +317,7 @@ def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | N
 def mismatch_rows(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
                   gains: Mapping[str, Mapping[str, float]] | None = None) -> list[MismatchRow]:
     """Every controller on plants that differ from what it was told in one thing each."""
-    from controllers.simulated_flights import fly_mismatched
+    from controllers.plants.simulated_flights import fly_mismatched
 
     from ..harness import make_item
     from ..protocols.simulated import tabulate_cases

@@ -167,7 +167,7 @@ def _report(options: Options, port: int, line: str) -> None:
 
 def _vehicles(options: Options, count: int, given: dict[str, Any]) -> list[Any]:
     try:
-        from controllers.served_vehicle import served
+        from controllers.plants.served_vehicle import served
     except ImportError as error:
         raise UsageError(f"the plant is not installed: {error}; {how_to_install('mpc')}") from error
 

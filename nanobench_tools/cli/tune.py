@@ -62,7 +62,7 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
     says so. Writes gains_CONTROLLER.toml to --out, which control --gains reads. A killed search goes on.
     """
     from controllers.gains import dumps
-    from controllers.simulated_flights import made, settled_s
+    from controllers.plants.simulated_flights import made, settled_s
     from controllers.tuning import Trial, compared, evaluate, objective, shortlist
 
     from ..physics.simulator import loads

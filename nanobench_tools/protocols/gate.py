@@ -1,9 +1,9 @@
 """The gate of Task 2: does the plant, flown by the controller that flew, do what the recording did?
 
 A case is a held-out recording from the first to the last time it was in the air, as far as its log is alive. What
-flies it again (``controllers.gate_flights``) is given setpoints, battery, the gaps of the radio and the state at the
-start as logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within RATIO of
-the real one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
+flies it again (``controllers.plants.gate_flights``) is given setpoints, battery, the gaps of the radio and the state
+at the start as logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within
+RATIO of the real one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
 """
 
 from __future__ import annotations

@@ -192,7 +192,7 @@ def _path(spec: PathSpec, t: np.ndarray) -> list[np.ndarray]:
 
 
 def score(flown: Any, paths: Paths, plants: int, period_s: float) -> list[list[dict[str, float]]]:
-    """Of every path the scores of every plant; lanes of ``flown`` (``controllers.plant_flight.Flown``) are paths x
+    """Of every path the scores of every plant; lanes of ``flown`` (``plants.closed_loop.Flown``) are paths x
     plants, paths outermost."""
     found = []
     calls = np.asarray(flown.call_s)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from controllers.ensemble import draw, shipped_draws, shipped_simulator
-from controllers.plant import Cell, Plant, Trace, closed_loop_model, hover_ratio
-from controllers.plant_filter import Onboard
-from controllers.plant_flight import fly
-from controllers.plant_senses import Late, Sensing
+from controllers.plants.closed_loop import fly
+from controllers.plants.ensemble import draw, shipped_draws, shipped_simulator
+from controllers.plants.kalman_senses import Onboard
+from controllers.plants.plant import Cell, Plant, Trace, closed_loop_model, hover_ratio
+from controllers.plants.senses import Late, Sensing
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.firmware.onboard import PidCascade

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.ensemble import draw, shipped_simulator
-from controllers.mismatch import BELIEVED_RADIO_S, CASES, mismatched
 from controllers.mpc.horizon import NEAR_M, WIDTH, most_tilt, within_reach, without_jumps
-from controllers.simulated_flights import GivenReference, flown, made
+from controllers.plants.ensemble import draw, shipped_simulator
+from controllers.plants.off_nominal import BELIEVED_RADIO_S, CASES, mismatched
+from controllers.plants.simulated_flights import GivenReference, flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import Paths, score, specs_of
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from controllers.ensemble import draw, shipped_simulator
-from controllers.radio_silence import LONGER_S, SHORTEST_S, Waiting, heard, silence
-from controllers.simulated_flights import flown, made
+from controllers.plants.ensemble import draw, shipped_simulator
+from controllers.plants.radio_silence import LONGER_S, SHORTEST_S, Waiting, heard, silence
+from controllers.plants.simulated_flights import flown, made
 from nanobench_tools.cli.main import main
 from nanobench_tools.methods import Reference
 from nanobench_tools.physics.simulator import loads

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from controllers import gains as of_gains
-from controllers.ensemble import shipped_simulator
 from controllers.gains import Gain, around, read_gains
-from controllers.simulated_flights import made
+from controllers.plants.ensemble import shipped_simulator
+from controllers.plants.simulated_flights import made
 from controllers.tuning import LOST_M, SHORT, Flown, Trial, compared, logs, objective, search, shortlist
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError

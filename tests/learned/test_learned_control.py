@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
 
-from controllers.ensemble import shipped_simulator
 from controllers.learned import policies
 from controllers.learned.costs import LOST, Costs
 from controllers.learned.demonstrations import Demonstration, demonstrations, shown
@@ -16,6 +15,7 @@ from controllers.learned.mppi import MppiSettings, improved, shifted
 from controllers.learned.pilots import ClonedPolicy, Mppi
 from controllers.learned.policies import Network, fresh, task_of, trained
 from controllers.learned.rollouts import rolled, score
+from controllers.plants.ensemble import shipped_simulator
 from identification.learned.libraries import libraries
 from identification.learned.training import Settings
 from nanobench_tools import so3

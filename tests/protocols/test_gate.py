@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_flights import LAND_S, LIFT_S, made_flight, verdict
 
-from controllers.gate_flights import fly_cases
+from controllers.plants.gate_flights import fly_cases
 from nanobench_tools.auditing import audit
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError

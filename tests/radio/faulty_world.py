@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.radio.crtp import Packet, Port, parse
 from nanobench_tools.radio.fly.virtual import VirtualWorld
 from nanobench_tools.radio.simulated.channel import RadioOptions

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("cflib")
 pytest.importorskip("casadi")
 
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.main import main
 from nanobench_tools.radio.packets import read_packets
 from nanobench_tools.radio.simulated.channel import RadioOptions

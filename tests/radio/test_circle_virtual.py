@@ -19,7 +19,7 @@ import pytest
 pytest.importorskip("cflib")
 pytest.importorskip("casadi")
 
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.auditing import audit
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.cli.main import main

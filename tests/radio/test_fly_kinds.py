@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("cflib")
 
-from controllers.served_vehicle import served
+from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.fly.flight_plan import chosen_path

@@ -165,7 +165,7 @@ def feed(served: SimulatedCrazyflie, cf: Crazyflie, done: threading.Event) -> No
 
 
 def test_it_takes_off_is_moved_about_and_lands(monkeypatch: pytest.MonkeyPatch) -> None:
-    from controllers.served_vehicle import served as vehicle
+    from controllers.plants.served_vehicle import served as vehicle
 
     own = vehicle()
     with SimulatedCrazyflie(own, radio=RadioOptions(latency_s=0.005)) as served, linked_to(served) as scf:

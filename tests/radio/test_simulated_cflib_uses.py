@@ -145,7 +145,7 @@ def test_ten_in_a_swarm_are_told_in_sequence_and_side_by_side(tmp_path: Path) ->
 
 
 def test_the_position_commander_flies_from_place_to_place_and_lands(monkeypatch: pytest.MonkeyPatch) -> None:
-    from controllers.served_vehicle import served as vehicle
+    from controllers.plants.served_vehicle import served as vehicle
 
     own = vehicle()
     with SimulatedCrazyflie(own, build=Build(positioning=True)) as served, linked_to(served) as link:

@@ -9,10 +9,10 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from controllers.ensemble import shipped_simulator
-from controllers.plant import Plant
-from controllers.served_loop import touch
-from controllers.served_vehicle import ServedVehicle, served
+from controllers.plants.ensemble import shipped_simulator
+from controllers.plants.plant import Plant
+from controllers.plants.served_loop import touch
+from controllers.plants.served_vehicle import ServedVehicle, served
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.stabilizer import Stabilizer, believe, sense

@@ -16,7 +16,7 @@ from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number, setting
 
 from .plant import Cell, Plant, closed_loop_model, hover_ratio
-from .plant_senses import Sensing
+from .senses import Sensing
 
 DELAY_S = (0.010, 0.040)
 HOVER_V = setting("control.ensemble.hover_v")

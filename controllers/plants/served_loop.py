@@ -1,6 +1,6 @@
 """One vehicle and its firmware, millisecond by millisecond, in compiled code: IMU, loop, legs, battery, air, model.
 
-The model's step is the machine code that ``controllers.plant`` runs, called by its address.
+The model's step is the machine code that ``controllers.plants.plant`` runs, called by its address.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The equations are those of ``nanobench_tools.physics`` (terms of simulator.toml), one lane of a vector each; here they
 get what closes a loop: commands on their way for the model's delay, a battery that sags, legs on the ground, forces of
-the air. What the vehicle believes of its state is in ``plant_senses``, a flight in ``plant_flight``.
+the air. What the vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
 """
 
 from __future__ import annotations

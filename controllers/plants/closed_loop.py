@@ -15,14 +15,14 @@ from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 
 from .plant import STEP_S, Plant
-from .plant_senses import SUBSTEPS, TICK_S
+from .senses import SUBSTEPS, TICK_S
 
 SLACK = 1e-6
 """A command may leave 0..1 by so much: rounding of a controller's own sums."""
 
 
 class Senses(Protocol):
-    """What ``plant_senses`` has: called after every step, read at every tick, the gyro at every step."""
+    """What ``senses`` has: called after every step, read at every tick, the gyro at every step."""
 
     def step(self) -> None: ...
 

@@ -20,18 +20,18 @@ from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.settings import number, setting
 
 from .plant import Plant
-from .plant_senses import TICK_S, Noise, Sensing
+from .senses import TICK_S, Noise, Sensing
 
 POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
 """What the filter is told of a pose: as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run
 again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
 (``benchmarks/studies/onboard_velocity.py``)."""
-LEAD_S = number("control.plant_filter.lead_s")
+LEAD_S = number("control.kalman_senses.lead_s")
 """The estimated position is so much less late than the poses: a pose corrects the last prediction, the
 next carries it on."""
 QUEUE = 64
 """Poses that can wait for the radio; later ones are lost."""
-START_SD = setting("control.plant_filter.start_sd")
+START_SD = setting("control.kalman_senses.start_sd")
 """A filter that has run for a while."""
 FIRST_MS = 1000
 IMU_SIGMA = np.array([VEHICLE[name].value for name in ("acc_noise_m_s2", "acc_vibration_m_s2", "gyro_noise_rad_s",

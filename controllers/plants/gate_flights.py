@@ -21,10 +21,10 @@ from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.gate import Case, FlownAgain, score, setpoints
 from nanobench_tools.protocols.usable import MOTORS
 
+from .closed_loop import Flown, fly
+from .kalman_senses import Onboard
 from .plant import Plant, Trace
-from .plant_filter import Onboard
-from .plant_flight import Flown, fly
-from .plant_senses import TICK_S, Sensing
+from .senses import TICK_S, Sensing
 
 FLEET: dict[str, type[PidCascade] | type[Mellinger]] = {"pid": PidCascade, "mellinger": Mellinger}
 REST_S = 1.0

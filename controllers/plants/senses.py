@@ -1,8 +1,8 @@
 """What a vehicle of the plant believes of its state: poses that come late, seldom or not, an IMU, an estimator.
 
 ``Late`` is the estimate as recordings over a good radio show it (the truth, late, with slow errors) and the faster
-one; ``plant_filter.Onboard`` runs the firmware's Kalman filter on simulated IMU and poses, so that its errors come from
-its own equations.
+one; ``kalman_senses.Onboard`` runs the firmware's Kalman filter on simulated IMU and poses, so that its errors come
+from its own equations.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ class Sensing:
     noise: np.ndarray | float = 1.0
     outages: tuple[tuple[float, float], ...] = ()
     pose_hz: float = 100.0
-    pose_noise_m: float = number("control.plant_senses.sensing_pose_noise_m")
+    pose_noise_m: float = number("control.senses.sensing_pose_noise_m")
     shut: np.ndarray | None = None
 
 
-DRIFT_M_S2 = number("control.plant_senses.drift_m_s2")
-DRIFT_M_S = number("control.plant_senses.drift_m_s")
+DRIFT_M_S2 = number("control.senses.drift_m_s2")
+DRIFT_M_S = number("control.senses.drift_m_s")
 """Spread of the acceleration error and of the velocity error with which an estimate goes on without poses. With these
 0.05 m are lost in a second (recordings, dead reckoning over 1 s: median 0.04-0.05 m)."""
-BACK_S = number("control.plant_senses.back_s")
+BACK_S = number("control.senses.back_s")
 """Time constant with which poses pull it back."""
 
 

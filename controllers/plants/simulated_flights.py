@@ -34,12 +34,12 @@ from nanobench_tools.protocols.simulated import (
     score,
 )
 
+from .closed_loop import Flown, fly
 from .ensemble import Ensemble, draw
-from .mismatch import BELIEVED_RADIO_S, CASES, mismatched
-from .plant_filter import Onboard
-from .plant_flight import Flown, fly
-from .plant_senses import TICK_S
+from .kalman_senses import Onboard
+from .off_nominal import BELIEVED_RADIO_S, CASES, mismatched
 from .radio_silence import Waiting, heard, silence
+from .senses import TICK_S
 
 SHORTEST_AFTER_S = 4.0
 GUST_N, GUST_S, GUST_AT_S = 0.2, 0.25, 4.0

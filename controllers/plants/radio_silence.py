@@ -14,7 +14,7 @@ import numpy as np
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.settings import number
 
-from .plant_senses import TICK_S
+from .senses import TICK_S
 
 SHORTEST_S = number("control.radio_silence.shortest_s")
 LONGER_S = number("control.radio_silence.longer_s")
