@@ -32,6 +32,8 @@ from .tiles import tiles
 RESULTS = ("audit", "estimate", "sysid", "thrust", "control", "verdict")
 """Result files the page is made from, ``<name>.json``."""
 SCRIPTS = ("chart.js", "page.js")
+NAMED_FOLDERS = 2
+"""The title names this many folders of recordings."""
 FIGURE_SCRIPTS = ("chart.js", "figures.js")
 """Of the pages that draw all they have: ``data`` holds the figures."""
 
@@ -98,7 +100,8 @@ def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], vi
     if first is not None:
         drawings["usable"] = first
     return environment(view=table_view, breakable=breakable, dash=DASH).get_template("report.html").render(
-        label=label, version=__version__, library=library(), css=template("report.css"),
+        label=label, title=title_of(results), made=made_on(results), version=__version__,
+        library=library(), css=template("report.css"),
         scripts=[template(name) for name in SCRIPTS], tiles=tiles(results), first=first, sections=parts,
         rows=flight_rows(results, {v["name"] for v in views}), views=[compressed(v) for v in views],
         names=[v["name"] for v in views], default=default_view(views),
@@ -136,6 +139,24 @@ def sections(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table],
                        speed=overview_pictures.by_speed(estimate), deadlogs=estimate_figures.dead_logs(estimate or {}),
                        published=overview_pictures.task1(sysid, True)),
                    folded=[t for table in tables if (t := table.published().for_readers()).rows])] if theirs else [])]
+
+
+def title_of(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Name the data: the folder of the recordings, or the one recording."""
+    flights = (results.get("audit") or {}).get("flights") or []
+    paths = [Path(str(f["path"])) for f in flights if f.get("path")]
+    if len(flights) == 1:
+        return str(flights[0]["flight"])
+    folders = list(dict.fromkeys(p.parent.name for p in paths if p.parent.name))
+    more = " and others" if len(folders) > NAMED_FOLDERS else ""
+    where = f" of {', '.join(folders[:NAMED_FOLDERS])}{more}" if folders else ""
+    return f"{len(flights)} recordings{where}" if flights else "nanobench report"
+
+
+def made_on(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """The day on which the results were computed, empty where no manifest says it."""
+    return next((str(body["manifest"]["started"])[:10] for body in results.values()
+                 if (body.get("manifest") or {}).get("started")), "")
 
 
 def drawn(**figures: Drawing | None) -> dict[str, Drawing]:

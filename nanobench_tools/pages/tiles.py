@@ -89,10 +89,11 @@ def of_sysid(rows: Sequence[Mapping[str, Any]]) -> Tile | None:
         return None
     value, model, row = ranked[0]
     naive = next((v for v, name, _ in ranked if "naive" in name), None)
-    detail = f"{int(last) * 0.01:g} s ahead, by {model}, n = {row.get('n_flights')} flights"
+    flights = row.get("n_flights")
+    detail = f"{int(last) * 0.01:g} s ahead, n = {flights} flight{'s' * (flights != 1)}, {PEOPLE.get(model, model)}"
     if naive is not None and naive > value:
-        detail += f"; standing still: {_unit('position_mae_m', naive)}"
-    return Tile("Prediction, position", _unit("position_mae_m", value), detail, "", "physics")
+        detail += f"; standing still: {_unit('ate_rmse_m', naive)}"
+    return Tile("Prediction error, position", _unit("ate_rmse_m", value), detail, "", "physics")
 
 
 def of_control(control: Mapping[str, Any]) -> Tile | None:
@@ -100,15 +101,16 @@ def of_control(control: Mapping[str, Any]) -> Tile | None:
     gate = control.get("gate") or []
     if gate:
         passed = sum(bool(g.get("pass")) for g in gate)
-        return Tile("Plant like the flights", f"{passed} of {len(gate)}",
-                    "logged flights that the simulated plant reproduces",
+        return Tile("Plant validation", f"{passed} of {len(gate)}",
+                    "logged flights that the plant reproduces in simulation",
                     "good" if passed > FINE_SHARE * len(gate) else "warn", "control")
     rows = [r for r in control.get("rows") or [] if (r.get("metrics") or {}).get("rmse_m") is not None]
     best = min(rows, key=lambda r: mean_of(r["metrics"]["rmse_m"]) or float("inf"), default=None)
     value = None if best is None else mean_of(best["metrics"]["rmse_m"])
     if best is None or value is None:
         return None
-    return Tile("Tracking", _unit("rmse_m", value), f"RMSE, {best.get('controller')}, n = {best.get('n')}", "",
+    pilot = PEOPLE.get(str(best.get("controller")), str(best.get("controller")))
+    return Tile("Tracking error", _unit("ate_rmse_m", value), f"RMSE, {pilot}, n = {best.get('n')}", "",
                 "control")
 
 

@@ -45,7 +45,8 @@ def real(tmp_path_factory, flights, results):
 def test_one_file_with_the_headings_and_nothing_to_fetch(real):
     read = Reader(real.read_text("utf-8"))
     assert read.headings == [
-        "nanobench report", "Flights", "Where was it?", "How well was it flown, and how would another controller fly?",
+        "2 recordings of folder", "Flights", "Where was it?",
+        "How well was it flown, and how would another controller fly?",
         "Which physics does it obey?", "How late are the stamps?",
         "The published tables, and the same recordings corrected", "How this was made"]
     assert all(v.startswith("data:") for v in read.fetched)

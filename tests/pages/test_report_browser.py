@@ -127,6 +127,30 @@ def test_everything_is_drawn_and_fits_the_width(opened, size, scheme):
     assert not {"nan", "undefined", "null"} & set(texts)
 
 
+WIDER_THAN_ITS_BOX = """() => [...document.querySelectorAll("main .scroll")].filter(
+    box => box.clientWidth && box.scrollWidth > box.clientWidth + 1).length"""
+HIDDEN_COLUMNS = "() => document.querySelectorAll('main th[hidden]').length"
+TIME_AXES = """() => { const layout = document.querySelector("#fig-flight .plot")._fullLayout;
+    return Object.entries(layout).filter(([key, axis]) => /^xaxis/.test(key) && axis.title.text.startsWith("time"))
+        .map(([, axis]) => axis._offset); }"""
+
+
+def test_columns_that_do_not_fit_wait_behind_a_button(opened):
+    page = opened(size=(1280, 900)).page
+    page.evaluate("() => document.querySelectorAll('details').forEach(part => { part.open = true; })")
+    page.wait_for_function("() => document.querySelectorAll('details button.more').length > 0")
+    assert page.evaluate(WIDER_THAN_ITS_BOX) == 0
+    before = page.evaluate(HIDDEN_COLUMNS)
+    page.evaluate("() => document.querySelector('button.more').click()")
+    assert page.evaluate(HIDDEN_COLUMNS) < before
+
+
+def test_the_time_axes_of_a_flight_line_up(desk):
+    lefts = desk.choose("loop one").seen("flight").page.evaluate(TIME_AXES)
+    assert len(lefts) > 2
+    assert max(lefts) - min(lefts) < 1.0
+
+
 def test_every_axis_says_its_unit(desk):
     page = desk.choose("loop one")
     for picture in PICTURES:

@@ -127,6 +127,7 @@ const nanobench = (() => {
     const inner = width - 2 * EDGE;
     const { rows, height } = placed(figure.panels, columns, inner);
     const upper = height - BELOW;
+    const shared = Math.max(0, ...figure.panels.filter(p => p.timed).map(labelled)); // one time axis above the other
     const out = { traces: [], dots: [], timed: [], height, layout: { width, height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, barmode: "overlay",
       font: { color: c.ink, size: 12, family: "system-ui, sans-serif" }, margin: { l: EDGE, r: EDGE, t: 0, b: BELOW }, shapes: [], annotations: [],
       hoverlabel: { bgcolor: c.panel, bordercolor: c.grey, font: { color: c.ink, size: 12 } }, dragmode: coarse() ? false : "zoom",
@@ -135,7 +136,7 @@ const nanobench = (() => {
     for (const row of rows) row.panels.forEach((panel, column) => {
       const n = ++count === 1 ? "" : String(count);
       const each = row.full ? inner : inner / columns;
-      const labels = labelled(panel);
+      const labels = panel.timed && row.full ? shared : labelled(panel);
       const pixels = { x: each - labels - (row.full ? 4 : 16), y: row.height };
       const all = key => panel.marks.flatMap(m => [...unpack(m[key]), ...((key === "x") === Boolean(m.across) ? [...(unpack(m.low) || []), ...(unpack(m.high) || [])] : [])]).filter(v => typeof v === "number");
       const from = (column * each + labels) / inner;

@@ -30,6 +30,26 @@
     }
   }
 
+  // On a desk a table shows the columns that fit; a button shows the others.
+  function fit(table) {
+    const [box, columns] = [table.parentElement, table.tHead.rows[0].cells.length];
+    const show = count => { for (const row of table.rows) [...row.cells].forEach((cell, i) => { cell.hidden = i >= count; }); };
+    box.nextElementSibling?.classList.contains("more") && box.nextElementSibling.remove();
+    show(columns);
+    if (window.innerWidth <= 600 || !box.clientWidth || table.scrollWidth <= box.clientWidth + 1) return;
+    let count = columns - 1;
+    for (show(count); count > 2 && table.scrollWidth > box.clientWidth + 1; show(--count));
+    const more = Object.assign(document.createElement("button"), { type: "button", className: "more", textContent: `Show ${columns - count} more columns` });
+    more.addEventListener("click", () => { show(columns); more.remove(); });
+    box.after(more);
+  }
+  const tables = [...document.querySelectorAll("main .scroll > table")].filter(table => table.tHead);
+  const refit = () => tables.forEach(fit);
+  window.addEventListener("resize", refit);
+  window.addEventListener("beforeprint", () => document.querySelectorAll("button.more").forEach(button => button.click()));
+  document.querySelectorAll("details").forEach(part => part.addEventListener("toggle", () => part.querySelectorAll(".scroll > table").forEach(fit)));
+  refit();
+
   const $ = id => document.getElementById(id);
   const chosen = $("chosen");
   const names = chosen ? [...chosen.options].map(option => option.textContent) : [];
