@@ -73,18 +73,23 @@ def _write(entry: Path, code: bytes) -> None:
         part.unlink(missing_ok=True)
 
 
+def effort(text: str) -> int:
+    """Level of LLVM's optimisation for a module, 0 to 2."""
+    return 2 if text.count("\n") < _LONG else 1
+
+
 def object_code(text: str) -> bytes:
     """Object file of an LLVM module, from the cache or compiled now."""
     llvm, target, cpu, features = _target()
-    about = "\0".join([text, cpu, features, CODE_MODEL, str(llvm.llvm_version_info)])
+    level = effort(text)
+    about = "\0".join([text, cpu, features, CODE_MODEL, str(level), str(llvm.llvm_version_info)])
     folder = _folder()
     entry = folder / f"{hashlib.sha256(about.encode()).hexdigest()}.o" if folder else None
     code = _read(entry) if entry else None
     if code is None:
         module = llvm.parse_assembly(text)
         module.verify()
-        effort = 2 if text.count("\n") < _LONG else 1
-        code = target.create_target_machine(cpu=cpu, features=features, opt=effort, reloc="pic",
+        code = target.create_target_machine(cpu=cpu, features=features, opt=level, reloc="pic",
                                             codemodel=CODE_MODEL).emit_object(module)
         if entry:
             _write(entry, code)

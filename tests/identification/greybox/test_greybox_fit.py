@@ -9,6 +9,7 @@ pytest.importorskip("casadi")
 
 from made_windows import TERMS, made_windows, true_model
 
+from identification.greybox import flyability
 from identification.greybox.ablation_study import fit_item, predictor_of
 from identification.greybox.fit import GreyBox, tidy
 from identification.greybox.fit_windows import Cut
@@ -33,10 +34,14 @@ def cuts_of(data):
     return found
 
 
+FEW = 40
+"""Windows of a fit."""
+SHARED = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
+
+
 @pytest.fixture(scope="module")
 def fitted():
-    terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
-    return GreyBox(terms, name="made").fit_cuts(cuts_of(made_windows(true_model(), noise=0.3)))
+    return GreyBox(SHARED, name="made").fit_cuts(cuts_of(made_windows(true_model(), n=FEW, noise=0.3)))
 
 
 def test_learnt_values_have_units_and_intervals(fitted):
@@ -59,14 +64,13 @@ def test_prediction_is_that_of_the_model(fitted):
 
 def test_what_flights_do_not_show_is_held_where_it_does_nothing():
     """A fit that would take a parameter across zero leaves the effect out; one that ends on another bound is none."""
-    terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
     none = true_model().with_parameters({"drag_linear.d[2]": -0.004})
-    fitted = GreyBox(terms).fit_cuts(cuts_of(made_windows(none)))
+    fitted = GreyBox(SHARED, judged=False).fit_cuts(cuts_of(made_windows(none, n=FEW)))
     assert fitted.parameters_["drag_linear.d[2]"] == Estimate(0.0, None, "N s/m", "held")
     assert fitted.result_.is_result, fitted.result_.trouble
     assert any("drag_linear.d[2]" in text for text in fitted.result_.not_identified)
     slow = true_model().with_parameters({"motor_lag.tau_up_s": 0.4, "motor_lag.tau_down_s": 0.4})
-    other = GreyBox(terms).fit_cuts(cuts_of(made_windows(slow)))
+    other = GreyBox(SHARED, judged=False).fit_cuts(cuts_of(made_windows(slow, n=FEW)))
     assert not other.result_.is_result
     assert "NO RESULT" in other.result_.summary()
 
@@ -74,7 +78,7 @@ def test_what_flights_do_not_show_is_held_where_it_does_nothing():
 def test_a_model_whose_rate_is_held_is_fitted_too():
     """Its inertia is no estimate, so the prior of the inertia must not drown the errors."""
     rung = next(r for r in LADDER if r.name == "fit_drag")
-    found = GreyBox(rung.terms).fit_cuts(cuts_of(made_windows(true_model())))
+    found = GreyBox(rung.terms, judged=False).fit_cuts(cuts_of(made_windows(true_model(), n=FEW)))
     assert found.result_.steps > 5
     slope = np.polyval(np.polyder(np.array([0.0037, 0.02, 0.01])), 2.9)
     c = found.model_.values_of("thrust_voltage")["c"]
@@ -82,9 +86,8 @@ def test_a_model_whose_rate_is_held_is_fitted_too():
 
 
 def test_priors_of_ones_own_replace_those_of_the_same_parameters():
-    terms = {name: values for name, values in TERMS.items() if name != "thrust_scale"}
     mine = Prior(("motor_lag.tau_up_s",), 0.06, 1e-5, "a motor on a stand")
-    found = GreyBox(terms, soft=(mine,)).fit_cuts(cuts_of(made_windows(true_model(), n=80)))
+    found = GreyBox(SHARED, soft=(mine,), judged=False).fit_cuts(cuts_of(made_windows(true_model(), n=FEW)))
     assert found.parameters_["motor_lag.tau_up_s"].value == pytest.approx(0.06, abs=1e-3)
     assert [text for text in found.result_.priors if "tau_up" in text] == [
         "motor_lag.tau_up_s = 0.06 +- 1e-05 (a motor on a stand)"]
@@ -110,12 +113,12 @@ def test_a_mass_in_grams_is_one_line():
     assert "\n" not in str(error.value)
 
 
-def test_the_model_flies_and_one_whose_motors_do_nothing_does_not():
-    data = made_windows(true_model())
-    assert flies(true_model(), data).stable
+def test_the_model_flies_and_one_whose_motors_do_nothing_does_not(fitted, monkeypatch):
+    assert fitted.result_.flown.stable
+    monkeypatch.setattr(flyability, "SECONDS", 1.0)  # it falls out of reach before
     weak = true_model().with_parameters({"thrust_voltage.c[0]": 0.1, "thrust_voltage.c[1]": 1e-4,
                                          "thrust_voltage.c[2]": 0.0})
-    assert not flies(weak, data).flies
+    assert not flies(weak, fitted.data_).stable
 
 
 def test_hover_is_where_thrust_carries_the_weight():
