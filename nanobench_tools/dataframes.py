@@ -13,7 +13,7 @@ import numpy as np
 
 from . import so3
 from .errors import InputError, UsageError
-from .units import factor
+from .units import to_si
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +90,7 @@ def arrays_of(stream: str, frame: pd.DataFrame, known: Mapping[str, tuple[str, s
                              "make the column numeric (pandas.to_numeric)") from None
         unit = said.get(name, known[name][0])
         try:
-            values[:, k] *= factor(unit)
+            values[:, k] = to_si(values[:, k], unit)
         except UsageError as error:
             raise InputError(place, f"column {name!r}: {error}") from None
     return seconds_of(place, frame.index), values, tuple(names)

@@ -219,9 +219,20 @@ class Stream:
 
 
 @dataclass(frozen=True)
+class Assumption:
+    """The unit of a column that neither its name nor its numbers show; ``why`` it was taken."""
+
+    stream: str
+    column: str
+    unit: str
+    why: str
+
+
+@dataclass(frozen=True)
 class Provenance:
     """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences; clock_evidence:
-    the kinds of streams that had a vote in the clock its stamps were moved to, empty as recorded."""
+    the kinds of streams that had a vote in the clock its stamps were moved to, empty as recorded; ``assumptions``:
+    units that nothing shows."""
 
     path: str
     sha256: str
@@ -230,6 +241,7 @@ class Provenance:
     findings: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
     clock_evidence: tuple[str, ...] = ()
+    assumptions: tuple[Assumption, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -19,17 +19,25 @@ GRAVITY_M_S2 = 9.81
 PWM_FULL_SCALE = 65535.0
 """Counts of a motor command at full duty (uint16)."""
 
+POUND_FORCE_N = 4.4482216152605
+"""Exact by definition (0.45359237 kg times 9.80665 m/s^2)."""
+
 SI_FACTOR: dict[str, float] = {
     "1": 1.0, "m": 1.0, "m/s": 1.0, "m/s^2": 1.0, "rad": 1.0, "rad/s": 1.0, "V": 1.0, "N": 1.0, "s": 1.0, "kg": 1.0,
     "N m": 1.0, "A": 1.0,
     "mm": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "cm/s": 1e-2, "mm/s^2": 1e-3,
     "g": GRAVITY_M_S2, "mg": 1e-3 * GRAVITY_M_S2,
     "deg": math.pi / 180.0, "deg/s": math.pi / 180.0, "mrad/s": 1e-3, "mrad": 1e-3,
-    "mV": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2,
+    "mV": 1e-3, "mA": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2, "kgf": GRAVITY_M_S2, "lbf": POUND_FORCE_N,
+    "%": 1e-2, "pulse_us": 1e-3,
     "pwm16": 1.0 / PWM_FULL_SCALE, "rpm": 2.0 * math.pi / 60.0,
     "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
 }
-"""SI value of one unit. ``g`` is the acceleration; mass in grams is ``gram``."""
+"""SI value of one unit. ``g`` is the acceleration; mass in grams is ``gram``; ``pulse_us`` is the command of a motor as
+the length of a pulse, 1000 us to 2000 us."""
+
+ZERO: dict[str, float] = {"pulse_us": 1000.0}
+"""Readings that mean zero, where zero does not."""
 
 
 def factor(unit: str) -> float:
@@ -42,4 +50,5 @@ def factor(unit: str) -> float:
 
 def to_si(values: ArrayLike, unit: str) -> np.ndarray:
     """``values`` in ``unit`` -> SI. Any shape."""
-    return np.asarray(values, dtype=float) * factor(unit)
+    values = np.asarray(values, dtype=float)
+    return np.maximum(values - ZERO[unit], 0.0) * factor(unit) if unit in ZERO else values * factor(unit)

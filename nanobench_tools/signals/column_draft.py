@@ -21,7 +21,7 @@ from ..flight import STREAM_QUANTITIES
 from ..sources.cells import read_grid
 from ..sources.column_map import FORCE_UNITS, PWM_STREAMS, PWM_UNITS, SCHEMA, UNITS
 from ..sources.column_names import NUMBERED, guessed, meaning, words_of
-from ..sources.dialect import header_of
+from ..sources.header import header_of
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC, TableSource
 from ..units import factor

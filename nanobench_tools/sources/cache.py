@@ -18,15 +18,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..cache_folder import cache_folder
-from ..flight import Fault, Flight, Provenance, Span, Stream
+from ..flight import Assumption, Fault, Flight, Provenance, Span, Stream
 
 
 @functools.cache
 def code_hash() -> str:
     """Of everything that turns bytes into a Flight: a reader that was changed is never answered from old entries."""
     here = Path(__file__).parent
-    beside = ("flight.py", "units.py", "frames.py", "settings/values/sources.toml")
-    files = [*sorted(here.glob("*.py")), *(here.parent / name for name in beside)]
+    beside = ("flight.py", "units.py", "frames.py", "axes.py", "settings/values/sources.toml")
+    files = [*sorted(here.rglob("*.py")), *sorted(here.rglob("*.toml")), *(here.parent / name for name in beside)]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
@@ -68,6 +68,7 @@ def store(entry: Path, flight: Flight) -> None:
                                 "synthetic": flight.provenance.synthetic,
                                 "notes": flight.provenance.notes,
                                 "findings": [list(vars(f).values()) for f in flight.provenance.findings],
+                                "assumptions": [list(vars(a).values()) for a in flight.provenance.assumptions],
                                 "clocks": [len(t) for t in times],
                             })
     except TypeError:  # a plug-in put something into the metadata that is not JSON: not kept
@@ -108,7 +109,8 @@ def fetch(entry: Path, path: str, sha256: str) -> Flight | None:
             streams[name] = Stream(times[s["clock"]], block, tuple(s["columns"]), tuple(s["quantities"]),
                                    tuple(s["unit"]), s["frame"], s["rate_hz"], s["samples"], valid)
         findings = tuple(Fault(f[0], f[1], tuple(f[2]), *f[3:]) for f in head["findings"])
-        provenance = Provenance(path, sha256, head["source"], head["synthetic"], findings, tuple(head["notes"]))
+        provenance = Provenance(path, sha256, head["source"], head["synthetic"], findings, tuple(head["notes"]),
+                                assumptions=tuple(Assumption(*a) for a in head["assumptions"]))
         return Flight(head["name"], streams, head["metadata"], provenance, head["epoch_s"])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError, IndexError):
         with contextlib.suppress(OSError):

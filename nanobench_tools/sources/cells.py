@@ -14,7 +14,8 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ..errors import InputError
-from .dialect import NUMBER, Dialect, cut_last_line, decimals_of, dialect_notes, open_table, split_line
+from .dialect import NUMBER, Dialect, cut_last_line, decimals_of, dialect_notes, split_line
+from .header import Opened, open_table
 
 GIGANTIC = 1e12
 """Larger magnitudes are not measurements of anything here; such a cell is listed and NaN."""
@@ -45,7 +46,8 @@ class LostRow:
 class Grid:
     """Columns of numbers. ``lines`` (n,) is the line of the file each row came from; ``rows_in_file`` counts lost
     rows too; ``empty`` are columns without any cell filled, ``text`` columns that hold text, ``repeated`` names that
-    came twice (the first is kept); ``decimals`` the digits printed behind the point per column (the last line's)."""
+    came twice (the first is kept); ``decimals`` the digits printed behind the point per column (the last line's);
+    ``units`` those of a row of units."""
 
     columns: dict[str, np.ndarray]
     lines: np.ndarray
@@ -56,6 +58,7 @@ class Grid:
     text: list[str] = field(default_factory=list)
     repeated: list[str] = field(default_factory=list)
     decimals: dict[str, int] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
     truncated: str = ""
     notes: list[str] = field(default_factory=list)
 
@@ -67,18 +70,19 @@ def read_grid(data: bytes, place: str, numeric: Collection[str] = (), time: str 
     ``time`` may hold gigantic numbers (stamps in nanoseconds). Raises InputError at ``place`` when there is no
     header, no row, or no line that fits the header.
     """
-    body, columns, repeated, dialect = open_table(data, place)
-    grid = _fast(body, columns, dialect, set(numeric), time)
+    table = open_table(data, place)
+    grid = _fast(table, set(numeric), time)
     if grid is None:
-        grid = _exact(_split_rows(body, columns, dialect, place), columns, dialect, set(numeric), time)
-        grid.decimals = decimals_of(body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
-    grid.repeated = repeated
+        grid = _exact(_split_rows(table, place), table.columns, table.dialect, set(numeric), time)
+        last = table.body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2]
+        grid.decimals = decimals_of(last, table.columns, table.dialect)
+    grid.repeated, grid.units = table.repeated, table.units
     for name in [n for n in grid.columns if "\x00" in n]:
         del grid.columns[name]
         grid.bad.pop(name, None)
     grid.empty = [n for n in grid.empty if "\x00" not in n]
     grid.text = [n for n in grid.text if "\x00" not in n]
-    grid.notes += dialect_notes(dialect)
+    grid.notes += dialect_notes(table.dialect)
     return grid
 
 
@@ -96,13 +100,15 @@ class TextRows:
 def read_text_columns(data: bytes, place: str,
                       wanted: Collection[str]) -> tuple[dict[str, list[str]], TextRows, Dialect]:
     """The cells of some columns as text (for cells that hold lists). Raises InputError as ``read_grid`` does."""
-    body, columns, _, dialect = open_table(data, place)
-    text = _split_rows(body, columns, dialect, place)
-    return {n: [row[i] for row in text.rows] for i, n in enumerate(columns) if n in wanted}, text, dialect
+    table = open_table(data, place)
+    text = _split_rows(table, place)
+    cells = {n: [row[i] for row in text.rows] for i, n in enumerate(table.columns) if n in wanted}
+    return cells, text, table.dialect
 
 
-def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], time: str | None) -> Grid | None:
+def _fast(opened: Opened, numeric: set[str], time: str | None) -> Grid | None:
     """pyarrow; None when the file is not clean enough for it."""
+    body, columns, dialect = opened.body, opened.columns, opened.dialect
     if b'"' in body or b"\x00" in body or b"\r" in body or dialect.delimiter is None:
         return None
     body, truncated = cut_last_line(body, columns, dialect)
@@ -122,7 +128,7 @@ def _fast(body: bytes, columns: list[str], dialect: Dialect, numeric: set[str], 
     rows = table.num_rows
     if body.count(b"\n") + (not body.endswith(b"\n")) != rows:
         return None  # blank lines: let the exact path keep the line numbers
-    lines = np.arange(2, rows + 2)
+    lines = np.arange(rows) + opened.first_line
     grid = Grid({}, lines, rows + bool(truncated), truncated=truncated)
     for name in columns:
         column = table.column(name).combine_chunks()
@@ -184,14 +190,15 @@ def numbers(cells: Sequence[str], decimal: str = ".", limit: float = GIGANTIC) -
     return values, BadCells(np.array(wrong), empty, {i: describe_cell(cells[i]) for i in wrong[:5]})
 
 
-def _split_rows(body: bytes, columns: list[str], dialect: Dialect, place: str) -> TextRows:
+def _split_rows(opened: Opened, place: str) -> TextRows:
     """Line by line; a line whose number of cells is not that of the header is left out and listed."""
-    body, truncated = cut_last_line(body, columns, dialect)
+    columns, dialect = opened.columns, opened.dialect
+    body, truncated = cut_last_line(opened.body, columns, dialect)
     rows: list[list[str]] = []
     lines: list[int] = []
     lost: list[LostRow] = []
     widths: dict[int, int] = {}
-    for number, raw in enumerate(body.split(b"\n"), start=2):
+    for number, raw in enumerate(body.split(b"\n"), start=opened.first_line):
         text = raw.decode("utf-8", errors="replace").rstrip("\r")
         if not text.strip():
             continue

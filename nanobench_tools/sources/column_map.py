@@ -6,16 +6,20 @@ Everything wrong with it is an InputError that names the key and the line.
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, did_you_mean
-from ..flight import STREAM_QUANTITIES, Stream
-from ..units import factor
+import numpy as np
+
+from ..axes import Frame, frame_of, in_our_axes
+from ..errors import InputError, UsageError, did_you_mean
+from ..flight import STREAM_QUANTITIES, Assumption, Stream
+from ..units import to_si
 from .payload import read_file
 
 SCHEMA = "nanobench-columns/1"
@@ -28,8 +32,8 @@ UNITS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "deg/s", "mrad/s", "rpm"),
     "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
     "V": ("V", "mV"),
-    "N": ("N", "gram_force"),
-    "A": ("A",),
+    "N": ("N", "gram_force", "kgf", "lbf"),
+    "A": ("A", "mA"),
     "s": ("s", "ms", "us", "ns"),
 }
 """SI unit of a quantity -> units a table may give it in."""
@@ -37,7 +41,10 @@ UNITS: dict[str, tuple[str, ...]] = {
 MESSAGE_TIME = "header.stamp"
 """A map of topics needs no time column: messages carry their own stamps."""
 
-PWM_UNITS = ("1", "pwm16")
+DATES = "iso8601"
+"""Unit of a time column of dates: 2026-03-01T12:00:00.020Z."""
+
+PWM_UNITS = ("1", "pwm16", "%", "pulse_us")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
 FORCE_UNITS = UNITS["N"]
 """A collective command may also be a force."""
@@ -45,15 +52,24 @@ FORCE_UNITS = UNITS["N"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One quantity: ``value_SI = scale * cell`` (or its element ``index``)."""
+    """One quantity: ``value_SI = sign * to_si(cell, unit) + offset`` (or of the cell's element ``index``).
+
+    ``assumed``: nothing shows the unit; ``other_si``: SI unit of the value where it is not the vocabulary's.
+    """
 
     stream: str
     quantity: str
     column: str
-    index: int | None
-    scale: float
-    unit: str = ""
-    """SI unit of the value where it is not the vocabulary's."""
+    index: int | None = None
+    unit: str = "1"
+    sign: float = 1.0
+    offset: float = 0.0
+    assumed: bool = False
+    other_si: str = ""
+
+    def to_si(self, cells: np.ndarray) -> np.ndarray:
+        """(n,) cells as found -> SI."""
+        return self.sign * to_si(cells, self.unit) + self.offset
 
     @property
     def topic(self) -> str | None:
@@ -69,18 +85,43 @@ class Entry:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """``time`` is an Entry of stream ``""``; vehicle as found; ``digest`` of the file's bytes keys the cache."""
+    """``time`` is an Entry of stream ``""``, ``time_rest`` a second column that is added to it (nanoseconds beside
+    seconds), ``rate_hz`` turns numbers of frames into seconds; ``frames``: stream -> the axes it was recorded in;
+    vehicle as found; ``digest`` of the file's bytes keys the cache."""
 
     path: str
     time: Entry
     entries: tuple[Entry, ...]
     vehicle: Mapping[str, Any]
     digest: str
+    time_rest: Entry | None = None
+    rate_hz: float | None = None
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+
+    @property
+    def times(self) -> tuple[Entry, ...]:
+        """The entries of the time: one, or two."""
+        return (self.time,) if self.time_rest is None else (self.time, self.time_rest)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the table that are needed, each once."""
-        return tuple(dict.fromkeys((self.time.column, *(e.column for e in self.entries))))
+        return tuple(dict.fromkeys(e.column for e in (*self.times, *self.entries)))
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """Units that nothing shows."""
+        return tuple(Assumption(e.stream, e.column, e.unit, f"{Path(self.path).name} marks it as assumed")
+                     for e in self.entries if e.assumed)
+
+    def turned(self, name: str, stream: Stream) -> Stream:
+        """``stream`` from the axes that the map names for it into ours. InputError names the stream."""
+        if name not in self.frames:
+            return stream
+        try:
+            return in_our_axes(stream, self.frames[name])
+        except UsageError as error:
+            raise InputError(f"{self.path}: streams.{name}.frame", str(error), "name their columns, too") from None
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -135,7 +176,8 @@ def read_column_map(path: str | Path) -> ColumnMap:
     streams = content.get("streams", {})
     if not isinstance(streams, Mapping) or not streams:
         raise reader.fail("streams", "the map names no stream", "give at least one [streams.NAME]")
-    entries = []
+    entries: list[Entry] = []
+    frames: dict[str, Frame] = {}
     for stream, quantities in streams.items():
         known = STREAM_QUANTITIES.get(stream)
         if known is None:
@@ -145,18 +187,49 @@ def read_column_map(path: str | Path) -> ColumnMap:
             raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see docs/recordings.md")
         for quantity, what in quantities.items():
             key = f"streams.{stream}.{quantity}"
+            if quantity == "frame":
+                frames[stream] = _frame(reader, key, what)
+                continue
             if quantity not in known:
                 raise reader.fail(key, "unknown quantity",
-                                  f"{did_you_mean(quantity, known)}{stream} has {', '.join(known)}")
+                                  f"{did_you_mean(quantity, known)}{stream} has {', '.join(known)}, frame")
             entries.append(_entry(reader, key, stream, quantity, what, known[quantity][0]))
+    if not entries:
+        raise reader.fail("streams", "the map names no quantity", "give at least one, such as px")
     _check_once(reader, entries)
     if "time" not in content and not all(e.topic for e in entries):
         raise reader.fail("time", "the map names no time column", 'write time = {column = "t", unit = "s"}')
-    time = _entry(reader, "time", "", "time", content.get("time", MESSAGE_TIME), "s")
+    time, rest, rate_hz = _time(reader, content.get("time", MESSAGE_TIME))
     vehicle = content.get("vehicle", {})
     if not isinstance(vehicle, Mapping):
         raise reader.fail("vehicle", "vehicle is a table", "write [vehicle]")
-    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest())
+    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest(), rest, rate_hz, frames)
+
+
+def _frame(reader: _Reader, key: str, what: object) -> Frame:
+    try:
+        return frame_of(str(what))
+    except UsageError as error:
+        raise reader.fail(key, *str(error).split("; ", 1)) from None
+
+
+def _time(reader: _Reader, what: object) -> tuple[Entry, Entry | None, float | None]:
+    """The entry of the time, of what is added to it, and the rate of frames."""
+    if isinstance(what, Mapping) and "rate_hz" in what:
+        rate = what["rate_hz"]
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not rate > 0.0:
+            raise reader.fail("time.rate_hz", f"rate {rate!r}", "a rate is a number of frames a second")
+        if "unit" in what or "add" in what:
+            raise reader.fail("time", "rate_hz beside a unit", "a number of frames has none: keep one of them")
+        return _entry(reader, "time", "", "time", {k: v for k, v in what.items() if k != "rate_hz"}, "s"), None, rate
+    rest = None
+    if isinstance(what, Mapping) and "add" in what:
+        rest = _entry(reader, "time.add", "", "time", what["add"], "s")
+        what = {k: v for k, v in what.items() if k != "add"}
+    time = _entry(reader, "time", "", "time", what, "s")
+    if rest is not None and DATES in (time.unit, rest.unit):
+        raise reader.fail("time", "dates need no second column", "leave add out")
+    return time, rest, None
 
 
 def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, si: str) -> Entry:
@@ -165,35 +238,44 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
     if not isinstance(what, Mapping):
         raise reader.fail(key, f"{what!r} where a table belongs", 'write {column = "..."}')
     for name in what:
-        if name not in ("column", "index", "unit", "sign"):
-            raise reader.fail(f"{key}.{name}", "unknown key", "known: column, index, unit, sign")
+        if name not in ("column", "index", "unit", "sign", "offset", "assumed"):
+            raise reader.fail(f"{key}.{name}", "unknown key", "known: column, index, unit, sign, offset, assumed")
     column, index, sign = what.get("column"), what.get("index"), what.get("sign", 1)
+    offset, assumed = what.get("offset", 0.0), what.get("assumed", False)
     if not isinstance(column, str) or not column:
         raise reader.fail(key, "names no column", 'write column = "..."')
     if index is not None and (not isinstance(index, int) or isinstance(index, bool) or index < 0):
         raise reader.fail(f"{key}.index", f"index {index!r}", "an index is a whole number from 0")
     if isinstance(sign, bool) or sign not in (1, -1):
         raise reader.fail(f"{key}.sign", f"sign {sign!r}", "a sign is 1 or -1")
-    allowed: tuple[str, ...]
-    if quantity == "tick":
-        allowed = UNITS["s"]
-    elif stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
-        more = {"motor": ("rpm",), "command": FORCE_UNITS}.get(stream, ())
-        allowed = (*PWM_UNITS, *more)
-    else:
-        allowed = UNITS[si]
+    if isinstance(offset, bool) or not isinstance(offset, int | float) or not math.isfinite(offset):
+        raise reader.fail(f"{key}.offset", f"offset {offset!r}", "an offset is a number in SI, added last")
+    if not isinstance(assumed, bool):
+        raise reader.fail(f"{key}.assumed", f"assumed {assumed!r}", "write true or false")
+    allowed = allowed_units(stream, quantity, si)
     unit = what.get("unit", allowed[0])
     if unit not in allowed:
         raise reader.fail(f"{key}.unit", f"unit {unit!r}", f"here: {', '.join(allowed)}")
     if stream == "motor" and unit == "rpm":
         stream = "rpm"
     other = "N" if stream == "command" and unit in FORCE_UNITS else ""
-    return Entry(stream, quantity, column, index, float(sign) * factor(unit), other)
+    return Entry(stream, quantity, column, index, unit, float(sign), float(offset), assumed, other)
+
+
+def allowed_units(stream: str, quantity: str, si: str | None = None) -> tuple[str, ...]:
+    """Units a map may give a quantity in, the SI unit first; stream "" is the time."""
+    if not stream:
+        return (*UNITS["s"], DATES)
+    if quantity == "tick":
+        return UNITS["s"]
+    if stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):
+        return (*PWM_UNITS, *{"motor": ("rpm",), "command": FORCE_UNITS}.get(stream, ()))
+    return UNITS[STREAM_QUANTITIES[stream][quantity][0] if si is None else si]
 
 
 def in_units(stream: Stream, entries: Sequence[Entry]) -> Stream:
     """The stream with the units of its entries where they are not the vocabulary's."""
-    return replace(stream, unit=tuple(e.unit or known for e, known in zip(entries, stream.unit, strict=True)))
+    return replace(stream, unit=tuple(e.other_si or known for e, known in zip(entries, stream.unit, strict=True)))
 
 
 def _check_once(reader: _Reader, entries: list[Entry]) -> None:

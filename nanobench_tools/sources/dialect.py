@@ -1,4 +1,4 @@
-"""How a text table is written: its header, delimiter, decimal mark and line ends, found from its first lines."""
+"""How a text table is written: delimiter, decimal mark, line ends, cells of a line."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import csv
 import re
 from dataclasses import dataclass
 
-from ..errors import InputError
-
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
+COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -46,20 +44,7 @@ def split_line(line: str, delimiter: str | None) -> list[str]:
     return [c.strip() for c in line.split(delimiter)]
 
 
-def header_of(head: bytes) -> tuple[list[str], Dialect]:
-    """Column names of the first line that is not empty, and the delimiter that gives the most of them."""
-    text = normalise_text(head).lstrip(b"\n \t").split(b"\n", 1)[0].decode("utf-8", errors="replace").rstrip("\r")
-    best: tuple[list[str], Dialect] = ([clean_name(text)] if text.strip() else [], Dialect(","))
-    for delimiter in (",", ";", "\t", "|", None):
-        if delimiter is None and len(best[0]) > 1:
-            break  # names may hold blanks
-        names = [clean_name(c) for c in split_line(text, delimiter)]
-        if len(names) > len(best[0]):
-            best = names, Dialect(delimiter)
-    return best
-
-
-def _unique(names: list[str]) -> tuple[list[str], list[str]]:
+def unique_names(names: list[str]) -> tuple[list[str], list[str]]:
     """Names made unique; a repeated name gets a NUL and a number, so that no real column can be called the same."""
     seen: dict[str, int] = {}
     unique, repeated = [], []
@@ -73,13 +58,13 @@ def _unique(names: list[str]) -> tuple[list[str], list[str]]:
     return unique, sorted(set(repeated))
 
 
-def _with_decimal(dialect: Dialect, body: bytes) -> Dialect:
+def with_decimal(dialect: Dialect, body: bytes) -> Dialect:
     """Decimal comma: the first rows hold numbers with a comma and none with a point."""
     if dialect.delimiter == ",":
         return dialect
     sample = body[: 1 << 14].decode("utf-8", errors="replace").split("\n")[:20]
     cells = [c for line in sample for c in split_line(line.rstrip("\r"), dialect.delimiter)]
-    commas = sum(bool(_COMMA_NUMBER.fullmatch(c)) for c in cells)
+    commas = sum(bool(COMMA_NUMBER.fullmatch(c)) for c in cells)
     points = sum("." in c and bool(NUMBER.fullmatch(c)) for c in cells)
     return Dialect(dialect.delimiter, ",") if commas and not points else dialect
 
@@ -121,18 +106,3 @@ def dialect_notes(dialect: Dialect) -> list[str]:
         return []
     shown = {None: "blanks", "\t": "tab"}.get(dialect.delimiter, repr(dialect.delimiter))
     return [f"cells are separated by {shown}" + (", decimal comma" if dialect.decimal == "," else "")]
-
-
-def open_table(data: bytes, place: str) -> tuple[bytes, list[str], list[str], Dialect]:
-    """Body, unique column names, repeated names and dialect of a table."""
-    data = normalise_text(data).lstrip(b"\n")
-    names, dialect = header_of(data[: 1 << 16])
-    if len(names) < 2:
-        raise InputError(place, "no header line with column names" if data.strip() else "the file is empty",
-                         "give a table with a header")
-    first_end = data.find(b"\n")
-    body = data[first_end + 1 :] if first_end >= 0 else b""
-    if not body.strip():
-        raise InputError(place, "there is a header but no row", "the recording is empty")
-    columns, repeated = _unique(names)
-    return body, columns, repeated, _with_decimal(dialect, body)

@@ -17,7 +17,8 @@ from ..settings import number
 from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, parse_number, read_grid
 from .describe import describe
-from .dialect import header_of, normalise_text, split_line
+from .dialect import normalise_text, split_line
+from .header import header_of
 from .interpolation import Packets, count_packets
 from .names import listed
 from .nanobench_columns import COLUMN_NAMES, MARKS, PLAIN_POSE, POSITION, ROW_COUNT_KEYS, STREAMS, scales_of, units_of

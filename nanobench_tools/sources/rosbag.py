@@ -84,7 +84,7 @@ class RosBag:
         faults: list[Fault] = []
         for plan in plans:
             if (stream := _stream(plan, bag, faults, self.map is None)) is not None:
-                made[plan.stream] = stream
+                made[plan.stream] = stream if self.map is None else (stream[0], self.map.turned(plan.stream, stream[1]))
         if not made:
             known = ", ".join(f"{t} ({k})" for t, k in list(bag.types.items())[:8]) or "no topic"
             advice = "name its topics in a column map"
@@ -103,7 +103,8 @@ class RosBag:
                           "reference_speed_m_s": None,
                           "vehicle": {} if self.map is None else dict(self.map.vehicle),
                       },
-                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)),
+                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes),
+                                 assumptions=() if self.map is None else self.map.assumptions),
                       epoch_s=start * 1e-9)
 
 
@@ -115,7 +116,7 @@ def _meant(bag: Bag) -> list[_Plan]:
             best.setdefault(stream, topic)
     return [
         _Plan(stream, topic,
-              tuple(Entry(stream, q, f"{topic}.{p}", None, 1.0) for q, p in MEANT[bag.types[topic]][stream].items()))
+              tuple(Entry(stream, q, f"{topic}.{p}") for q, p in MEANT[bag.types[topic]][stream].items()))
         for stream, topic in best.items()
     ]
 
@@ -141,7 +142,7 @@ def _stream(plan: _Plan, bag: Bag, faults: list[Fault], meant: bool) -> tuple[np
         values = _values([m for _, m in messages], entry)
         if values is not None and np.isfinite(values).any():
             entries.append(entry)
-            columns.append(values * entry.scale)
+            columns.append(entry.to_si(values))
     missing = tuple(e.column if e.index is None else f"{e.column}[{e.index}]" for e in plan.entries if e not in entries)
     if missing:
         faults.append(

@@ -17,7 +17,7 @@ from ..flight import Flight, Provenance, Stream, make_stream
 from ..units import SI_FACTOR
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
-from .dialect import header_of
+from .header import header_of
 from .names import listed, quantity_of
 from .sheets import Sheet
 

@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from .base import Source
-from .dialect import NUMBER, header_of, normalise_text, split_line
+from .dialect import NUMBER, normalise_text, split_line
+from .header import header_of
 from .names import listed
 from .payload import HEAD_BYTES
 

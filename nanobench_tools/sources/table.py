@@ -16,10 +16,12 @@ import pyarrow.parquet as pq
 
 from ..errors import InputError, did_you_mean
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
+from ..units import factor
 from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
-from .column_map import ColumnMap, Entry, in_units, read_column_map
-from .dialect import header_of
+from .column_map import DATES, ColumnMap, Entry, in_units, read_column_map
+from .dates import seconds_of_dates
+from .header import header_of
 from .interpolation import count_changes, count_packets
 from .sheets import Sheet
 
@@ -56,23 +58,23 @@ class TableSource:
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place = str(path)
         cells = _parquet(data, place, self.map) if data.startswith(PARQUET_MAGIC) else _text(data, place, self.map)
-        if _key(self.map.time) not in cells.columns:
-            raise InputError(f"{place}: column {self.map.time.column}", "is not there or holds no number",
-                             f"{self.map.path} names it as time")
-        absolute = cells.columns[_key(self.map.time)] * self.map.time.scale
-        readable = np.isfinite(absolute)
+        for time in self.map.times:
+            if _key(time) not in cells.columns:
+                raise InputError(f"{place}: column {time.column}", "is not there or holds no number",
+                                 f"{self.map.path} names it as time")
+        readable = np.isfinite(np.sum([cells.columns[_key(time)] for time in self.map.times], axis=0))
         kept = np.flatnonzero(readable)
         if not len(kept):
             raise InputError(f"{place}: column {self.map.time.column}", "holds no time", "rows cannot be placed")
-        steps = np.diff(absolute[kept])
+        epoch, time_s = _seconds(self.map, cells, kept)
+        steps = np.diff(time_s)
         if len(steps) > 1 and 2 * np.count_nonzero(steps < 0.0) >= np.count_nonzero(steps > 0.0):
             raise InputError(f"{place}: column {self.map.time.column}", "is no time: it falls as often as it rises, or "
                              "stands still", f"{self.map.path} names it as time")
-        cells.bad.pop(_key(self.map.time), None)
-        cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no number in column {self.map.time.column}")
+        for time in self.map.times:
+            cells.bad.pop(_key(time), None)
+        cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no time in column {self.map.time.column}")
                        for r in np.flatnonzero(~readable)]
-        epoch = float(absolute[kept[0]])
-        time_s = absolute[kept] - epoch
         streams, faults = _streams(self.map, cells, time_s, kept)
         if not streams:
             raise InputError(place, f"no column of {self.map.path} holds a number", "check the names in the map")
@@ -84,7 +86,20 @@ class TableSource:
         notes = [*cells.notes, *(f"column {c} is not in the map" for c in cells.empty if c not in used)]
         return Flight(path.name, streams,
                       {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(self.map.vehicle)},
-                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes)), epoch_s=epoch)
+                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes),
+                                 assumptions=self.map.assumptions), epoch_s=epoch)
+
+
+def _seconds(column_map: ColumnMap, cells: Grid, kept: np.ndarray) -> tuple[float, np.ndarray]:
+    """Time of the first row [s], and (n,) s since then: subtracted before scaling, since nanoseconds since 1970 have
+    more digits than a float."""
+    epoch, time_s = 0.0, np.zeros(len(kept))
+    for entry in column_map.times:
+        read = cells.columns[_key(entry)][kept]
+        scale = 1.0 / column_map.rate_hz if column_map.rate_hz else 1.0 if entry.unit == DATES else factor(entry.unit)
+        epoch += float(read[0]) * scale
+        time_s += (read - read[0]) * scale
+    return epoch, time_s
 
 
 def _key(entry: Entry) -> str:
@@ -108,7 +123,7 @@ def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray,
             )
         if not here:
             continue
-        values = np.stack([cells.columns[_key(e)][kept] * e.scale for e in here], axis=1)
+        values = np.stack([e.to_si(cells.columns[_key(e)][kept] ) for e in here], axis=1)
         filled = np.isfinite(values).any(axis=1)
         for entry in here:  # a text cell is a sample that was lost, an empty one is none
             if (bad := cells.bad.get(_key(entry))) is not None:
@@ -121,21 +136,22 @@ def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray,
         duration = packets.last_s - float(stamps[0])
         made = make_stream(name, stamps, values, tuple(e.quantity for e in here), [_key(e) for e in here],
                            samples=count, rate_hz=count / duration if duration > 0.0 else float("nan"))
-        streams[name] = in_units(made, here)
+        streams[name] = column_map.turned(name, in_units(made, here))
     return streams, faults
 
 
 def _text(data: bytes, place: str, column_map: ColumnMap) -> Grid:
-    lists = {e.column for e in column_map.entries if e.index is not None}
-    if not lists and column_map.time.index is None:
+    if all(e.index is None and e.unit != DATES for e in (*column_map.times, *column_map.entries)):
         grid = read_grid(data, place, numeric=set(column_map.columns), time=column_map.time.column)
         for name, bad in list(grid.bad.items()):
             _set_bad(grid, name, bad)
         return grid
     cells, text, dialect = read_text_columns(data, place, column_map.columns)
     grid = Grid({}, text.lines, text.rows_in_file, lost=text.lost, truncated=text.truncated)
-    for entry in (column_map.time, *column_map.entries):
-        if entry.column in cells:
+    for entry in (*column_map.times, *column_map.entries):
+        if entry.column in cells and entry.unit == DATES:
+            grid.columns[_key(entry)] = seconds_of_dates(cells[entry.column])
+        elif entry.column in cells:
             _add(grid, entry, [_element(c, entry.index) for c in cells[entry.column]], dialect.decimal)
     return grid
 
@@ -177,7 +193,7 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
     if not table.num_rows:
         raise InputError(place, "a table without rows", "the recording is empty")
     grid = Grid({}, np.arange(1, table.num_rows + 1), table.num_rows)
-    for entry in (column_map.time, *column_map.entries):
+    for entry in (*column_map.times, *column_map.entries):
         if entry.column in table.column_names:
             _add_arrow(grid, entry, table.column(entry.column).combine_chunks(), place)
     return grid
@@ -186,6 +202,9 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
 def _add_arrow(grid: Grid, entry: Entry, column: pa.Array, place: str) -> None:
     kind, key = column.type, _key(entry)
     where = f"{place}: column {entry.column}"
+    if entry.unit == DATES and not pa.types.is_timestamp(kind):
+        grid.columns[key] = seconds_of_dates([str(c or "") for c in column.to_pylist()])
+        return
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         _add(grid, entry, [_element((c or "").strip(), entry.index) for c in column.to_pylist()], ".")
         return
