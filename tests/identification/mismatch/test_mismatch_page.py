@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from carried_tracks import MODEL, wrench_of
+from markupsafe import escape
 from scipy.stats import t as student
 
 from identification.mismatch.binned import BLOCK_S, binned, block_numbers
@@ -91,6 +92,13 @@ def test_every_section_is_there_with_what_was_found(page, verdict):
     for picture in ("whole", "spans", "rms", "timeline", "share", "covariates", "room", "by_flight", "scores",
                     "intervals", "errors"):
         assert f'id="fig-{picture}"' in page, picture
+
+
+def test_it_opens_with_one_sentence_and_one_picture(page, verdict):
+    opening = page[:page.index("<nav")]
+    assert escape(verdict.body["headline"]) in opening
+    assert opening.count("<figure") == 1
+    assert 'id="fig-errors"' in opening
 
 
 def test_nothing_is_asked_of_a_network_and_no_cell_is_empty(page):
