@@ -17,7 +17,7 @@ import click
 
 from ..deprecation import todays_options
 from ..errors import NanobenchError
-from ..user_folder import keep_ours
+from ..user_folder import ours_first
 from ..version import __version__
 
 VERBS: dict[str, tuple[str, str]] = {
@@ -117,7 +117,7 @@ def main(argv: list[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     words = todays_options(next((word for word in words if word in VERBS), ""), words)
     try:
-        keep_ours()
+        ours_first()
         with cli.make_context("nanobench", list(words)) as context:  # click's own main() has other exit codes
             context.meta["nanobench.words"] = words  # see ``closing``
             code = cli.invoke(context)

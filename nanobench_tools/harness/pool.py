@@ -18,7 +18,6 @@ from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.backend import resource_tracker as locks
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from ..user_folder import are_ours, keep_ours
 from .items import Item, Outcome, Results, execute
 from .store import Store
 
@@ -103,7 +102,7 @@ def _take(jobs: int) -> ProcessPoolExecutor:
         _silence_manager()
         _silence_locks()
         _pool = ProcessPoolExecutor(max_workers=jobs, env=ONE_THREAD, initializer=_start_worker,
-                                    initargs=(os.getpid(), are_ours()))
+                                    initargs=(os.getpid(),))
         _size = jobs
     return _pool
 
@@ -162,10 +161,8 @@ def _interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(parent: int, ours: bool) -> None:
-    """A worker has the packages its first process has, and ends by itself when that is gone (killed)."""
-    if ours:
-        keep_ours()
+def _start_worker(parent: int) -> None:
+    """A worker ends by itself when its first process is gone (killed)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

@@ -1,13 +1,10 @@
 """A user's package that has the name of one of ours (``controllers``, ``estimators``, ``identification``).
 
-Python knows one module of a name. So a folder with such a package is loaded under a name of its own: its
-``controllers.pid`` becomes ``nanobench_tools.user_folder.in_XYZ.controllers.pid``, XYZ being the path of the folder.
-Relative imports stay in the folder by themselves. Absolute ones (``from controllers.gains import Gains``) are looked
-up in the folder too, in its modules alone: each gets an ``__import__`` of its own; ``importlib.import_module`` with
-an absolute name is not seen and finds ours. The name says where to look, so that
-another process can import what was sent to it.
-
-In a process of ours ``keep_ours`` takes the names for our packages, whatever stands first on the path.
+Python knows one module of a name. So the modules of a folder with such a package are loaded under another name:
+``controllers.pid`` becomes ``nanobench_tools.user_folder.in_XYZ.controllers.pid``, where XYZ is the coded path of the
+folder. The name gives the place, so another process can import what was sent to it. In these modules
+``from controllers.gains import Gains`` means the user's file: each has an ``__import__`` that looks into the folder
+first. ``importlib.import_module`` with an absolute name does not use it and finds ours.
 """
 
 from __future__ import annotations
@@ -30,28 +27,17 @@ from ..errors import UsageError
 OURS = ("controllers", "estimators", "identification")
 """Our top-level packages whose names a user may well choose, too."""
 ROOT = Path(__file__).resolve().parents[2]
-"""The folder they stand in: a checkout, or where they were installed."""
+"""The folder of our packages: a checkout, or where they were installed."""
 PREFIX = f"{__name__}.in_"
-_INSTALLED = {Path(sysconfig.get_path(key)).resolve() for key in ("stdlib", "purelib", "platlib")}
+INSTALLED = {Path(sysconfig.get_path(key)).resolve() for key in ("stdlib", "purelib", "platlib")}
 
 
-def keep_ours() -> None:
-    """From here on ``import controllers`` is ours in this process. UsageError where it is somebody else's already."""
-    for name in OURS:
-        where = ROOT / name / "__init__.py"
-        if name not in sys.modules and where.is_file():
-            spec = importlib.util.spec_from_file_location(name, where)
-            assert spec is not None
-            assert spec.loader is not None
-            sys.modules[name] = module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-        check_ours(name)
-
-
-def are_ours() -> bool:
-    """Whether ``keep_ours`` did its work here, or our packages were simply the first."""
-    specs = {name: sys.modules[name].__spec__ for name in OURS if name in sys.modules}
-    return len(specs) == len(OURS) and all(spec is not None and _is_ours(spec, name) for name, spec in specs.items())
+def ours_first() -> None:
+    """From here on ``import controllers`` is ours, also in processes that inherit the import path: folders with a
+    package of that name move behind our folder."""
+    theirs = [place for place in sys.path if _has_ours(Path(place or os.curdir).resolve())]
+    if theirs:
+        sys.path[:] = [*(place for place in sys.path if place not in theirs), str(ROOT), *theirs]
 
 
 def check_ours(module: str) -> None:
@@ -70,67 +56,51 @@ def load_module(name: str) -> ModuleType:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     importlib.invalidate_caches()
-    folder = _folder_of(name)
+    places = dict.fromkeys(Path(place or os.curdir).resolve() for place in sys.path)
+    folder = next((p for p in places if p not in INSTALLED and _has_ours(p) and find_in(p, name)), None)
     return importlib.import_module(name if folder is None else f"{_name_of(folder)}.{name}")
 
 
 def own_name(module: str) -> tuple[Path, str] | None:
-    """(folder, name its user knows) of a module that was loaded under a name of its own; None for any other."""
+    """(folder, name its user knows) of a module that was loaded under another name; None for any other."""
     if not module.startswith(PREFIX):
         return None
     coded, _, name = module.removeprefix(PREFIX).partition(".")
-    return _folder_named(coded), name
+    return Path(os.fsdecode(base64.b32decode(coded.upper() + "=" * (-len(coded) % 8)))), name
 
 
-def find_in(folder: Path, top: str) -> ModuleSpec | None:
-    """Where top-level ``top`` is for the modules of ``folder``; None when not in the folder."""
-    if top in OURS:
-        return PathFinder.find_spec(top, [str(folder)])
+def find_in(folder: Path, name: str) -> ModuleSpec | None:
+    """The top-level module or package of ``name`` where ``import name`` in a module of ``folder`` means one there."""
+    top, _, rest = name.partition(".")
+    there = PathFinder.find_spec(top, [str(folder)])
+    if there is None or top in sys.stdlib_module_names or _is_ours(there, top):
+        return None
+    if top in OURS:  # a plain folder without modules only has the name
+        first = rest.partition(".")[0]
+        wanted = (f"{first}.py", f"{first}/*.py") if first else ("*.py",)
+        return there if there.loader or any(f for p in _places(there) for w in wanted for f in p.glob(w)) else None
     try:
-        spec = importlib.util.find_spec(top)  # in the order of the path: the folder's yaml.py hides no installed one
+        usual = importlib.util.find_spec(top)  # in the order of the path: the folder's yaml.py hides no installed one
     except (ImportError, ValueError):
         return None
-    if spec is None:
-        return PathFinder.find_spec(top, [str(folder)])
-    places = [*(spec.submodule_search_locations or ()), *([spec.origin] if spec.has_location and spec.origin else ())]
-    return PathFinder.find_spec(top, [str(folder)]) if any(
-        Path(place).resolve().parent in (folder, folder / top) for place in places) else None
+    return there if usual is None or _places(usual) & _places(there) else None
+
+
+def _has_ours(folder: Path) -> bool:
+    return any(find_in(folder, name) for name in OURS)
 
 
 def _is_ours(spec: ModuleSpec, name: str) -> bool:
     return spec.origin is not None and Path(spec.origin).resolve().is_relative_to(ROOT / name)
 
 
-def _folder_of(name: str) -> Path | None:
-    """The folder on the import path that holds module ``name`` and a package named like one of ours."""
-    top, _, rest = name.partition(".")
-    for place in [*dict.fromkeys(Path(entry or os.curdir).resolve() for entry in sys.path)]:
-        if place in (ROOT, *_INSTALLED) or not place.is_dir() or not any(_holds(place, ours) for ours in OURS):
-            continue
-        if _holds(place, top, rest) if top in OURS else find_in(place, top):
-            return place
-    return None
-
-
-def _holds(folder: Path, top: str, rest: str = "") -> bool:
-    """Whether ``top`` stands in ``folder``: a module, a package, or a plain folder that holds ``rest`` (any module)."""
-    spec = PathFinder.find_spec(top, [str(folder)])
-    if spec is None or _is_ours(spec, top):
-        return False
-    if spec.loader is not None:
-        return True
-    places = [Path(place) for place in spec.submodule_search_locations or ()]
-    first = rest.partition(".")[0]
-    return any((place / f"{first}.py").is_file() or (place / first).is_dir() if first else any(place.glob("*.py"))
-               for place in places)
+def _places(spec: ModuleSpec) -> set[Path]:
+    found = [*(spec.submodule_search_locations or ()), *([spec.origin] if spec.has_location and spec.origin else ())]
+    return {Path(place).resolve() for place in found}
 
 
 def _name_of(folder: Path) -> str:
     return PREFIX + base64.b32encode(os.fsencode(folder)).decode().rstrip("=").lower()
-
-
-def _folder_named(coded: str) -> Path:
-    return Path(os.fsdecode(base64.b32decode(coded.upper() + "=" * (-len(coded) % 8))))
 
 
 class _Loader(SourceFileLoader):
@@ -143,24 +113,22 @@ class _Loader(SourceFileLoader):
 
         def look_up(name: str, globals: Any = None, locals: Any = None, fromlist: Any = (),
                     level: int = 0) -> ModuleType:
-            top = name.partition(".")[0]
-            if level or top in sys.stdlib_module_names or find_in(folder, top) is None:
+            if level or not find_in(folder, name):
                 return builtins.__import__(name, globals, locals, fromlist, level)
             found = builtins.__import__(f"{_name_of(folder)}.{name}", globals, locals, fromlist, 0)
-            return found if fromlist else sys.modules[f"{_name_of(folder)}.{top}"]  # "import a.b" binds a
+            return found if fromlist else sys.modules[f"{_name_of(folder)}.{name.partition('.')[0]}"]
 
         vars(module)["__builtins__"] = {**vars(builtins), "__import__": look_up}
         super().exec_module(module)
 
 
 class _Finder:
-    """Finds folders by the path in their name, and what they hold."""
+    """Finds folders by the path in their name, and their modules."""
 
     @classmethod
     def find_spec(cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
                   ) -> ModuleSpec | None:
-        named = own_name(name)
-        if named is None:
+        if (named := own_name(name)) is None:
             return None
         if not named[1]:
             spec = ModuleSpec(name, None, is_package=True)
