@@ -316,8 +316,8 @@ class Flight:
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
 
     def retimed(self, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
-        """The former name of ``retiming.apply.retimed``: warns, and goes with the next release."""
-        today = "nanobench_tools.retiming.apply"
+        """The former name of ``moving.apply.retimed``: warns, and goes with the next release."""
+        today = "nanobench_tools.time_offsets.moving.apply"
         warn_renamed("Flight.retimed", f"{today}.retimed")
         moved: Flight = importlib.import_module(today).retimed(self, clock, judged)
         return moved

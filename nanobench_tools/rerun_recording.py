@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from . import so3
-from .audit_verdict import AuditVerdict, verdict_of
-from .auditing import Audit, audit
+from .auditing.audit_verdict import AuditVerdict, verdict_of
+from .auditing.faults.kinds import cutting
+from .auditing.recording_audit import Audit, audit
 from .errors import MissingExtraError
-from .faults.kinds import cutting
 from .flight import STREAM_QUANTITIES, Flight, Span, mask_of, merge_spans, motors_of
 from .pages.recording import LONGEST_GAP_S, colour_of
 from .result import to_json

@@ -21,7 +21,7 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from practice_crowd import Crowd
 
-    from nanobench_tools.auditing import Audit
+    from nanobench_tools.auditing.recording_audit import Audit
     from nanobench_tools.flight import Flight
 
 pytest_plugins = ["leftovers"]
@@ -117,7 +117,7 @@ def audited(made_once, shared_cache) -> Callable[[Flight], Audit]:
     whatever name, and left where verbs that write to no folder find it."""
 
     def give(flight: Flight) -> Audit:
-        from nanobench_tools.auditing import Audit
+        from nanobench_tools.auditing.recording_audit import Audit
         from nanobench_tools.harness.audits import audit_item
         from nanobench_tools.harness.identity import item_key
         from nanobench_tools.harness.store import Store, encode, user_store

@@ -10,13 +10,17 @@ OURS = ("nanobench_tools", "estimators", "controllers", "identification")
 MIRRORED = ("nanobench_tools/physics/terms", "identification/prove/effects", "identification/mismatch/steady/causes")
 """One physical effect has a file of the same name here: its equation, how a case gets it, what it does to a trim."""
 
+FORMER = ("nanobench_tools/faults", "nanobench_tools/retiming")
+"""Places of the last release that only name today's (``renamed``)."""
+
 
 def names() -> dict[str, list[str]]:
     found = defaultdict(list)
     for top in OURS:
         for path in (ROOT / top).rglob("*.py"):
-            if path.stem != "__init__":
-                found[path.stem].append(path.relative_to(ROOT).parent.as_posix())
+            folder = path.relative_to(ROOT).parent.as_posix()
+            if path.stem != "__init__" and folder not in FORMER:
+                found[path.stem].append(folder)
     return found
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from kept import show
 from read_speed import with_csv_module
 
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.practice.flights import write_practice
 from nanobench_tools.sources.discover import default_data, find_recordings, read
 

@@ -38,13 +38,13 @@ from plant_speed import chain
 from identification.greybox import sensitivity
 from identification.greybox.fit_windows import cases_of, cut, gather
 from identification.greybox.solve import solve, usual_errors
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.physics import batched, machine, rollout
 from nanobench_tools.physics.equations import Equations
 from nanobench_tools.physics.inputs import substeps
 from nanobench_tools.physics.lanes import Kernel
 from nanobench_tools.physics.ops import Ops
 from nanobench_tools.practice.flights import write_practice
-from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.sources.discover import default_data, load_recordings
 
 REQUIRED_RATIO = 2.0

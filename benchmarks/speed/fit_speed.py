@@ -31,11 +31,11 @@ from identification.greybox.ranges import bounds, held, priors
 from identification.greybox.residuals import HORIZONS, errors
 from identification.greybox.sensitivity import _tangent
 from identification.greybox.solve import Problem, solve, usual_errors
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.numeric import rollout as numpy_rollout
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.practice.flights import write_practice
-from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.sources.discover import default_data, load_recordings
 
 REQUIRED_RATIO, REQUIRED_S = 20.0, 90.0

@@ -20,11 +20,11 @@ from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
 
 from estimators.drag_ekf import DragEkf
 from estimators.error_state_ekf import ErrorStateEkf
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.methods import Estimate, Estimator
 from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols import aided, task3
-from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.steps.options import Options
 

@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from nanobench_tools.auditing import Audit, audit, find_copies
-from nanobench_tools.clock.moving import moving_clocks
-from nanobench_tools.clock.readings import read_clocks
-from nanobench_tools.faults.clock_offset import SMALLEST_S
-from nanobench_tools.faults.estimator_reset import ACROSS_M, ALONG_M, ALONG_S, SURELY
-from nanobench_tools.faults.kinds import those
-from nanobench_tools.faults.saturated_sensor import FEWEST_ROWS
+from nanobench_tools.auditing.faults.clock_offset import SMALLEST_S
+from nanobench_tools.auditing.faults.estimator_reset import ACROSS_M, ALONG_M, ALONG_S, SURELY
+from nanobench_tools.auditing.faults.kinds import those
+from nanobench_tools.auditing.faults.saturated_sensor import FEWEST_ROWS
+from nanobench_tools.auditing.recording_audit import Audit, audit, find_copies
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
@@ -33,6 +31,8 @@ from nanobench_tools.signals.axis_unit_matching import CLEAR, axis_unit_matches
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.packet_rows import packets_of
 from nanobench_tools.signals.spikes import LIMITS, least_height
+from nanobench_tools.time_offsets.constant.drift_and_wander import moving_clocks
+from nanobench_tools.time_offsets.constant.readings import read_clocks
 
 INFORMATION = those(lambda kind: not kind.in_overview)
 TRUE_TAIL_S = 0.15

@@ -26,6 +26,7 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.practice import nulls
@@ -34,18 +35,17 @@ from nanobench_tools.practice.flying import flight_rngs, fly
 from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
-from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.protocols.sessions import Sessions
 from nanobench_tools.result_files import write_json
-from nanobench_tools.retiming.apply import find_time_offset
-from nanobench_tools.retiming.confirm import gain_on
-from nanobench_tools.retiming.infer import infer
-from nanobench_tools.retiming.time_offset import TimeOffset
-from nanobench_tools.retiming.votes import voters
 from nanobench_tools.signals.airborne import airborne_spans
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.mocap_derivatives import derivatives_of
 from nanobench_tools.sources import default_data, load_recordings
+from nanobench_tools.time_offsets.moving.apply import find_time_offset
+from nanobench_tools.time_offsets.moving.confirm import gain_on
+from nanobench_tools.time_offsets.moving.infer import infer
+from nanobench_tools.time_offsets.moving.time_offset import TimeOffset
+from nanobench_tools.time_offsets.moving.votes import voters
 
 CLOCKS: dict[str, tuple[str, ...] | str] = {
     "gyro, acceleration": ("gyro", "acceleration"), "gyro, acceleration, attitude": voters("retimed"),

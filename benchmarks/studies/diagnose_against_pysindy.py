@@ -40,7 +40,7 @@ from identification.prove.blind_proof import plan
 from identification.prove.make import Case, make_cases
 from identification.prove.score import CaseScore, score_case
 from identification.prove.summary import Share
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model

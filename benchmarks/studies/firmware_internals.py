@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from nanobench_tools.auditing import Audit, audit
+from nanobench_tools.auditing.recording_audit import Audit, audit
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.motor_output import BUILD, compensated
 from nanobench_tools.firmware.replay import CONTROLLERS, MOTORS, Replay, build_of, flown_command, replay
 from nanobench_tools.flight import Flight, intersect_spans, mask_of
-from nanobench_tools.protocols.selection import distinct
-from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.sources.discover import default_data, load_recordings
+from nanobench_tools.time_offsets.moving.apply import retimed
 from nanobench_tools.units import PWM_FULL_SCALE
 
 STREAMS = ("estimator", "attitude_qw", "imu", "setpoint", "motor", "battery", "pid")

@@ -140,9 +140,9 @@ def fly_virtual(name: str, folder: Path, seed: int, seconds: float, model=None) 
 
 def circle(seeds: int, seconds: float, written: str | None) -> None:
     """SYNTHETIC: tracking error, clock and faults of every controller, from the recordings alone."""
-    from nanobench_tools.auditing import audit
+    from nanobench_tools.auditing.faults.kinds import kinds
+    from nanobench_tools.auditing.recording_audit import audit
     from nanobench_tools.cli.main import main
-    from nanobench_tools.faults.kinds import kinds
     from nanobench_tools.sources.discover import load_recordings
 
     with tempfile.TemporaryDirectory() as place:

@@ -20,7 +20,7 @@ import numpy as np
 
 from controllers.plants.kalman_senses import POSE_SD_M, POSE_SD_RAD
 from estimators.firmware_ekf import FirmwareEkf
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.kalman import ATTITUDE_SD_RAD, POSITION_SD_M
 from nanobench_tools.flight import Flight, Span
@@ -29,8 +29,8 @@ from nanobench_tools.protocols.gate import select
 from nanobench_tools.protocols.phases import streamed_phase
 from nanobench_tools.protocols.sessions import labels_of
 from nanobench_tools.result_files import write_json
-from nanobench_tools.retiming.apply import retimed
 from nanobench_tools.sources.discover import default_data, load_recordings
+from nanobench_tools.time_offsets.moving.apply import retimed
 
 LATE_S = 0.015
 """Of a pose on its way; a constant one does not move the slope."""

@@ -19,7 +19,7 @@ from identification.mismatch.steady.periodic import Swing, swing_in, swing_of
 from identification.mismatch.steady.reconstruct import states_of
 from identification.mismatch.steady.smallest_swing import smallest_swing
 from identification.mismatch.steady.trim import runs_of
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import Flight
 from nanobench_tools.sources.discover import load_recordings
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from identification.mismatch.steady.trim import trim_of
 from identification.mismatch.steady.weigh import GROUPS
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.errors import NanobenchError
-from nanobench_tools.protocols.selection import distinct
 from nanobench_tools.sources.discover import default_data, load_recordings
 
 ROBUST = 1.4826

@@ -25,12 +25,12 @@ import numpy as np
 import tomlkit
 from scipy.optimize import minimize
 
+from nanobench_tools.auditing.usable import POSE
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.flight import Flight, Span, mask_of
 from nanobench_tools.labels import FILTERS_SEARCHED_ON, family_of
 from nanobench_tools.protocols import aided, blackout, task3
 from nanobench_tools.protocols.sessions import labels_of
-from nanobench_tools.protocols.usable import POSE
 from nanobench_tools.registry import load
 from nanobench_tools.settings import FOLDER
 from nanobench_tools.steps.options import Options

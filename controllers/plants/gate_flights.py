@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from nanobench_tools import so3
+from nanobench_tools.auditing.usable import MOTORS
 from nanobench_tools.firmware.motor_output import BUILD, MotorOutput
 from nanobench_tools.firmware.onboard import PERIOD_S, Mellinger, PidCascade
 from nanobench_tools.firmware.replay import build_of, flown_state
 from nanobench_tools.methods import Reference
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.gate import Case, FlownAgain, score, setpoints
-from nanobench_tools.protocols.usable import MOTORS
 
 from .closed_loop import Flown, fly
 from .kalman_senses import Onboard

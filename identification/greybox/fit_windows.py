@@ -9,12 +9,12 @@ from typing import TypeVar
 import numpy as np
 
 from nanobench_tools import array_fields
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.auditing.verb_needs import SYSID
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Past, Prediction, Windows
 from nanobench_tools.protocols.task1 import Case, training_cases
-from nanobench_tools.protocols.verb_needs import SYSID
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.settings import count, number
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.clocks import on_clock

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream, motors_of
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.faults.kinds import those
+from nanobench_tools.auditing.recording_audit import Audit
+from nanobench_tools.auditing.selection import distinct
+from nanobench_tools.auditing.verb_needs import FORCE, WRENCH
 from nanobench_tools.errors import InputError
-from nanobench_tools.faults.kinds import those
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.physics import Vehicle
-from nanobench_tools.protocols.selection import distinct
-from nanobench_tools.protocols.verb_needs import FORCE, WRENCH
 from nanobench_tools.settings import setting
 
 from . import commanded

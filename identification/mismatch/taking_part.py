@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from nanobench_tools.auditing import Audit
-from nanobench_tools.faults.kinds import cutting as cutting_kinds
-from nanobench_tools.faults.kinds import kinds
+from nanobench_tools.auditing.faults.kinds import cutting as cutting_kinds
+from nanobench_tools.auditing.faults.kinds import kinds
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.signals.context import Context
 

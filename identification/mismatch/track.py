@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
+from nanobench_tools.auditing.verb_needs import FORCE, WRENCH
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import (
     Flight,
@@ -22,7 +23,6 @@ from nanobench_tools.flight import (
     motors_of,
     subtract_spans,
 )
-from nanobench_tools.protocols.verb_needs import FORCE, WRENCH
 from nanobench_tools.settings import number
 
 from . import commanded

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from nanobench_tools import so3
+from nanobench_tools.auditing.usable import MOTORS, missing, tidy
+from nanobench_tools.auditing.verb_needs import MOTOR_LAG
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
-from nanobench_tools.protocols.usable import MOTORS, missing, tidy
-from nanobench_tools.protocols.verb_needs import MOTOR_LAG
 from nanobench_tools.settings import number, setting
 from nanobench_tools.units import PWM_FULL_SCALE
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from nanobench_tools.faults.kinds import those
+from nanobench_tools.auditing.faults.kinds import those
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.sources.nanobench_columns import STREAMS
 

@@ -26,9 +26,9 @@ from identification.mismatch.space import with_other_map
 from identification.thrust.flight_fit import BALANCED, find_delay, fit_flights, models
 from identification.thrust.map_export import rising_cubic
 from identification.thrust.thrust_rows import flown_rows
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.faults.kinds import log_ended
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.faults.kinds import log_ended
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.faults.kind import Blind
-from nanobench_tools.faults.kinds import those
+from nanobench_tools.auditing.faults.kind import Blind
+from nanobench_tools.auditing.faults.kinds import those
 from nanobench_tools.physics.vocabulary import added
 from nanobench_tools.practice.inject import INJECTIONS
 

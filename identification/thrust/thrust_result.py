@@ -9,7 +9,7 @@ import numpy as np
 
 from nanobench_tools.fitted_values import Estimate, LeftOut, Value
 from nanobench_tools.result import INLINE, OPTIONAL, Result
-from nanobench_tools.retiming.votes import evidence_of
+from nanobench_tools.time_offsets.moving.votes import evidence_of
 
 from .electrical import battery_resistance, motor_constants
 from .error_rows import AgainstFirmware, ChosenWithout, ErrorRow, FileError, InverseTable, Points

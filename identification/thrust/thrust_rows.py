@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
+from nanobench_tools.auditing.usable import left_out, usable
+from nanobench_tools.auditing.verb_needs import THRUST
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans
 from nanobench_tools.protocols.phases import flown_spans
-from nanobench_tools.protocols.usable import left_out, usable
-from nanobench_tools.protocols.verb_needs import THRUST
 
 from .flight_rows import Flown, fly
 from .stand_series import Stand, is_stand, read_stand
@@ -90,7 +90,7 @@ def fit_to_fly(cases: Sequence[Case]) -> list[Case]:
 def load(sources: Iterable[Flight | str | Path]) -> tuple[list[Flight], dict[str, Audit]]:
     """Recordings and audits of ``sources``: flights as they are, paths (files, folders) read. InputError for a path
     that cannot be read."""
-    from nanobench_tools.auditing import audit
+    from nanobench_tools.auditing.recording_audit import audit
     from nanobench_tools.sources.discover import load_recordings
 
     given = list(sources)

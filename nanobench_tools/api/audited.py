@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
-from ..audit_verdict import AuditVerdict, verdict_of
-from ..auditing import Audit
+from ..auditing.audit_verdict import AuditVerdict, verdict_of
+from ..auditing.recording_audit import Audit
+from ..auditing.verb_needs import can
 from ..flight import Flight, Span
-from ..protocols.verb_needs import can
 from .quiet_options import given, some
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..audit_verdict import AuditVerdict
+from ..auditing.audit_verdict import AuditVerdict
 from ..errors import MissingExtraError
 from ..flight import Flight
 

@@ -15,8 +15,8 @@ from .shared_options import shared_options
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..audit_verdict import AuditVerdict
-    from ..auditing import Audit
+    from ..auditing.audit_verdict import AuditVerdict
+    from ..auditing.recording_audit import Audit
     from ..flight import Fault, Flight
 
 EVENTS_UP_TO = 3
@@ -48,7 +48,7 @@ def audit(options: Options, verbose: bool) -> int:
 def audit_body(flights: Sequence[Flight], audits: Mapping[str, Audit], copies: Sequence[Sequence[str]]
                ) -> dict[str, Any]:
     """The keys of audit.json."""
-    from ..audit_verdict import entry_of
+    from ..auditing.audit_verdict import entry_of
 
     return {"flights": [entry_of(flight, audits[flight.name]) for flight in flights if flight.name in audits],
             "copies": [list(group) for group in copies]}
@@ -56,7 +56,7 @@ def audit_body(flights: Sequence[Flight], audits: Mapping[str, Audit], copies: S
 
 def show_audits(options: Options, audits: Mapping[str, Audit], copies: Sequence[Sequence[str]], verbose: bool) -> None:
     """The verdicts on stdout; of few recordings every event; ``verbose``: numbers and faults, too."""
-    from ..audit_verdict import verdict_of
+    from ..auditing.audit_verdict import verdict_of
 
     label = "SYNTHETIC " if options.synthetic else ""
     verdicts = [verdict_of(a) for a in audits.values()]
@@ -105,7 +105,7 @@ def _close(options: Options, entries: Sequence[Mapping[str, Any]]) -> None:
 
 def numbers_table(audits: Mapping[str, Audit], title: str) -> Table:
     """One line per recording; the kinds that cut time away stand in bold."""
-    from ..faults.kinds import cutting, those
+    from ..auditing.faults.kinds import cutting, those
     from ..flight import intersect_spans
 
     table = _table(title, {"recording": "left", "controller": "left", "airborne s": "right", "clean s": "right",

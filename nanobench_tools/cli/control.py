@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError, unknown_name
-from ..retiming.votes import evidence_of
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import ControlBody
 from ..steps.show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
+from ..time_offsets.moving.votes import evidence_of
 from .closing import close_scores, controlled
 from .shared_options import PATH, FiniteRange, shared_options
 
 MODERATE = ("figure_eight", "star", "linear_ramp")
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..protocols.task2 import TrackingRow
 
@@ -156,9 +156,9 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
 
     Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
     """
+    from ..auditing.verb_needs import CONTROL
     from ..harness import make_item
     from ..protocols import task2
-    from ..protocols.verb_needs import CONTROL
 
     rows: list[task2.TrackingRow] = []
     reasons: dict[str, str] = {}

@@ -15,7 +15,7 @@ from ..steps.show import data_word, score_text
 if TYPE_CHECKING:
     from controllers.learned.policies import Network
 
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
     from ..protocols.gate import GateSummary

@@ -12,14 +12,14 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..fitted_values import LeftOut
-from ..retiming.votes import AS_RECORDED, evidence_of
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import GateBody, GateJudged, SimulatedPart
 from ..steps.show import data_word
+from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 from .control_tables import show_mismatch, show_simulated
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..practice.references import PathSpec
     from ..protocols.compare import GateChange
@@ -68,8 +68,8 @@ class Chosen:
     def _identified(cls, options: Options, train: Sequence[Path]) -> Chosen:
         from identification.balance import balance
 
+        from ..auditing.selection import distinct
         from ..physics.simulator import dumps
-        from ..protocols.selection import distinct
         from ..protocols.task1 import training_cases
 
         flights = options.load(train)

@@ -71,7 +71,7 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
         rerun()  # said once, before anything is read
     flights = options.load()
     if mocap is not None:
-        from ..retiming.pairing import with_mocap
+        from ..time_offsets.moving.pairing import with_mocap
 
         found = load_recordings([mocap]).flights
         if len(found) != 1 or "mocap" not in found[0]:

@@ -26,7 +26,7 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
     from identification.mismatch.steady.trim_page import write_steady_page
     from identification.mismatch.steady.trim_simulator import corrected, simulator_of
 
-    from ..auditing import find_copies
+    from ..auditing.recording_audit import find_copies
     from ..physics.simulator import read_quadrotor, write_simulator
 
     for path in normal:

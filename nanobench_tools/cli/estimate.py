@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from ..errors import UsageError
-from ..retiming.votes import AS_RECORDED
 from ..steps.estimate_pictures import attribution
 from ..steps.estimating import estimate_body, see, trajectory_files
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
+from ..time_offsets.moving.votes import AS_RECORDED
 from .closing import close_scores, estimated
 from .shared_options import PATH, FiniteRange, shared_options
 

@@ -84,7 +84,7 @@ def terms() -> Names:
 
 
 def faults() -> Names:
-    from ..faults.kinds import kinds
+    from ..auditing.faults.kinds import kinds
 
     return {name: shortened(" ".join(kind.doc.replace("``", "").split()).removeprefix(f"{name}: "))
             for name, kind in kinds().items()}

@@ -33,10 +33,10 @@ def noise(options: Options) -> int:
 
     from estimators.imu_noise import ImuNoise, packet_rate_hz
 
+    from ..auditing.selection import distinct
     from ..flight import intersect_spans
     from ..noise.inflight import InFlight
     from ..noise.rest import at_rest
-    from ..protocols.selection import distinct
 
     flights = options.load()
     audits, _ = options.audit(flights)

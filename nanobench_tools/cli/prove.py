@@ -149,7 +149,7 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     from identification.prove.folder_score import score_folders
     from identification.prove.folders import LEAVE_ONE_OUT, judge
 
-    from ..auditing import find_copies
+    from ..auditing.recording_audit import find_copies
     from ..physics.simulator import read_quadrotor
 
     if not labels.is_file():

@@ -12,8 +12,8 @@ import click
 
 from ..errors import NanobenchError
 from ..result import Result
-from ..retiming.votes import CLOCKS
 from ..steps.options import Options
+from ..time_offsets.moving.votes import CLOCKS
 from .audit import audit_body, show_audits
 from .closing import close, shown_page
 from .shared_options import shared_options
@@ -52,9 +52,9 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     clock: that of the clean rows; None: see ``Recordings``. A task for which the recordings do not suffice is listed in
     ``options.failed``; the others go on.
     """
+    from ..auditing.selection import distinct
     from ..harness import write_json
     from ..pages import write_report
-    from ..protocols.selection import distinct
     from ..sources.discover import default_data
     from .run_clocks import COMPARED_CLOCKS, Recordings, control_on, estimate_on, sysid_on
 

@@ -8,12 +8,12 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
-from ..retiming.votes import AS_RECORDED
 from ..steps.options import Options
 from ..steps.result_bodies import ControlBody, EstimateBody, GateBody, Joined, SysidBody
+from ..time_offsets.moving.votes import AS_RECORDED
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..harness.clocks import Choice
 
@@ -62,10 +62,10 @@ def join(options: Options, parts: Sequence[Part[Body]]) -> Body:
 
 
 def estimate_on(given: Recordings) -> EstimateBody:
-    """estimate.json. No judged estimate has a vote in its clock (``retiming.votes``); on further clocks what was
+    """estimate.json. No judged estimate has a vote in its clock (``moving.votes``); on further clocks what was
     logged in flight and dead reckoning are scored, each distinct recording once."""
+    from ..auditing.selection import distinct
     from ..protocols import compare
-    from ..protocols.selection import distinct
     from ..protocols.task3 import BLACKOUT, PROTOCOLS
     from ..steps.estimating import LOGGED, RECKONING, estimate_body, see
     from ..steps.named_methods import load_methods
@@ -124,8 +124,8 @@ def sysid_on(given: Recordings) -> SysidBody:
     """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
     clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
     in ``by_clock``."""
+    from ..auditing.selection import distinct
     from ..protocols import compare
-    from ..protocols.selection import distinct
     from ..protocols.task1 import JUDGED
     from .sysid import sysid_body
     from .sysid_models import SIMULATOR

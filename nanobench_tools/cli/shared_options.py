@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from ..errors import UsageError
-from ..retiming.votes import AS_RECORDED, CLOCKS
 from ..steps.options import Options, cores
+from ..time_offsets.moving.votes import AS_RECORDED, CLOCKS
 
 PATH = click.Path(path_type=Path)
 

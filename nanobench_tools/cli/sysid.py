@@ -11,18 +11,18 @@ import click
 
 from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
-from ..retiming.votes import AS_RECORDED, evidence_of
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
 from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
+from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 from .closing import close, close_scores, predicted, same
 from .shared_options import PATH, no_paths_beside, shared_options
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..protocols.task1 import PredictionRow, Split
 
@@ -108,10 +108,10 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
     learned rows, None for no such rows; ``published``: the published ones too; ``recorded``: the flights on the clock
     they were recorded on, where ``flights`` have another."""
+    from ..auditing.verb_needs import SYSID
     from ..harness import make_item
     from ..protocols import compare, response, task1
     from ..protocols.sessions import parameters_note
-    from ..protocols.verb_needs import SYSID
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)

@@ -18,7 +18,7 @@ from .shared_options import PATH, no_paths_beside, shared_options
 if TYPE_CHECKING:
     from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult
 
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
 
 UNITS = {"stand": ("mN per motor", 1e3, 2), "flight": ("m/s²", 1.0, 4)}
@@ -141,8 +141,8 @@ def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
     """(training cases, test cases, how they were chosen, reasons of the recordings in neither)."""
     from identification.thrust.thrust_rows import cases_of
 
+    from ..auditing.selection import apart, distinct
     from ..protocols import task1
-    from ..protocols.selection import apart, distinct
 
     cases, reasons = cases_of(flights, audits)
     by_name = {flight.name: (flight, spans) for flight, spans in cases}

@@ -1,1 +1,1 @@
-"""Faults of data, one file per kind."""
+"""Former place of ``nanobench_tools.auditing.faults``."""

@@ -6,12 +6,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..auditing import Audit, audit, find_copies, with_copies
-from ..faults.kinds import kinds
+from ..auditing.faults.kinds import kinds
+from ..auditing.recording_audit import Audit, audit, find_copies, with_copies
 from ..flight import Flight
-from ..retiming.apply import time_offset_of
-from ..retiming.time_offset import TimeOffset
 from ..signals.context import Context
+from ..time_offsets.moving.apply import time_offset_of
+from ..time_offsets.moving.time_offset import TimeOffset
 from .clocks import Choice, TimeOffsets
 from .identity import PACKAGES, method_identity
 from .items import make_item

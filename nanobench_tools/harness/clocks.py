@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from ..auditing import Audit
+from ..auditing.recording_audit import Audit
 from ..flight import Flight
-from ..retiming.apply import apply_time_offset, time_offset_of
-from ..retiming.time_offset import TimeOffset
-from ..retiming.votes import AS_RECORDED, evidence_of, voters
 from ..signals.context import Context
+from ..time_offsets.moving.apply import apply_time_offset, time_offset_of
+from ..time_offsets.moving.time_offset import TimeOffset
+from ..time_offsets.moving.votes import AS_RECORDED, evidence_of, voters
 from .items import make_item
 from .progress import Progress
 from .runner import RunResult, run_items
@@ -57,7 +57,7 @@ def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dic
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
              progress: Progress | None = None, known: TimeOffsets = MappingProxyType({})) -> OnClock:
-    """``flights`` (those with an audit) and their audits on ``clock`` (``retiming.votes.CLOCKS``), where
+    """``flights`` (those with an audit) and their audits on ``clock`` (``moving.votes.CLOCKS``), where
     ``judged`` logged estimates are judged; ``known``: time offsets that were found before, with the audit."""
     voices = tuple(sorted(judged))
     voters(clock, voices)  # an impossible choice is said before anything is computed

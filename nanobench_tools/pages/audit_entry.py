@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..faults.kinds import cutting, log_ended, those
+from ..auditing.faults.kinds import cutting, log_ended, those
 from ..flight import Span, intersect_spans, merge_spans
 
 CLOCK_STREAMS = ("imu", "attitude_qw", "attitude", "estimator")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .. import so3
-from ..faults.kinds import cutting, group_of
+from ..auditing.faults.kinds import cutting, group_of
 from ..flight import Flight, Span, Stream, mask_of
 from .audit_entry import clock_points, cut_spans, share_valid, span_of, streams_of, total
 from .clock_error import SD_95

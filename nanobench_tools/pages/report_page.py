@@ -12,8 +12,8 @@ from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
-from ..audit_verdict import entry_of
-from ..auditing import Audit
+from ..auditing.audit_verdict import entry_of
+from ..auditing.recording_audit import Audit
 from ..flight import Flight
 from ..version import __version__
 from . import control_pictures, estimate_figures, overview_pictures, recording, words

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..flight import Flight, Span, Stream
-from ..retiming.time_offset import TimeOffset
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.dropouts import alive_until
 from ..signals.mocap_derivatives import MocapDerivatives, derivatives_of
+from ..time_offsets.moving.time_offset import TimeOffset
 from .clock import ClockError, draw_clock
 
 RANDOM = "random"

@@ -14,11 +14,11 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from ..auditing.usable import POSE
 from ..flight import Flight, Span, make_stream
 from ..methods import Estimator
 from .result_rows import Scored
 from .task3 import AIDED, Case, is_logged, score_given
-from .usable import POSE
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 thing changed at a time.
 
 The clock of ``offset`` and ``retimed`` cases must be set without the estimated position and velocity
-(``retiming.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU
+(``moving.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU
 with a pose every 10 ms, undelayed.
 """
 

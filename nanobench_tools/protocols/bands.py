@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..auditing.usable import POSE
 from ..flight import Span
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
@@ -21,7 +22,6 @@ from .aided import Aiding, given_to
 from .blackout import given_until
 from .result_rows import BlackoutScore, Scored
 from .task3 import Case, checked
-from .usable import POSE
 
 ROWS = 300
 """An estimate is thinned to so many rows, evenly."""

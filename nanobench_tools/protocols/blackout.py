@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..auditing.usable import POSE
 from ..errors import InputError
 from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
@@ -19,7 +20,6 @@ from .result_rows import BlackoutScore, EndError, EstimateRow, Spread
 from .score_tables import group_order, summaries
 from .sessions import Drawn, Sessions
 from .task3 import BLACKOUT, Case, checked, given_and_trained
-from .usable import POSE
 
 FIRST_S, EVERY_S = 5.0, 5.0
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..auditing import Audit
-from ..faults.kinds import log_ended
+from ..auditing.faults.kinds import log_ended
+from ..auditing.recording_audit import Audit
+from ..auditing.usable import POSE
 from ..flight import mask_of as inside
 from ..labels import speed_of
 from ..result import Result
 from .task3 import Case
-from .usable import POSE
 
 ROWS, MOST = 300, 6
 STREAM = "estimator"

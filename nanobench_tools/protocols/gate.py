@@ -14,8 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import welch
 
-from ..auditing import Audit
-from ..faults.kinds import cutting_logs
+from ..auditing.faults.kinds import cutting_logs
+from ..auditing.recording_audit import Audit
+from ..auditing.selection import distinct
+from ..auditing.usable import MOCAP, MOTORS, usable
 from ..flight import Flight, Span, intersect_spans
 from ..metrics import tracking
 from ..metrics.statistics import Summary
@@ -26,9 +28,7 @@ from ..settings import count, number
 from ..signals.radio_gaps import radio_gaps
 from .phases import is_cut, streamed_phase
 from .score_tables import summaries
-from .selection import distinct
 from .sessions import Drawn
-from .usable import MOCAP, MOTORS, usable
 
 RATIO, LAG_S, GAP_M = 0.10, 0.030, 0.05
 """A flight passes within these."""

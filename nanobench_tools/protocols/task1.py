@@ -11,7 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..auditing import Audit
+from ..auditing.recording_audit import Audit
+from ..auditing.selection import apart, distinct
+from ..auditing.usable import usable
+from ..auditing.verb_needs import SYSID
 from ..errors import InputError
 from ..flight import Flight, Span, intersect_spans
 from ..labels import family_of, speed_of
@@ -22,15 +25,12 @@ from ..result import INLINE, OPTIONAL, Result
 from .phases import flown_spans, is_cut
 from .published import Published, beside
 from .result_rows import ClockRatios, CommandResponse, Ratios
-from .selection import apart, distinct
 from .sessions import Drawn, Sessions
-from .usable import usable
-from .verb_needs import SYSID
 from .windows import HORIZON, TRUTHS, cut_windows
 
 STREAMS = tuple(SYSID)
 JUDGED = ("attitude",)
-"""The logged attitude is a truth of this task, so it has no vote in the clock (``retiming.votes``)."""
+"""The logged attitude is a truth of this task, so it has no vote in the clock (``moving.votes``)."""
 TRAINED = ("circle", "figure_eight", "helix", "oval", "star")
 """Families of the training split."""
 

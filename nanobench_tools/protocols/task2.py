@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from .. import so3
-from ..auditing import Audit
+from ..auditing.faults.kinds import cutting_logs
+from ..auditing.recording_audit import Audit
+from ..auditing.selection import distinct
+from ..auditing.usable import usable
+from ..auditing.verb_needs import CONTROL
 from ..errors import InputError, unknown_name
-from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
 from ..labels import UNKNOWN, family_of, speed_of
@@ -27,10 +30,7 @@ from ..result import INLINE, OPTIONAL, Result
 from .phases import is_cut, tracking_spans
 from .published import Published, beside
 from .score_tables import summaries
-from .selection import distinct
 from .sessions import Drawn, Sessions
-from .usable import usable
-from .verb_needs import CONTROL
 
 PROTOCOLS = ("as-published", "clean")
 CONTROLLERS = ("pid", "mellinger")

@@ -15,9 +15,12 @@ from typing import TypeGuard
 import numpy as np
 
 from .. import so3
-from ..auditing import Audit
+from ..auditing.faults.kinds import cutting_logs
+from ..auditing.recording_audit import Audit
+from ..auditing.selection import distinct, without_copies
+from ..auditing.usable import POSE, cut_by, missing, stuck_clock, usable
+from ..auditing.verb_needs import ESTIMATE
 from ..errors import InputError, unknown_name
-from ..faults.kinds import cutting_logs
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
 from ..labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
@@ -31,10 +34,7 @@ from .published import beside
 from .result_rows import EstimateRow, Scored
 from .score_tables import group_order, groups_of, summaries
 from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
-from .selection import distinct, without_copies
 from .sessions import Drawn, Sessions
-from .usable import POSE, cut_by, missing, stuck_clock, usable
-from .verb_needs import ESTIMATE
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"

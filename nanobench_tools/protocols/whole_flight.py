@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..auditing.usable import POSE
 from ..flight import Flight, Span, make_stream
 from ..methods import Estimator
 from .result_rows import Scored
 from .task3 import WHOLE_FLIGHT, Case, is_logged, score_given
-from .usable import POSE
 
 GIVEN = "motion capture poses until take-off, none afterwards, all other streams"
 

@@ -2,7 +2,7 @@
 
 A packet is never early: the line below all (tick, time of arrival) is the vehicle's clock seen over the fastest way
 down (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999; the
-linear program is that of ``retiming.sender_timestamps``). What the fastest way takes is half the shortest round trip of
+linear program is that of ``moving.sender_timestamps``). What the fastest way takes is half the shortest round trip of
 the link's echo, if the way up takes as long as the way down; whatever the link does it lies between nothing and the
 whole round trip (Mills, RFC 5905, section 8: the error of an offset is at most half the round trip).
 """
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..retiming.sender_timestamps import link_delay, unwrapped
+from ..time_offsets.moving.sender_timestamps import link_delay, unwrapped
 
 TICK_S = 1e-3
 """Packets carry whole milliseconds."""

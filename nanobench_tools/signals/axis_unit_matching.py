@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..delays.lags import LagSums
 from ..settings import number
+from ..time_offsets.mathematics.lags import LagSums
 from .context import Context
 from .paired_signals import Pair
 from .pairs import (

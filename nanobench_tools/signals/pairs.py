@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from .. import so3
-from ..delays.lags import LagSums, lag_sums
 from ..settings import number, setting
+from ..time_offsets.mathematics.lags import LagSums, lag_sums
 from .context import Context
 from .mocap_derivatives import STEP_S, body_rate
 from .paired_signals import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, Pair, against

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..metrics.statistics import Summary
 from ..result import INLINE, Result
-from ..retiming.votes import AS_RECORDED
+from ..time_offsets.moving.votes import AS_RECORDED
 from .options import Options
 from .show import data_word
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..protocols.aided import Aiding
     from ..protocols.attribution import Attribution
@@ -93,9 +93,9 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
     from estimators.drag_ekf import DragMatrixEkf
     from estimators.firmware_ekf import FirmwareEkf
 
+    from ..auditing.selection import distinct
     from ..harness import make_item
     from ..protocols import attribution as protocol
-    from ..protocols.selection import distinct
     from ..protocols.task3 import select
 
     kept = distinct(flights)[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..retiming.votes import AS_RECORDED, voters, votes
+from ..time_offsets.moving.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, blackout_bands
 from .named_methods import load_methods
 from .options import Options, one_line
@@ -16,7 +16,7 @@ from .result_bodies import EstimateBody, TakenOut
 from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
@@ -91,9 +91,9 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
     nothing to score.
     """
+    from ..auditing.verb_needs import ESTIMATE
     from ..protocols import aided, task3
     from ..protocols.dead_logs import dead_logs
-    from ..protocols.verb_needs import ESTIMATE
 
     rows: list[EstimateRow] = []
     per_flight: list[FlightScore] = []

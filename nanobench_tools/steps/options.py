@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ..errors import InputError, UsageError
-from ..retiming.votes import AS_RECORDED
+from ..time_offsets.moving.votes import AS_RECORDED
 
 if TYPE_CHECKING:
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import Choice, OnClock
     from ..protocols.sessions import Sessions
     from ..result import Result
-    from ..retiming.time_offset import TimeOffset
+    from ..time_offsets.moving.time_offset import TimeOffset
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 Case = TypeVar("Case")

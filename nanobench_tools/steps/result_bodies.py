@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow, SolveTimes
     from ..protocols.task1 import PredictionRow
     from ..protocols.task2 import TrackingRow
-    from ..retiming.time_offset import TimeOffset
+    from ..time_offsets.moving.time_offset import TimeOffset
     from .estimate_pictures import DrawnBand
 
 POINTS_WITHIN_S = 1e-3

@@ -11,7 +11,7 @@ from ..metrics.statistics import Summary
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..auditing import Audit
+    from ..auditing.recording_audit import Audit
     from ..fitted_values import LeftOut
     from ..flight import Flight
     from ..protocols.published import MeanStd
@@ -123,7 +123,7 @@ def show_left_out(options: Options, flights: Sequence[Flight], used: Iterable[st
 
     reasons: by name of the flight, where the verb knows why.
     """
-    from ..protocols.usable import left_out
+    from ..auditing.usable import left_out
 
     found = left_out(flights, set(used), audits, needed, reasons)
     if found:

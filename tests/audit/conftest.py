@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.practice import practice_flights
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools import registry
-from nanobench_tools.auditing import Audit, ClockReading, RateReading, audit, find_copies
-from nanobench_tools.faults.kinds import cutting, kinds
+from nanobench_tools.auditing.faults.kinds import cutting, kinds
+from nanobench_tools.auditing.recording_audit import Audit, ClockReading, RateReading, audit, find_copies
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 
 KINDS = {
@@ -141,8 +141,8 @@ def test_copies_are_found_by_content_not_by_name(flights):
 
 
 def test_parts_and_marked_copies(flights, audits):
-    from nanobench_tools.auditing import with_copies
-    from nanobench_tools.faults.copy import parts
+    from nanobench_tools.auditing.faults.copy import parts
+    from nanobench_tools.auditing.recording_audit import with_copies
 
     whole = flights[0]
     part = whole.during(Span(5.0, 12.0))

@@ -5,11 +5,11 @@ import math
 
 import pytest
 
-from nanobench_tools.audit_verdict import entry_of, verdict_of
-from nanobench_tools.auditing import Audit, audit
+from nanobench_tools.auditing.audit_verdict import entry_of, verdict_of
+from nanobench_tools.auditing.fault_events import events_of, size_in_words
+from nanobench_tools.auditing.faults.kinds import kinds
+from nanobench_tools.auditing.recording_audit import Audit, audit
 from nanobench_tools.cli.main import main
-from nanobench_tools.fault_events import events_of, size_in_words
-from nanobench_tools.faults.kinds import kinds
 from nanobench_tools.flight import Fault, Span, merge_spans, subtract_spans
 from nanobench_tools.practice.flights import practice_flight
 from nanobench_tools.signals.rates import RateReading

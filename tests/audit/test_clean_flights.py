@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.practice import PERFECT, LoggingChain
 
 

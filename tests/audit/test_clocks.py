@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import audit
-from nanobench_tools.clock.moving import moving_clocks
-from nanobench_tools.delays.lag_windows import KEPT
-from nanobench_tools.delays.lags import best_lag, lag_sums
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.practice import LoggingChain
 from nanobench_tools.practice.clock import draw_clock
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.signals.context import Context
+from nanobench_tools.time_offsets.constant.drift_and_wander import moving_clocks
+from nanobench_tools.time_offsets.mathematics.lag_windows import KEPT
+from nanobench_tools.time_offsets.mathematics.lags import best_lag, lag_sums
 
 STEP = 0.01
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.signals.step_removal import levelled
 
 WAY = np.array([0.2, -0.2, 0.1])  # 0.3 m

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import audit, find_copies
-from nanobench_tools.faults import saturated_sensor, spike
+from nanobench_tools.auditing.faults import saturated_sensor, spike
+from nanobench_tools.auditing.recording_audit import audit, find_copies
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.spikes import LIMITS, least_height

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 
 

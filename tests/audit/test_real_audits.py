@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import audit, find_copies
-from nanobench_tools.faults.copy import parts
+from nanobench_tools.auditing.faults.copy import parts
+from nanobench_tools.auditing.recording_audit import audit, find_copies
 from nanobench_tools.sources import load_recordings
 
 pytestmark = pytest.mark.real

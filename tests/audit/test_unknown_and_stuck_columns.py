@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import audit
-from nanobench_tools.faults.kinds import cutting
+from nanobench_tools.auditing.faults.kinds import cutting
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import Span, Stream
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.faults import wrong_speed
+from nanobench_tools.auditing.faults import wrong_speed
 from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.signals.context import Context
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, MissingExtraError, how_to_install
 from nanobench_tools.export import export
@@ -95,7 +95,7 @@ def written(flight, folder):
 
 def cut(flight, name):
     """Faults of a stream that take rows away, by the audit."""
-    from nanobench_tools.faults.kinds import cutting
+    from nanobench_tools.auditing.faults.kinds import cutting
 
     return [f for f in audit(flight).faults if f.kind in cutting() and f.stream in (name, "")]
 
@@ -185,7 +185,7 @@ def test_marks_stand_where_the_audit_says(flight, tmp_path):
 
 @NEEDS_RERUN
 def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, tmp_path):
-    from nanobench_tools.audit_verdict import verdict_of
+    from nanobench_tools.auditing.audit_verdict import verdict_of
 
     verdict = verdict_of(audit(flight))
     assert verdict.usable

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from identification.mismatch.recordings import look_over
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import write_simulator
 from nanobench_tools.sources.discover import load_recordings

@@ -8,7 +8,7 @@ import pytest
 
 from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools import so3
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import blackout, task3
 

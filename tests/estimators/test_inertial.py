@@ -14,7 +14,7 @@ from estimators.error_state_ekf import ErrorStateEkf, Strapdown
 from estimators.inertial import STAMP_LEFT, lifted
 from estimators.invariant_ekf import InvariantEkf
 from estimators.learned_velocity import LearnedVelocityEkf
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import aided, blackout, task3
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware import motor_output
 from nanobench_tools.firmware.records import CONTROL

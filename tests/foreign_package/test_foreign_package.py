@@ -20,8 +20,8 @@ import numpy as np
 from nanobench_tools.practice import practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.sources.nanobench_writer import write_nanobench
-from nanobench_tools.auditing import audit
-from nanobench_tools.faults.kinds import cutting, cutting_logs, cutting_trim, group_of
+from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.auditing.faults.kinds import cutting, cutting_logs, cutting_trim, group_of
 
 assert {KIND!r} in cutting() & cutting_logs() & cutting_trim() and group_of({KIND!r}) == "value"
 flight = practice_flights(1, seed=5, families=["figure_eight"], speeds=["medium"], duration_s=12.0)[0]
@@ -53,7 +53,7 @@ DEALT = """
 from dataclasses import replace
 from identification.prove.make import make_case
 from identification.prove.plan import _faults, plan_cases
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 
 names = [name for name, _ in _faults()]
 assert names[-1] == {KIND!r}, names  # after ours, so that the deck of ours keeps its order

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.balance import balance
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.practice.vehicle_parameters import VEHICLE

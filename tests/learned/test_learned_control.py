@@ -19,7 +19,7 @@ from controllers.plants.ensemble import shipped_simulator
 from identification.learned.libraries import libraries
 from identification.learned.training import Settings
 from nanobench_tools import so3
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics import numeric

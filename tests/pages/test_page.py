@@ -123,7 +123,7 @@ def test_no_flight_is_usable_and_the_first_screen_says_so(tmp_path, flights, mak
 
 
 def test_audits_given_as_objects_are_used(tmp_path, flights, make):
-    from nanobench_tools.auditing import Audit
+    from nanobench_tools.auditing.recording_audit import Audit
 
     entry = {**make.entry(flights[0]), "faults": []}
     for clock in entry["clock"].values():

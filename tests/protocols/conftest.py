@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.sources.discover import load_recordings
 
 

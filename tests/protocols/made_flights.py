@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.flight import STREAM_QUANTITIES, Fault, Flight, Provenance, Span, make_stream
 
 LIFT_S, PATH_S, LAND_S, END_S = 2.0, 5.0, 21.0, 25.0

@@ -103,7 +103,7 @@ def test_the_median_flight_and_window_are_drawn():
 
 def test_a_filter_has_one(crowd):
     """SYNTHETIC: what a filter says of itself on a practice flight holds its error most of the time."""
-    from nanobench_tools.auditing import audit
+    from nanobench_tools.auditing.recording_audit import audit
 
     flight = crowd.flight("short circle")
     case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]

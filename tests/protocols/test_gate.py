@@ -8,7 +8,7 @@ import pytest
 from made_flights import LAND_S, LIFT_S, made_flight, verdict
 
 from controllers.plants.gate_flights import fly_cases
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS

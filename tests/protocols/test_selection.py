@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_flights import cut, made_flight
 
-from nanobench_tools.protocols.selection import distinct, is_piece, without_copies
+from nanobench_tools.auditing.selection import distinct, is_piece, without_copies
 
 
 def other_name(flight, name):

@@ -9,10 +9,10 @@ from made_flights import cut, dead, made_flight, verdict
 from estimators.onboard_ekf import OnboardEkf
 from identification.naive import Naive
 from nanobench_tools import InputError
+from nanobench_tools.auditing.usable import left_out, missing, tidy
+from nanobench_tools.auditing.verb_needs import CONTROL, ESTIMATE
 from nanobench_tools.fitted_values import LeftOut
 from nanobench_tools.protocols import task1, task2, task3
-from nanobench_tools.protocols.usable import left_out, missing, tidy
-from nanobench_tools.protocols.verb_needs import CONTROL, ESTIMATE
 
 
 def spoiled(flight, stream, rows, column=0, value=np.nan):

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from nanobench_tools.auditing import Audit, audit
+from nanobench_tools.auditing.recording_audit import Audit, audit
 from nanobench_tools.flight import Flight
-from nanobench_tools.retiming.confirm import believed
-from nanobench_tools.retiming.time_offset import TimeOffset, wander_of
 from nanobench_tools.signals.context import Context
+from nanobench_tools.time_offsets.moving.confirm import believed
+from nanobench_tools.time_offsets.moving.time_offset import TimeOffset, wander_of
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pytest
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Span
-from nanobench_tools.retiming.apply import retimed
-from nanobench_tools.retiming.confirm import believed
 from nanobench_tools.signals.context import Context
+from nanobench_tools.time_offsets.moving.apply import retimed
+from nanobench_tools.time_offsets.moving.confirm import believed
 
 FIRMWARE = ("imu", "estimator", "attitude_qw", "attitude", "motor", "setpoint", "pid", "battery", "estimator_acc")
 

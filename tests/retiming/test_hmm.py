@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from nanobench_tools.delays.hmm import add_student_evidence, log_evidence, posterior
-from nanobench_tools.delays.packet_delay import CELL_S, log_step_prior
-from nanobench_tools.retiming.steps import log_steps
+from nanobench_tools.time_offsets.mathematics.hmm import add_student_evidence, log_evidence, posterior
+from nanobench_tools.time_offsets.mathematics.packet_delay import CELL_S, log_step_prior
+from nanobench_tools.time_offsets.moving.steps import log_steps
 
 
 @pytest.mark.parametrize("seed", range(4))

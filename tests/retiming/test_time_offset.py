@@ -10,11 +10,11 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness.audits import audit_flights
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.result import to_json
-from nanobench_tools.retiming.apply import apply_time_offset, find_time_offset
-from nanobench_tools.retiming.confirm import believed
-from nanobench_tools.retiming.infer import infer
-from nanobench_tools.retiming.time_offset import TimeOffset, retime
 from nanobench_tools.signals.context import Context
+from nanobench_tools.time_offsets.moving.apply import apply_time_offset, find_time_offset
+from nanobench_tools.time_offsets.moving.confirm import believed
+from nanobench_tools.time_offsets.moving.infer import infer
+from nanobench_tools.time_offsets.moving.time_offset import TimeOffset, retime
 
 
 def lateness(clock, stamps_s):

@@ -8,10 +8,10 @@ import pytest
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
-from nanobench_tools.retiming.apply import retimed
-from nanobench_tools.retiming.pairing import between, with_mocap
-from nanobench_tools.retiming.sender_timestamps import link_delay, time_offset_from_ticks, unwrapped
 from nanobench_tools.signals.context import Context
+from nanobench_tools.time_offsets.moving.apply import retimed
+from nanobench_tools.time_offsets.moving.pairing import between, with_mocap
+from nanobench_tools.time_offsets.moving.sender_timestamps import link_delay, time_offset_from_ticks, unwrapped
 
 
 @pytest.fixture(scope="module")

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.practice import nulls
-from nanobench_tools.protocols.selection import distinct
-from nanobench_tools.retiming.apply import find_time_offset
-from nanobench_tools.retiming.infer import infer
-from nanobench_tools.retiming.time_offset import retime
-from nanobench_tools.retiming.votes import CLOCKS, ESTIMATES, evidence_of, voters, votes
 from nanobench_tools.signals.context import Context
 from nanobench_tools.sources import load_recordings
+from nanobench_tools.time_offsets.moving.apply import find_time_offset
+from nanobench_tools.time_offsets.moving.infer import infer
+from nanobench_tools.time_offsets.moving.time_offset import retime
+from nanobench_tools.time_offsets.moving.votes import CLOCKS, ESTIMATES, evidence_of, voters, votes
 
 
 @pytest.mark.parametrize("judged", [(), ("position",), ("position", "velocity"), ("attitude",), ESTIMATES])

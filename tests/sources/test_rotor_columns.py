@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import InputError
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import motors_of
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.column_map import read_column_map

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from identification.thrust.firmware import PLUS
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.faults.kinds import cutting_trim
+from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.errors import InputError
-from nanobench_tools.faults.kinds import cutting_trim
 from nanobench_tools.flight import Flight, Span, intersect_spans, mask_of
 from nanobench_tools.settings import number, setting
 from nanobench_tools.units import GRAVITY_M_S2

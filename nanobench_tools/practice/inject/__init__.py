@@ -8,8 +8,8 @@ once. ``checksum`` belongs to binary logs and has no injection here.
 
 from __future__ import annotations
 
-from ...faults.kind import Blind, Injection
-from ...faults.kinds import kinds
+from ...auditing.faults.kind import Blind, Injection
+from ...auditing.faults.kinds import kinds
 
 __all__ = ["FILE_INJECTIONS", "INJECTIONS", "Blind", "Injection"]
 

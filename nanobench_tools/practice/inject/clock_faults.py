@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...faults.kind import Blind, Injection
+from ...auditing.faults.kind import Blind, Injection
 from ...flight import Fault, Flight
 from ..clock import ClockError, draw_clock
 from .place import choose_time, several, truth, with_values

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...faults.kind import Injection
+from ...auditing.faults.kind import Injection
 from ...flight import Fault
 from .place import truth
 

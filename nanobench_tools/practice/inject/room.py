@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ... import so3
-from ...faults.kind import Blind, Injection
+from ...auditing.faults.kind import Blind, Injection
 from ...flight import Fault, Flight
 from ..mocap import WINDOW, body_rate, savgol_derivative
 from .place import choose, choose_time, truth, with_values

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...faults.kind import Blind, Injection
+from ...auditing.faults.kind import Blind, Injection
 from ...flight import Fault, Flight
 from .place import FIRMWARE, NOISY, TAIL_S, choose, choose_time, several, truth, with_values
 

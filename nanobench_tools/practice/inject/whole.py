@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ... import so3
-from ...faults.kind import Injection
+from ...auditing.faults.kind import Injection
 from ...flight import Fault, Flight
 from ...units import GRAVITY_M_S2
 from .place import choose_time, truth, with_values

@@ -31,7 +31,7 @@ T = TypeVar("T")
 class RadioOptions:
     """latency_s one way; jitter_s: mean of an exponential delay on top; loss 0..1 of packets; packets_per_s that the
     way down carries (None: no limit); hangs_per_s and hang_s: how often, and how long in the mean, nothing passes in
-    either direction (2 and 0.06 make the share of time that ``delays.packet_delay`` takes for hangs); seed. Raises
+    either direction (2 and 0.06 make the share of time that ``mathematics.packet_delay`` takes for hangs); seed. Raises
     InputError for what cannot be."""
 
     latency_s: float = 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools import Fault, Flight
-from nanobench_tools.faults.kind import Blind, FaultKind, Injection
+from nanobench_tools.auditing.faults.kind import Blind, FaultKind, Injection
 
 KIND, STEP_RAD_S, ROWS = "stuttering_gyro", 50.0, 20
 

@@ -10,7 +10,7 @@ from many_rotors import flights_of, model_of
 
 from identification.mismatch.diagnosis import diagnose_flights, recorded
 from identification.mismatch.measured_speed import of_speed, with_speed
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, make_stream
 from nanobench_tools.physics import Model

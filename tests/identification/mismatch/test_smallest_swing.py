@@ -8,7 +8,7 @@ from identification.mismatch.steady.periodic import Swing, frequencies, swing_in
 from identification.mismatch.steady.reconstruct import states_of
 from identification.mismatch.steady.smallest_swing import _window, say, smallest_swing
 from identification.mismatch.steady.trim import runs_of
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 
 MASS_KG = 0.033
 

@@ -11,11 +11,11 @@ from identification.prove.airframe import Airframe
 from identification.prove.case_kinds import CaseSpec, FlightSpec, Hidden, Nuisance
 from identification.prove.effects import EFFECTS
 from identification.prove.make import make_case
-from nanobench_tools.auditing import Audit
+from nanobench_tools.auditing.recording_audit import Audit
+from nanobench_tools.auditing.verb_needs import WRENCH
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.references import path_spec
-from nanobench_tools.protocols.verb_needs import WRENCH
 
 FLIGHTS = tuple(FlightSpec(path_spec(family, speed, duration_s=14.0), "pid", charge)
                 for family, speed, charge in (("figure_eight", "medium", 0.9), ("trefoil", "fast", 0.7)))

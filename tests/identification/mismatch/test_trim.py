@@ -9,7 +9,7 @@ from hover_flights import HOVER_N, hover
 from identification.mismatch.steady.periodic import swing_in, swing_of
 from identification.mismatch.steady.reconstruct import states_of
 from identification.mismatch.steady.trim import Trim, runs_of, trim_of
-from nanobench_tools.auditing import audit
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.result import to_json

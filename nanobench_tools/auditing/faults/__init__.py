@@ -1,0 +1,1 @@
+"""Faults of data, one file per kind."""

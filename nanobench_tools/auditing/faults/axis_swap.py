@@ -1,0 +1,56 @@
+"""axis_swap: columns of a vector have changed places.
+
+Found by the correlations of all axes of a stream with all axes of what the motion capture predicts (as in ``sign``):
+another order of axes must raise their sum by 0.5, every axis that moved must correlate by more than 0.4 with its new
+partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's away.
+
+Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...flight import Fault, Flight
+from ...signals.axis_unit_matching import wrong_matches
+from ...signals.context import Context
+from ...signals.unit_sign_errors import ACC, gravity_axis
+from .kind import FaultKind
+from .making import over_stream
+
+KIND = "axis_swap"
+
+
+def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
+    """(stream, quantities that changed places, evidence)."""
+    found = []
+    for verdict in context.once(wrong_matches):
+        if verdict.swapped:
+            moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
+            seen = ", ".join(
+                f"{verdict.quantities[i]} looks like axis {'xyz'[verdict.order[i]]} ({verdict.correlation[i]:+.2f})"
+                for i in range(3)
+                if verdict.order[i] != i
+            )
+            found.append((verdict.stream, moved, seen))
+    gravity = context.once(gravity_axis)
+    if (
+        gravity is not None
+        and gravity.axis != 2
+        and not any(s == "imu" and ACC[gravity.axis] in q for s, q, _ in found)
+    ):
+        found.append(("imu", (ACC[gravity.axis], "acc_z"),
+                      f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)"))
+    return found
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per stream and vector."""
+    return [over_stream(KIND, flight, name, quantities, math.nan, "1", evidence) for name, quantities,
+            evidence in wrong_axes(context)]
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="axes of {streams} changed places ({columns})",
+                  advice="map the columns again: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:AXIS_SWAP")

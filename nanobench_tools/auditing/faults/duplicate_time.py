@@ -1,0 +1,33 @@
+"""duplicate_time: two or more rows carry the same stamp.
+
+Found by equal neighbours among the stamps. Streams of one table share their stamps, and a fault of shared stamps is
+reported once, with no stream. Size: rows that repeat a stamp. Smallest found: 1 row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from ...signals.usable_rows import runs, tables
+from .kind import FaultKind
+
+KIND = "duplicate_time"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per run of repeated stamps."""
+    faults = []
+    for stream, t in context.once(tables):
+        for a, b in runs(np.concatenate(([False], np.diff(t) == 0.0))):
+            start, end = float(t[a - 1]), float(t[min(b, len(t) - 1)])
+            faults.append(Fault(KIND, stream, ("t",), start, max(end, start), float(b - a), "rows",
+                                f"{b - a + 1} rows have the stamp {start:.4f} s", 1.0))
+    return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{count} of {streams} share a stamp with another",
+                  advice="check the time column: every row needs its own",
+                  group="clock", injection="nanobench_tools.practice.inject.clock_faults:DUPLICATE_TIME")

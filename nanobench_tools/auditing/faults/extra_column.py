@@ -1,0 +1,26 @@
+"""extra_column: a column that the format does not have, or the same one twice.
+
+Found by the reader, which keeps its numbers in a stream of their own.
+Size: columns. Smallest found: one column.
+"""
+
+from __future__ import annotations
+
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from .kind import FaultKind
+from .making import findings
+
+KIND = "extra_column"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """The reader's findings."""
+    return findings(flight, KIND)
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="columns that the format does not have: {columns}",
+                  advice="name them in a column map, or leave them",
+                  group="information", whole=True, in_diagnosis=False,
+                  file_injection="nanobench_tools.practice.inject.files:EXTRA_COLUMN")

@@ -1,0 +1,52 @@
+"""sign: a column is negated.
+
+Found by its correlation with what the motion capture predicts for it in the air (gyro, specific force, attitude rates,
+estimated position, velocity and acceleration, requested attitude, setpoint), at the lag that fits the whole stream
+best: below -0.4, with one sign in the seconds of the flight (t > 4), and clearly better than any lag without a change
+of sign. The accelerometer's z is judged by gravity. True correlations of real flights are +0.2 to +1.0. When gyro and
+estimated attitude are both negated, the motion capture is.
+
+Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4; an axis without
+(yaw in flights that hold their heading, a world axis not flown along) is not judged.
+"""
+
+from __future__ import annotations
+
+from ...flight import Fault, Flight
+from ...signals.axis_unit_matching import CLEAR, wrong_matches
+from ...signals.context import Context
+from ...signals.unit_sign_errors import ACC, against, gravity_axis
+from ...units import GRAVITY_M_S2
+from .kind import FaultKind
+from .making import over_stream
+
+KIND = "sign"
+
+
+def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
+    """(stream, quantity, evidence) of every negated axis."""
+    found = []
+    gravity = context.once(gravity_axis)
+    if gravity is not None and gravity.sign < 0:
+        found.append(("imu", ACC[gravity.axis],
+                      f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
+                      f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}"))
+    for verdict in context.once(wrong_matches):
+        for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
+            if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
+                found.append((verdict.stream, quantity,
+                              f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
+                              f"{against(verdict)} predicts"))
+    return found
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per negated column."""
+    return [over_stream(KIND, flight, name, (quantity,), -1.0, "1", evidence, CLEAR) for name, quantity,
+            evidence in wrong_signs(context)]
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{columns} of {streams} {is} negated",
+                  advice="turn the sign in a column map: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:SIGN")

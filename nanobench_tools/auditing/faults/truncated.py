@@ -1,0 +1,26 @@
+"""truncated: the file ends early.
+
+Found by the reader: a last row or record that is cut off, or fewer rows than the recording's sheet counts and
+an end more than 0.1 s before the one it names (rows alone may be missing inside, or be rarer).
+Size: rows or bytes that are missing, as far as known. Smallest found: one.
+"""
+
+from __future__ import annotations
+
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from .kind import FaultKind
+from .making import findings
+
+KIND = "truncated"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """The reader's findings."""
+    return findings(flight, KIND)
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the file ends early",
+                  advice="copy the log again; what is there is used",
+                  group="lost", file_injection="nanobench_tools.practice.inject.files:TRUNCATED")

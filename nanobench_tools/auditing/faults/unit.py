@@ -1,0 +1,44 @@
+"""unit: a stream is in another unit than it should be (deg for rad, g for m/s^2, mV for V, mm for m, counts for ratio).
+
+Found in two ways. Size alone: the time between rows, specific force against gravity, battery against what cells give,
+motor commands against full, angles beyond two turns, a tracked position wider than a room. Comparison: the amplitude of
+rates, angles, velocities and positions in the air against the motion capture (``signals.axis_unit_matching``), where
+the two correlate by more than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
+
+Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real flights (motion capture noise, clock),
+the smallest common mistake is 9.81. Not found: scale errors of calibration.
+"""
+
+from __future__ import annotations
+
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from ...signals.plausible_ranges import FACTOR
+from ...signals.unit_sign_errors import wrong_units
+from ...signals.usable_rows import whole_span
+from .kind import FaultKind
+from .making import over_stream
+
+KIND = "unit"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per group of columns; the time belongs to no stream."""
+    faults = []
+    for wrong in context.once(wrong_units):
+        if wrong.stream:
+            faults.append(
+                over_stream(KIND, flight, wrong.stream, wrong.quantities, wrong.factor, "1", wrong.evidence, FACTOR)
+            )
+        else:
+            span = context.once(whole_span)
+            faults.append(
+                Fault(KIND, "", wrong.quantities, span.start_s, span.end_s, wrong.factor, "1", wrong.evidence, FACTOR)
+            )
+    return faults
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{columns} {is} in another unit, by a factor of {factor}",
+                  advice="give the unit in a column map: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, injection="nanobench_tools.practice.inject.streams:UNIT")

@@ -1,0 +1,183 @@
+"""The audit of one recording: what is wrong with it, where it may be used, whose clock is late, what really flew.
+
+``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, ``faults.kind``) over one shared
+``Context`` and collects the verdict. Nothing here looks at a name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..flight import Fault, Flight, Span, merge_spans, subtract_spans
+from ..result import Result, from_json, to_json
+from ..signals.airborne import airborne_spans
+from ..signals.context import Context
+from ..signals.controller import controller_of
+from ..signals.rates import RateReading, rates_of
+from ..signals.usable_rows import whole_span
+from ..time_offsets.constant.reading import ClockReading
+from ..time_offsets.moving.moving_readings import clocks_with_time_offset
+from ..time_offsets.moving.time_offset import TimeOffset
+from .faults.copy import copies, fault_of
+from .faults.kinds import cutting, kinds, log_ended
+
+NEVER_CUT = frozenset({"extra"})
+"""Streams of columns nobody knows: what they look like proves nothing about the rows."""
+
+
+@dataclass(frozen=True, repr=False)
+class Audit(Result):
+    """Verdict on one recording; all times in seconds from its first row.
+
+    controller ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``; airborne: first to last crossing of
+    5 cm above the resting height; clean: the recording without the cutting faults of any stream, except that a battery
+    reading that stands still leaves the other streams as good as they are (``clean_for`` with the battery cuts it);
+    clock and rates per stream.
+    """
+
+    flight: str
+    path: str
+    sha256: str
+    controller: str
+    airborne: tuple[Span, ...]
+    clean: tuple[Span, ...]
+    faults: tuple[Fault, ...]
+    clock: dict[str, ClockReading]
+    rates: dict[str, RateReading]
+    span: Span
+
+    def clean_for(self, streams: Iterable[str], kinds: Iterable[str] | None = None) -> tuple[Span, ...]:
+        """Spans of the recording without a fault of ``kinds`` (None: of those that cut) in ``streams``; not intersected
+        with airborne.
+
+        A fault without a stream of its own (``stream`` empty) counts for every stream; those of ``extra`` never count.
+        """
+        streams, kinds = {*streams, ""} - NEVER_CUT, cutting() if kinds is None else set(kinds)
+        return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
+
+    def retimed(self, time_offset: TimeOffset | None) -> Audit:
+        """The verdict on the flight with ``time_offset`` taken out: spans of faults in moved streams grow by what
+        the stamps moved."""
+        if time_offset is None:
+            return self
+        lateness = np.append(time_offset.offset_s, time_offset.constant_s)
+        early, late = float(lateness.max()), float(lateness.min())
+        faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
+                       for f in self.faults)
+        # the end of a log still reaches the end of the recording, wherever its stamps went
+        faults = tuple(replace(f, end_s=max(f.end_s, self.span.end_s)) if f.kind in log_ended() else f
+                       for f in faults)
+        cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
+        return replace(self, faults=faults, clean=subtract_spans([self.span], cuts))
+
+    def to_json(self) -> dict[str, Any]:
+        """The flight's entry of ``nanobench audit --json``; numbers that do not exist are None."""
+        return {
+            "flight": self.flight,
+            "path": self.path,
+            "sha256": self.sha256,
+            "controller": self.controller,
+            "span": [self.span.start_s, self.span.end_s],
+            "airborne": [[s.start_s, s.end_s] for s in self.airborne],
+            "clean": [[s.start_s, s.end_s] for s in self.clean],
+            "faults": [{
+                           "kind": f.kind,
+                           "stream": f.stream,
+                           "columns": list(f.columns),
+                           "start_s": f.start_s,
+                           "end_s": f.end_s,
+                           "size": _number(f.size),
+                           "unit": f.unit,
+                           "evidence": f.evidence,
+                           "minimum_detectable": _number(f.minimum_detectable),
+                       }
+                       for f in self.faults],
+            "clock": _shared(to_json(self.clock)),
+            "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
+        }
+
+    @classmethod
+    def from_json(cls, body: Mapping[str, Any]) -> Audit:
+        """The inverse of ``to_json``."""
+        return cls(
+            flight=body["flight"],
+            path=body["path"],
+            sha256=body["sha256"],
+            controller=body["controller"],
+            airborne=tuple(Span(*s) for s in body["airborne"]),
+            clean=tuple(Span(*s) for s in body["clean"]),
+            faults=tuple(
+                Fault(f["kind"], f["stream"], tuple(f["columns"]), f["start_s"], f["end_s"], _nan(f["size"]), f["unit"],
+                      f["evidence"], _nan(f.get("minimum_detectable")))
+                for f in body["faults"]
+            ),
+            clock=from_json(dict[str, ClockReading], _unshared(body["clock"])),
+            rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
+            span=Span(*body["span"]),
+        )
+
+
+def _shared(clock: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """A course of the time error that several streams have stands with the first; the others name it (``warp_of``)."""
+    first: dict[str, str] = {}
+    found = {}
+    for stream, reading in clock.items():
+        owner = first.setdefault(repr(reading["warp"]), stream) if reading["warp"] else stream
+        found[stream] = reading if owner == stream else {**reading, "warp": [], "warp_of": owner}
+    return found
+
+
+def _unshared(clock: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The inverse of ``_shared``."""
+    return {stream: {key: value for key, value in reading.items() if key != "warp_of"}
+            | ({"warp": clock[reading["warp_of"]]["warp"]} if "warp_of" in reading else {})
+            for stream, reading in clock.items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _nan(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _cuts_every_use(fault: Fault) -> bool:
+    kind = kinds().get(fault.kind)
+    return kind is not None and kind.cuts and fault.stream not in NEVER_CUT | kind.spares
+
+
+def audit(flight: Flight, context: Context | None = None) -> Audit:
+    """Everything that can be said about one recording from its own content. Pure; about 0.6 s for 42 s of flight.
+
+    context: of ``flight``, for who goes on with what was derived here."""
+    context = Context(flight) if context is None else context
+    span = context.once(whole_span)
+    faults: list[Fault] = []
+    for kind in kinds().values():
+        faults.extend(kind.find(context.flight, context))
+    faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
+    cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
+    return Audit(flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
+                 controller=controller_of(context), airborne=context.once(airborne_spans),
+                 clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clocks_with_time_offset(context),
+                 rates=context.once(rates_of), span=span)
+
+
+def find_copies(flights: Sequence[Flight]) -> list[list[str]]:
+    """Groups of two or more flights with the same numbers, by name, in the order given (see ``faults.copy``)."""
+    return [[flights[i].name for i in group] for group in copies(flights)]
+
+
+def with_copies(audits: Sequence[Audit], flights: Sequence[Flight]) -> list[Audit]:
+    """The verdicts, with a ``copy`` fault on every flight whose numbers an earlier one has; both in the same order."""
+    marked = list(audits)
+    for first, *others in copies(flights):
+        for i in others:
+            marked[i] = replace(marked[i], faults=(*marked[i].faults, fault_of(flights[i], flights[first].name)))
+    return marked

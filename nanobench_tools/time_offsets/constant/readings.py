@@ -1,0 +1,121 @@
+"""Clock offset of every stream against the motion capture: what the measured delays say about the stamps.
+
+The vehicle's streams share one clock (they come over one radio link with the host's stamps), and the gyro is the only
+one of them that the motion capture predicts without a delay of its own. So the offset of the vehicle's clock is that of
+the gyro. What the estimator sends (position, attitude, acceleration) follows its own inputs by 0-40 ms in addition;
+that is a property of the estimate and no error of its stamps. A stream of the estimator therefore gets the gyro's
+offset as long as it follows the gyro by no less than OWN_LAG_S[0] and no more than OWN_LAG_S[1], and its measured
+delay is told in the reason. Beyond, its stamps are wrong by themselves and it gets its own measured delay, with an
+interval widened by what its own lag may be. Motors, requests, setpoints and battery are not
+seen by cameras. Where the clock wanders, the offset is its mean (``mean_offset``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...settings import number
+from ...signals import pairs
+from ...signals.context import Context
+from ...signals.mocap_derivatives import derivatives_of
+from .drift_and_wander import OWN_LAG_S, moving_clocks
+from .mean_offset import mean_lag
+from .measured_lags import MEASURED_BY, Measured, measured_lags
+from .reading import ClockReading
+
+SMALLEST_RATE_RAD_S = number("audit.readings.smallest_rate_rad_s")
+"""Less rotation (RMS of the gyro in 0.3-8 Hz) drowns in the noise of differentiated poses, measured 0.1 rad/s in
+flight."""
+WIDEST_S = number("audit.readings.widest_s")
+"""An offset that is not known better than this is not identifiable."""
+UNSEEN = {
+    "motor": "cameras do not see motor commands",
+    "motor_request": "cameras do not see motor commands",
+    "setpoint": "the vehicle follows its setpoint by an unknown delay",
+    "rpm": "cameras do not see the rotors",
+    "pid": "the vehicle follows its requests by an unknown delay",
+    "battery": "cameras do not see the voltage",
+    "command": "cameras do not see commands",
+    "stand": "nothing moves on a stand",
+}
+
+
+def read_clocks(context: Context) -> dict[str, ClockReading]:
+    """A reading for every stream of the flight but the motion capture, which is the yardstick."""
+    flight = context.flight
+    names = [name for name in flight.streams if name != "mocap"]
+    if context.once(derivatives_of) is None:
+        return {name: ClockReading.unknown("no motion capture to compare with") for name in names}
+    measured = dict(context.once(measured_lags))
+    mean = context.once(mean_lag)
+    if mean is not None:
+        gyro = measured["imu"]
+        measured["imu"] = replace(gyro, lag=mean, by=f"{gyro.by} with the track's wander taken out")
+    readings = {}
+    for name in names:
+        if name in measured:
+            readings[name] = _with_wander(context, name, _reading(context, name, measured))
+        elif name in MEASURED_BY:
+            readings[name] = ClockReading.unknown("less than three seconds in the air with true values")
+        else:
+            readings[name] = ClockReading.unknown(UNSEEN.get(name, "cameras do not see it"))
+    return readings
+
+
+def _reading(context: Context, name: str, measured: dict[str, Measured]) -> ClockReading:
+    own = measured[name]
+    gyro = measured.get("imu")
+    if gyro is not None and not gyro.by.startswith("gyro"):
+        gyro = None
+    why_not = _why_not(context, own, is_gyro=own is gyro)
+    if own is gyro:
+        return (
+            ClockReading.unknown(why_not)
+            if why_not
+            else _of(own.lag.offset_s, own.lag.half_width_s, (0.0, 0.0), f"{own.by} against the motion capture")
+        )
+    if gyro is None or _why_not(context, gyro, is_gyro=True):
+        text = why_not or (
+            f"{own.by} follow by {_ms(own)}, of which the estimator's own delay is an unknown part, and "
+            "the gyro cannot tell"
+        )
+        return ClockReading.unknown(text)
+    behind = own.lag.offset_s - gyro.lag.offset_s
+    doubt = np.hypot(own.lag.half_width_s, gyro.lag.half_width_s)
+    if why_not or OWN_LAG_S[0] - doubt <= behind <= OWN_LAG_S[1] + doubt:
+        explanation = why_not or f"{own.by} follow {1e3 * behind:.0f} ms behind it, the estimator's own delay"
+        return _of(gyro.lag.offset_s, gyro.lag.half_width_s, (0.0, 0.0), f"clock of the gyro; {explanation}")
+    return _of(own.lag.offset_s, own.lag.half_width_s, OWN_LAG_S,
+               f"{own.by} follow the gyro by {1e3 * behind:.0f} ms, more than an estimator's own delay")
+
+
+def _with_wander(context: Context, name: str, reading: ClockReading) -> ClockReading:
+    """The link's clock wanders for all its streams alike: that of the estimated track where the gyro confirms it."""
+    moving = context.once(moving_clocks)
+    known = moving.get(name)
+    if reading.reason.startswith("clock of the gyro") and "imu" in moving and moving["imu"].wanders:
+        known = moving["imu"]
+    return reading if known is None else replace(reading, wander_sd_s=known.wander_sd_s)
+
+
+def _of(offset_s: float, half_s: float, own_lag_s: tuple[float, float], reason: str) -> ClockReading:
+    """The interval runs down by the longest and up by the shortest own delay."""
+    return ClockReading(offset_s, (offset_s - half_s - own_lag_s[1], offset_s + half_s - own_lag_s[0]), True, reason)
+
+
+def _ms(own: Measured) -> str:
+    return f"{1e3 * own.lag.offset_s:.0f} +- {1e3 * own.lag.half_width_s:.0f} ms"
+
+
+def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
+    """Why this measurement tells nothing; empty if it does."""
+    if is_gyro:
+        pair = context.once(pairs.gyro_pair)
+        rate = 0.0 if pair is None else float(np.linalg.norm(pair.rms[:2]))
+        if rate < SMALLEST_RATE_RAD_S:
+            return f"too little rotation: {rate:.3f} rad/s RMS, noise of the poses is {SMALLEST_RATE_RAD_S:.1f}"
+    if own.lag.half_width_s > WIDEST_S:
+        return f"{own.by} fit anywhere within {_ms(own)}: too little motion, or a clock that moves too much"
+    return ""
