@@ -11,8 +11,8 @@ import numpy as np
 
 from nanobench_tools.flight import Fault
 from nanobench_tools.pages.environment import environment
-from nanobench_tools.pages.figure import spec
 from nanobench_tools.pages.packed import compressed
+from nanobench_tools.pages.plotly_json import spec
 from nanobench_tools.pages.quantities import DASH
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.physics.model import find_term

@@ -18,9 +18,9 @@ from nanobench_tools.pages.figure import (
     Mark,
     Panel,
     before_and_after,
-    spec,
 )
 from nanobench_tools.pages.packed import compressed
+from nanobench_tools.pages.plotly_json import spec
 from nanobench_tools.pages.quantities import DASH
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.sessions import interval_note

@@ -1,14 +1,14 @@
-"""What a picture is, without a word of how it is drawn: panels of marks on axes with units. ``chart.js`` draws it."""
+"""What a picture is: panels of marks on axes with units. ``plotly_json`` writes it as Plotly's JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from .packed import Values, as_json
+from .packed import Values
 
 Colour = str
 """A name of the theme: ink, soft, grey, mocap, blue, orange, green, red, purple, sky."""
@@ -50,7 +50,7 @@ class Mark:
 @dataclass(frozen=True)
 class Axis:
     """log: logarithmic, with ticks that can be read. rows: names instead of numbers, the first on top (as y axis) or
-    left. range: first and last value, None: all there is. zero: the axis holds 0 and draws it. ticks: all others go."""
+    left. range: first and last value, None: all there is. zero: the axis holds 0 and draws it."""
 
     title: str = ""
     unit: str = ""
@@ -58,7 +58,6 @@ class Axis:
     rows: Sequence[str] = ()
     range: tuple[float, float] | None = None
     zero: bool = False
-    ticks: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -81,12 +80,11 @@ class Panel:
 @dataclass(frozen=True)
 class Figure:
     """A picture with its caption and what is to be seen in it. cursor: first and last time [s] of a slider that shows
-    where everything is at one time. columns: panels beside each other where there is room."""
+    where everything is at one time. Two panels are beside each other where there is room."""
 
     title: str
     note: str
     panels: Sequence[Panel]
-    columns: int = 2
     cursor: tuple[float, float] | None = None
 
 
@@ -104,30 +102,6 @@ class Choice:
 
 
 Drawing = Figure | Choice
-
-
-def spec(drawing: Drawing | Panel | Mark | Axis) -> dict[str, Any]:
-    """As ``chart.js`` reads it: JSON without what is as usual, arrays packed."""
-    if isinstance(drawing, Choice):
-        return {"labels": list(drawing.labels),
-                "options": [list(dict.fromkeys(key[i] for key in drawing.figures)) for i in range(len(drawing.labels))],
-                "figures": {"\t".join(key): spec(one) for key, one in drawing.figures.items()}}
-    values = ((f.name, getattr(drawing, f.name), f.default) for f in fields(drawing))
-    return {name: _plain(name, value) for name, value, usual in values if not _as_usual(value, usual)}
-
-
-def _as_usual(value: Any, usual: Any) -> bool:
-    return value is usual or (isinstance(value, (str, int, float, tuple)) and value == usual)
-
-
-def _plain(name: str, value: Any) -> Any:
-    if isinstance(value, Axis):
-        return spec(value)
-    if name in ("panels", "marks"):
-        return [spec(one) for one in value]
-    if name in ("x", "y", "low", "high", "t", "size", "fade") and not isinstance(value, (int, float)):
-        return as_json(value)
-    return list(value) if isinstance(value, (tuple, np.ndarray)) else value
 
 
 def styled(names: Sequence[str], symbols: bool = True) -> dict[str, dict[str, Any]]:

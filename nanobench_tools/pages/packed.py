@@ -62,20 +62,6 @@ def _short(value: float | str | None) -> float | str | None:
     return float(f"{value:.{SIGNIFICANT}g}") if np.isfinite(value) else None
 
 
-def unpacked(packed: Any) -> list[Any]:
-    """What ``chart.js`` makes of ``as_json``: the numbers again."""
-    if isinstance(packed, list):
-        return packed
-    if "r" in packed:
-        start, step, count = packed["r"]
-        return [start + step * i for i in range(count)]
-    total, found = 0, []
-    for step in packed["d"]:
-        total += step or 0
-        found.append(None if step is None else total * packed["s"])
-    return found
-
-
 def compressed(body: Any) -> str:
     """JSON of ``body`` as base64 of a zlib stream; every browser undoes both. What is no text (names of files may hold
     such) becomes a question mark."""

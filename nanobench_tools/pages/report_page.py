@@ -20,8 +20,9 @@ from . import control_pictures, estimate_figures, overview_pictures, recording, 
 from .audit_entry import total
 from .clock_error import clock_error, typical
 from .environment import environment
-from .figure import Drawing, Figure, spec
+from .figure import Drawing, Figure
 from .packed import compressed
+from .plotly_json import spec
 from .quantities import DASH, number
 from .result_tables import tables_of
 from .row_cells import AS_RECORDED, clock_of

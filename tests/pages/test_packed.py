@@ -10,9 +10,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from nanobench_tools.pages.packed import Even, Steps, as_json, compressed, envelope, on_grid, unpacked
+from nanobench_tools.pages.packed import Even, Steps, as_json, compressed, envelope, on_grid
 
 VALUES = arrays(float, st.integers(1, 300), elements=st.one_of(st.floats(-1e4, 1e4), st.just(np.nan), st.just(np.inf)))
+
+
+def unpacked(packed):
+    """What ``chart.js`` makes of ``as_json``: the numbers again."""
+    if isinstance(packed, list):
+        return packed
+    if "r" in packed:
+        start, step, count = packed["r"]
+        return [start + step * i for i in range(count)]
+    total, found = 0, []
+    for step in packed["d"]:
+        total += step or 0
+        found.append(None if step is None else total * packed["s"])
+    return found
 
 
 def numbers(packed):

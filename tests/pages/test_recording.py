@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_packed import unpacked
 
 from nanobench_tools.pages.audit_entry import fault_counts, share_clean, share_valid, total
-from nanobench_tools.pages.packed import unpacked
 from nanobench_tools.pages.recording import PATH_RATE_HZ, view
 
 
@@ -16,14 +16,27 @@ def flight(make):
     return make.flight()
 
 
+def titles(drawn):
+    """Title of the y axis, and above it, of each panel; as text of Plotly."""
+    layout = drawn["figure"]["layout"]
+    above = {a["xref"].partition(" ")[0]: a["text"] for a in layout["annotations"]}
+    return [(layout["yaxis" + n]["title"]["text"].partition(" [")[0], above.get("x" + n, ""))
+            for n in ("", *map(str, range(2, 1 + len(drawn["figure"]["panels"]))))]
+
+
 def panel(drawn, title):
-    """The panel whose y axis or title is so called."""
-    return next(p for p in drawn["figure"]["panels"] if title in (p["y"].get("title"), p.get("title")))
+    """Number of the panel whose y axis or title is so called, as Plotly counts."""
+    k = next(k for k, found in enumerate(titles(drawn)) if title in found or f"<b>{title}</b>" in found)
+    return str(k + 1) if k else ""
+
+
+def traces(drawn, title):
+    return [t for t in drawn["figure"]["data"] if t["yaxis"] == f"y{panel(drawn, title)}"]
 
 
 def values(drawn, title, name, key="y"):
-    mark = next(m for m in panel(drawn, title)["marks"] if m["name"] == name)
-    return np.array([np.nan if v is None else v for v in unpacked(mark[key])])
+    trace = [t for t in traces(drawn, title) if t["meta"] == name][-1]
+    return np.array([np.nan if v is None else v for v in unpacked(trace[key])])
 
 
 def test_errors_are_the_offsets_the_flight_was_made_with(flight, make):
@@ -31,14 +44,18 @@ def test_errors_are_the_offsets_the_flight_was_made_with(flight, make):
     before = values(drawn, "position error", "position error", "x") < 14.9
     assert values(drawn, "position error", "position error")[before] == pytest.approx(100.0, abs=0.1)
     assert values(drawn, "attitude error", "attitude error") == pytest.approx(10.0, abs=0.01)
-    assert [panel(drawn, t)["y"]["unit"] for t in ("position error", "attitude error")] == ["mm", "deg"]
+    shown = [drawn["figure"]["layout"][f"yaxis{panel(drawn, t)}"]["title"]["text"] for t in
+             ("position error", "attitude error")]
+    assert shown == ["position error [mm]", "attitude error [deg]"]
 
 
 def test_the_frame_is_what_is_clean_and_the_rest_is_said(flight, make):
     drawn = view(flight, make.entry(flight))
-    position = panel(drawn, "position error")
-    assert position["y"]["range"][1] == pytest.approx(108.0, abs=0.2)
-    assert position["shaded"] == [(15.0, 20.0, "red")]
+    n = panel(drawn, "position error")
+    layout = drawn["figure"]["layout"]
+    assert layout[f"yaxis{n}"]["range"][1] == pytest.approx(108.0, abs=0.2)
+    (shaded,) = [s for s in layout["shapes"] if s["xref"] == f"x{n}"]
+    assert (shaded["x0"], shaded["x1"], shaded["fillcolor"]) == (15.0, 20.0, "var(--red)")
     assert "Outside the frame: position error from 100 to 1e+04 mm" in drawn["figure"]["note"]
 
 
@@ -52,7 +69,7 @@ def test_paths_have_gaps_where_the_audit_cuts_and_setpoints_only_in_the_air(flig
     assert np.array_equal(np.isnan(estimate), t >= 15.0)
     assert np.array_equal(np.isnan(setpoint), (t < 2.0) | (t > 18.0))
     assert truth == pytest.approx(np.cos(2 * np.pi * t / 10.0), abs=2e-3)
-    assert values(drawn, "from above", "motion capture", "t") == pytest.approx(t, abs=2e-3)  # for the cursor
+    assert values(drawn, "from above", "motion capture", "customdata") == pytest.approx(t, abs=2e-3)  # for the cursor
 
 
 def test_zeros_that_are_logged_when_nothing_is_asked_are_no_place(flight, make):
@@ -65,10 +82,11 @@ def test_zeros_that_are_logged_when_nothing_is_asked_are_no_place(flight, make):
 
 def test_the_audit_is_bars_in_the_air_usable_and_an_event_each(flight, make):
     drawn = view(flight, make.entry(flight))
-    bars = panel(drawn, "audit")
-    assert bars["y"]["rows"] == ["in the air", "usable", "dead stream", "spike"]
-    assert [m.get("colour", "blue") for m in bars["marks"]] == ["sky", "green", "red", "red"]
-    assert (bars["marks"][1]["x"], bars["marks"][1]["high"]) == ([2.0], [15.0])
+    bars = traces(drawn, "audit")
+    assert drawn["figure"]["layout"][f"yaxis{panel(drawn, 'audit')}"]["ticktext"] == ["in the air", "usable",
+                                                                                        "dead stream", "spike"]
+    assert [t["marker"]["color"] for t in bars] == [f"var(--{name})" for name in ("sky", "green", "red", "red")]
+    assert (bars[1]["base"], bars[1]["x"]) == ([2.0], [13.0])
     assert drawn["events"]["rows"][0] == ["a straight line to the end", "15.00–20.00", "", "estimator"]
     assert (drawn["severity"], drawn["advice"]) == ("cut", "try --clock retimed")
 
@@ -86,14 +104,14 @@ def test_a_recording_that_was_not_audited_is_drawn_whole(flight):
 def test_what_is_missing_has_no_panel_and_the_rest_is_drawn(make, missing, gone):
     flight = make.flight().without_streams(missing)
     drawn = view(flight, make.entry(flight))
-    there = {p["y"].get("title") for p in drawn["figure"]["panels"]}
+    there = {title for title, _ in titles(drawn)}
     assert {"battery", "motor PWM ratio", "position error", "attitude error", "x", "y", "z"} - there - {"x"} == gone
 
 
 def test_a_recording_without_any_stream_still_has_a_page(make):
     flight = make.flight(streams=())
     drawn = view(flight, make.entry(flight))
-    assert [p["title"] for p in drawn["figure"]["panels"]] == ["audit"]
+    assert titles(drawn) == [("", "<b>audit</b>")]
     json.dumps(drawn, allow_nan=False)
 
 
@@ -120,7 +138,10 @@ def test_the_moving_clock_has_its_band(flight, make):
     warp = [[2.0, 0.0, 0.002], [6.0, 0.04, 0.002], [18.0, -0.01, 0.004]]
     drawn = view(flight, make.entry(flight), {"warp": warp})
     assert values(drawn, "clock error", "clock error") == pytest.approx([0.0, 40.0, -10.0])
-    assert values(drawn, "clock error", "clock error", "low") == pytest.approx([-4.0, 36.0, -18.0], abs=0.3)
+    band = next(t for t in traces(drawn, "clock error") if t.get("fill") == "toself")
+    upper, lower = np.split(np.array(unpacked(band["y"])), 2)
+    assert lower[::-1] == pytest.approx([-4.0, 36.0, -18.0], abs=0.3)
+    assert upper + lower[::-1] == pytest.approx([0.0, 80.0, -20.0], abs=1.0)
 
 
 def test_shares_and_counts_of_an_audit(flight, make):

@@ -1,5 +1,5 @@
 "use strict";
-// Draws what figure.py describes: panels of marks, a legend that hides, lists to choose by, a cursor through time.
+// Draws the Plotly JSON of plotly_json.py: places for its panels, a legend that hides, lists to choose by, a cursor through time.
 const nanobench = (() => {
   const root = document.documentElement;
   const drawings = {};
@@ -7,21 +7,22 @@ const nanobench = (() => {
   // Named one by one: the library's own choice has a button that sends data away.
   const BUTTONS = [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]];
   const [BETWEEN, BELOW, TITLE, EDGE] = [58, 46, 20, 10]; // px: between rows, under the last, over a panel, beside all
-  const escape = text => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   const printing = () => root.classList.contains("printing");
   const narrow = () => !printing() && window.innerWidth < 700;
   const coarse = () => window.matchMedia("(pointer: coarse)").matches;
 
-  function unpack(packed) {
-    if (typeof packed !== "object" || Array.isArray(packed)) return packed;
-    if (packed.r) return Array.from({ length: packed.r[2] }, (_, i) => packed.r[0] + packed.r[1] * i);
+  // Arrays of packed.py: even steps, or differences in whole multiples of a resolution.
+  function unpack(key, value) {
+    if (!value || typeof value !== "object") return value;
+    if (value.r) return Array.from({ length: value.r[2] }, (_, i) => value.r[0] + value.r[1] * i);
+    if (!value.d) return value;
     let total = 0;
-    return packed.d.map(step => (step === null ? null : (total += step) * packed.s));
+    return value.d.map(step => (step === null ? null : (total += step) * value.s));
   }
 
   async function inflate(id) {
     const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), character => character.charCodeAt(0));
-    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).json();
+    return JSON.parse(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text(), unpack);
   }
 
   // The plotting library is text until the first picture is drawn: numbers and links are there before it.
@@ -32,77 +33,26 @@ const nanobench = (() => {
     text.remove();
   }
 
-  function theme() {
+  // A copy of a part of a figure with the colours of the style sheet.
+  function themed(part) {
     const style = getComputedStyle(root);
-    return new Proxy({}, { get: (_, name) => style.getPropertyValue(`--${String(name)}`).trim() });
+    return JSON.parse(JSON.stringify(part).replace(/var\((--\w+)\)/g, (_, name) => style.getPropertyValue(name).trim()));
   }
 
-  // Ticks of a logarithmic axis: as many of 1, 2, 5 or 1, 3 or 1 of each decade as there is room for.
-  function logTicks(values, room) {
-    const good = values.filter(v => v > 0);
-    const [low, high] = good.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, 0]);
-    const decades = [];
-    for (let k = Math.floor(Math.log10(low)); k <= Math.ceil(Math.log10(high)); k++) decades.push(k);
-    for (const steps of [[1, 2, 5], [1, 3], [1]]) {
-      const ticks = decades.flatMap(k => steps.map(m => Number(`${m}e${k}`))).filter(v => v >= low / 1.6 && v <= high * 1.6);
-      if (ticks.length <= room || steps.length === 1) return ticks.filter((_, i) => i % Math.ceil(ticks.length / room) === 0);
-    }
-    return [];
-  }
-  const tickText = v => (v >= 1e-3 && v < 1e5 ? String(v) : v.toExponential(0).replace(/e\+?(-?)(\d+)/, "·10<sup>$1$2</sup>").replace(/^1·/, ""));
-
-  function axis(c, spec, values, pixels, upright) {
-    const out = { title: { text: escape(spec.title || "") + (spec.unit ? ` [${escape(spec.unit)}]` : ""), standoff: 6, font: { size: 12 } },
-      gridcolor: c.line, linecolor: c.grey, tickcolor: c.grey, ticks: "outside", ticklen: 4, tickfont: { size: 11 }, automargin: false,
-      zeroline: Boolean(spec.zero), zerolinecolor: c.grey, rangemode: spec.zero ? "tozero" : "normal", nticks: Math.max(4, Math.floor(pixels / (upright ? 30 : 70))) };
-    if (spec.rows) {
-      const most = upright ? (narrow() ? 18 : 40) : 16;
-      const shown = spec.rows.map(text => escape(text.length > most ? `…${text.slice(1 - most)}` : text)); // the end of a name tells more
-      Object.assign(out, { tickvals: shown.map((_, i) => i), ticktext: shown, ticks: "", showgrid: false, fixedrange: true, zeroline: false,
-        range: upright ? [shown.length - 0.4, -0.6] : [-0.6, shown.length - 0.4] });
-    } else if (spec.log) {
-      const ticks = spec.ticks || logTicks(values, Math.max(2, Math.floor(pixels / (upright ? 30 : 52))));
-      Object.assign(out, { type: "log", tickvals: ticks, ticktext: ticks.map(tickText) });
-    }
-    if (spec.range) out.range = spec.log ? spec.range.map(Math.log10) : spec.range;
-    return out;
+  // What all figures have in common.
+  function common(width, height) {
+    const axis = { gridcolor: "var(--line)", linecolor: "var(--grey)", showline: true, tickcolor: "var(--grey)", ticks: "outside", ticklen: 4, tickfont: { size: 11 },
+      automargin: false, zerolinecolor: "var(--grey)", title: { standoff: 6, font: { size: 12 } } };
+    return { width, height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, barmode: "overlay",
+      font: { color: "var(--ink)", size: 12, family: "system-ui, sans-serif" }, margin: { l: EDGE, r: EDGE, t: 0, b: BELOW },
+      hoverlabel: { bgcolor: "var(--panel)", bordercolor: "var(--grey)", font: { color: "var(--ink)", size: 12 } }, dragmode: coarse() ? false : "zoom",
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: "var(--soft)", activecolor: "var(--ink)" }, template: { layout: { xaxis: axis, yaxis: axis } } };
   }
 
-  function traces(mark, axes, c, units) {
-    const colour = c[mark.colour || "blue"];
-    const [x, y, low, high] = ["x", "y", "low", "high"].map(key => unpack(mark[key]));
-    const shared = { ...axes, name: escape(mark.name), meta: mark.name, visible: mark.hidden ? false : true, showlegend: false };
-    const [kind, size] = [mark.kind || "line", mark.size === undefined ? 8 : unpack(mark.size)];
-    const told = `<b>${escape(mark.name)}</b><br>` + (mark.text ? "%{text}" : `%{x:.4~g}${units.x}, %{y:.4~g}${units.y}`) + "<extra></extra>";
-    if (kind === "bars") return [{ ...shared, type: "bar", orientation: "h", base: x, x: high.map((v, k) => v - x[k]), y, width: size, text: mark.text && mark.text.map(escape),
-      textposition: "none", marker: { color: colour, opacity: mark.fade || 1 }, hovertemplate: mark.text ? told : `<b>${escape(mark.name)}</b><br>%{base:.4~g} to %{x:.4~g}${units.x}<extra></extra>` }];
-    const ends = !low || kind === "area" ? {} : { [mark.across ? "error_x" : "error_y"]: { type: "data", symmetric: false, color: colour, thickness: 1.5, width: 4,
-      array: (mark.across ? x : y).map((v, k) => (high[k] === null || v === null ? 0 : Math.max(high[k] - v, 0))),
-      arrayminus: (mark.across ? x : y).map((v, k) => (low[k] === null || v === null ? 0 : Math.max(v - low[k], 0))) } };
-    const main = { ...shared, ...ends, type: "scatter", x, y, mode: { line: "lines", area: "lines", points: "markers", both: "lines+markers" }[kind], connectgaps: false,
-      line: { color: colour, width: mark.width || 2, dash: mark.dash || "solid" }, text: mark.text && mark.text.map(escape), hovertemplate: told,
-      hoverinfo: mark.name ? undefined : "skip", marker: { color: colour, size, symbol: mark.symbol || "circle", opacity: mark.fade || 1 } };
-    if (!mark.name) delete main.hovertemplate;
-    if (kind !== "area") return [main];
-    const there = x.map((_, i) => i).filter(i => low[i] !== null && high[i] !== null);
-    const back = there.slice().reverse();
-    return [{ ...shared, type: "scatter", mode: "lines", x: [...there, ...back].map(i => x[i]), y: [...there.map(i => high[i]), ...back.map(i => low[i])], fill: "toself",
-      fillcolor: colour, opacity: 0.22, line: { width: 0 }, hoverinfo: "skip" }, main];
-  }
-
-  const labelled = panel => (panel.y.rows ? 14 + 6.4 * Math.min(Math.max(...panel.y.rows.map(text => text.length)), narrow() ? 18 : 40) : 62);
+  const left = panel => (narrow() ? Math.min(panel.left, 129) : panel.left);
 
   // Height of the plot itself [px]; where both axes have one scale, no more than the data need.
-  function tall(panel, each) {
-    const most = (panel.height || 260) - 50;
-    if (!panel.equal) return most;
-    const size = key => {
-      const values = panel.marks.flatMap(mark => unpack(mark[key])).filter(v => v !== null);
-      const [low, high] = values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
-      return Math.max(high - low, 0.05);
-    };
-    return Math.max(110, Math.min(most, 1.12 * (each - labelled(panel)) * size("y") / size("x")));
-  }
+  const tall = (panel, each) => (panel.aspect ? Math.max(110, Math.min(panel.height - 50, 1.12 * (each - left(panel)) * panel.aspect)) : panel.height - 50);
 
   // Rows of panels, each with its place in pixels from above.
   function placed(panels, columns, width) {
@@ -121,61 +71,40 @@ const nanobench = (() => {
     return { rows, height: top - BETWEEN + BELOW };
   }
 
+  const numbered = k => (k ? String(k + 1) : "");
+
   function build(figure, width) {
-    const c = theme();
-    const columns = width > 620 ? figure.columns || 2 : 1;
+    const columns = width > 620 ? 2 : 1;
     const inner = width - 2 * EDGE;
     const { rows, height } = placed(figure.panels, columns, inner);
     const upper = height - BELOW;
-    const shared = Math.max(0, ...figure.panels.filter(p => p.timed).map(labelled)); // one time axis above the other
-    const out = { traces: [], dots: [], timed: [], height, layout: { width, height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, barmode: "overlay",
-      font: { color: c.ink, size: 12, family: "system-ui, sans-serif" }, margin: { l: EDGE, r: EDGE, t: 0, b: BELOW }, shapes: [], annotations: [],
-      hoverlabel: { bgcolor: c.panel, bordercolor: c.grey, font: { color: c.ink, size: 12 } }, dragmode: coarse() ? false : "zoom",
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: c.soft, activecolor: c.ink } } };
-    let count = 0;
+    const { data, layout } = themed({ data: figure.data, layout: { ...figure.layout, ...common(width, height) } });
     for (const row of rows) row.panels.forEach((panel, column) => {
-      const n = ++count === 1 ? "" : String(count);
+      const n = numbered(figure.panels.indexOf(panel));
       const each = row.full ? inner : inner / columns;
-      const labels = panel.timed && row.full ? shared : labelled(panel);
-      const pixels = { x: each - labels - (row.full ? 4 : 16), y: row.height };
-      const all = key => panel.marks.flatMap(m => [...unpack(m[key]), ...((key === "x") === Boolean(m.across) ? [...(unpack(m.low) || []), ...(unpack(m.high) || [])] : [])]).filter(v => typeof v === "number");
-      const from = (column * each + labels) / inner;
-      const domain = { x: [from, Math.min(1, from + pixels.x / inner)], y: [1 - (row.top + row.height) / upper, 1 - row.top / upper] };
-      const [x, y] = [`xaxis${n}`, `yaxis${n}`];
-      out.layout[x] = { ...axis(c, panel.x, panel.x.log ? all("x") : [], pixels.x, false), domain: domain.x, anchor: `y${n}` };
-      out.layout[y] = { ...axis(c, panel.y, panel.y.log ? all("y") : [], pixels.y, true), domain: domain.y, anchor: `x${n}` };
-      if (panel.equal) Object.assign(out.layout[y], { scaleanchor: `x${n}` }), [x, y].forEach(key => { out.layout[key].constrain = key === x ? "range" : "domain"; });
-      if (panel.timed) {
-        if (out.timed.length) out.layout[x].matches = out.timed[0].x;
-        out.timed.push({ x: `x${n}`, y: `y${n}`, panel });
-      }
-      if (panel.title) out.layout.annotations.push({ text: `<b>${escape(panel.title)}</b>`, x: domain.x[0], y: domain.y[1], xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 12 } });
-      for (const [x0, x1, colour] of panel.shaded || []) out.layout.shapes.push({ type: "rect", xref: `x${n}`, yref: `y${n} domain`, x0, x1, y0: 0, y1: 1, layer: "below", fillcolor: c[colour], opacity: 0.16, line: { width: 0 } });
-      for (const [way, value] of panel.rules || []) out.layout.shapes.push({ type: "line", xref: `x${n}${way === "y" ? " domain" : ""}`, yref: `y${n}${way === "x" ? " domain" : ""}`,
-        ...(way === "x" ? { x0: value, x1: value, y0: 0, y1: 1 } : { x0: 0, x1: 1, y0: value, y1: value }), line: { color: c.ink, width: 1.2, dash: "dot" } });
-      const units = Object.fromEntries(["x", "y"].map(key => [key, panel[key].unit ? ` ${escape(panel[key].unit)}` : ""]));
-      for (const mark of panel.marks) {
-        out.traces.push(...traces(mark, { xaxis: `x${n}`, yaxis: `y${n}` }, c, units));
-        if (mark.t) out.dots.push({ mark, axes: { xaxis: `x${n}`, yaxis: `y${n}` } });
-      }
+      const from = column * each + left(panel);
+      layout[`xaxis${n}`].domain = [from / inner, ((column + 1) * each - (row.full ? 4 : 16)) / inner];
+      layout[`yaxis${n}`].domain = [1 - (row.top + row.height) / upper, 1 - row.top / upper];
+      if (panel.short && narrow()) layout[`yaxis${n}`].ticktext = panel.short;
     });
-    return out;
+    return { data, layout };
   }
 
   function legend(box, figure, place) {
-    const several = figure.panels.filter(p => new Set(p.marks.map(m => m.name)).size > 1); // a mark by itself is named by its axis
-    const names = new Map(several.flatMap(p => p.marks).filter(m => m.name).map(m => [m.name, m]));
-    box.replaceChildren(...(names.size < 2 ? [] : [...names.values()].map(mark => {
-      const button = Object.assign(document.createElement("button"), { type: "button", textContent: mark.name });
+    const of = k => place.data.filter(trace => trace.xaxis === `x${numbered(k)}`);
+    const several = figure.panels.map((_, k) => of(k)).filter(traces => new Set(traces.map(trace => trace.meta)).size > 1); // a trace by itself is named by its axis
+    const names = new Map(several.flat().filter(trace => trace.meta && trace.name).map(trace => [trace.meta, trace]));
+    box.replaceChildren(...(names.size < 2 ? [] : [...names].map(([name, { type, mode, marker, line, visible }]) => {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
       const swatch = document.createElement("i");
-      swatch.style.color = `var(--${mark.colour || "blue"})`;
-      swatch.className = mark.kind === "points" ? `points ${mark.symbol || ""}` : mark.kind === "bars" ? "bar" : mark.dash || "solid";
+      swatch.style.color = marker.color;
+      swatch.className = type === "bar" ? "bar" : mode === "markers" ? `points ${marker.symbol}` : line.dash;
       button.prepend(swatch);
-      button.setAttribute("aria-pressed", String(!mark.hidden));
+      button.setAttribute("aria-pressed", String(visible));
       button.addEventListener("click", () => {
         const on = button.getAttribute("aria-pressed") !== "true";
         button.setAttribute("aria-pressed", String(on));
-        Plotly.restyle(place, { visible: on }, place.data.map((t, k) => (t.meta === mark.name ? k : -1)).filter(k => k >= 0));
+        Plotly.restyle(place, { visible: on }, place.data.map((t, k) => (t.meta === name ? k : -1)).filter(k => k >= 0));
       });
       return button;
     })));
@@ -188,26 +117,26 @@ const nanobench = (() => {
   }
 
   // The slider: dots where everything is, a line through the panels over time, and the values in words.
-  function cursor(box, figure, place, built) {
+  function cursor(box, figure, place, dots) {
     const [start, end] = figure.cursor;
     box.innerHTML = `<button type="button" aria-label="play">▶</button><label>Time <input type="range" min="${start}" max="${end}" step="0.02"></label><output></output>`;
     const [button, slider, output] = ["button", "input", "output"].map(tag => box.querySelector(tag));
-    const first = built.traces.length - built.dots.length;
-    const series = built.dots.map(({ mark }) => Object.fromEntries(["t", "x", "y"].map(key => [key, unpack(mark[key])])));
-    const told = built.timed.flatMap(({ panel }) => panel.marks.filter(m => m.name && m.kind !== "bars" && !(m.kind === "area" && m.width < 1)).map(m => ({ name: m.name, unit: panel.y.unit || "", x: unpack(m.x), y: unpack(m.y) })));
-    const lines = built.layout.shapes.length - built.timed.length;
+    const first = place.data.length - dots.length;
+    const units = new Map(figure.panels.flatMap((panel, k) => (panel.timed ? [[`x${numbered(k)}`, panel.unit]] : [])));
+    const told = place.data.filter(trace => units.has(trace.xaxis) && trace.name && trace.type !== "bar" && trace.line.width >= 1);
+    const lines = place.layout.shapes.length - units.size;
     let waiting = false;
     const move = () => {
       const t = Number(slider.value);
-      output.textContent = [`${t.toFixed(2)} s`, ...told.map(s => [s, s.y[nearest(s.x, t)]]).filter(([, v]) => v !== null && v !== undefined).map(([s, v]) => `${s.name} ${Number(v.toPrecision(3))} ${s.unit}`.trim())].join(" · ");
+      output.textContent = [`${t.toFixed(2)} s`, ...told.map(s => [s, s.y[nearest(s.x, t)]]).filter(([, v]) => v !== null && v !== undefined).map(([s, v]) => `${s.meta} ${Number(v.toPrecision(3))} ${units.get(s.xaxis)}`.trim())].join(" · ");
       slider.setAttribute("aria-valuetext", output.textContent);
       if (waiting) return;
       waiting = true;
       requestAnimationFrame(() => {
         waiting = false;
-        const at = series.map(s => nearest(s.t, Number(slider.value)));
-        const shapes = Object.fromEntries(built.timed.flatMap((_, k) => [[`shapes[${lines + k}].x0`, Number(slider.value)], [`shapes[${lines + k}].x1`, Number(slider.value)]]));
-        if (series.length) Plotly.update(place, { x: series.map((s, k) => [s.x[at[k]]]), y: series.map((s, k) => [s.y[at[k]]]) }, shapes, series.map((_, k) => first + k));
+        const at = dots.map(trace => nearest(trace.customdata, Number(slider.value)));
+        const shapes = Object.fromEntries(Array.from(units, (_, k) => [[`shapes[${lines + k}].x0`, Number(slider.value)], [`shapes[${lines + k}].x1`, Number(slider.value)]]).flat());
+        if (dots.length) Plotly.update(place, Object.fromEntries(["x", "y"].map(key => [key, dots.map((trace, k) => [trace[key][at[k]]])])), shapes, dots.map((_, k) => first + k));
         else Plotly.relayout(place, shapes);
       });
     };
@@ -265,20 +194,21 @@ const nanobench = (() => {
     let lists = [];
     const redraw = () => {
       const figure = chosen(drawing, lists);
-      const built = build(figure, printing() ? 690 : place.clientWidth);
-      const c = theme();
+      const { data, layout } = build(figure, printing() ? 690 : place.clientWidth);
+      const dots = data.filter(trace => trace.customdata);
       if (figure.cursor) {
-        built.traces.push(...built.dots.map(({ mark, axes }) => ({ ...axes, x: [null], y: [null], mode: "markers", type: "scatter", meta: mark.name, showlegend: false, hoverinfo: "skip",
-          marker: { size: 12, color: c[mark.colour || "blue"], line: { color: c.paper, width: 2 } } })));
-        built.layout.shapes.push(...built.timed.map(({ x, y }) => ({ type: "line", xref: x, yref: `${y} domain`, x0: figure.cursor[0], x1: figure.cursor[0], y0: 0, y1: 1, line: { color: c.ink, width: 1.2 } })));
+        data.push(...themed(dots.map(({ xaxis, yaxis, meta, line }) => ({ xaxis, yaxis, meta, x: [null], y: [null], mode: "markers", type: "scatter", hoverinfo: "skip",
+          marker: { size: 12, color: line.color, line: { color: "var(--paper)", width: 2 } } }))));
+        layout.shapes.push(...themed(figure.panels.flatMap((panel, k) => (panel.timed ? [{ type: "line", xref: `x${numbered(k)}`, yref: `y${numbered(k)} domain`, x0: figure.cursor[0], x1: figure.cursor[0], y0: 0, y1: 1,
+          line: { color: "var(--ink)", width: 1.2 } }] : []))));
       }
-      place.style.height = `${built.height}px`;
-      Plotly.react(place, built.traces, built.layout, { displaylogo: false, responsive: false, scrollZoom: false, doubleClick: "reset",
+      place.style.height = `${layout.height}px`;
+      Plotly.react(place, data, layout, { displaylogo: false, responsive: false, scrollZoom: false, doubleClick: "reset",
         displayModeBar: coarse() || narrow() ? false : "hover", modeBarButtons: BUTTONS });
       element.dataset.drawn = String(Number(element.dataset.drawn || 0) + 1);
       if (drawing.figures) element.querySelector(".note").textContent = figure.note;
       legend(element.querySelector(".legend"), figure, place);
-      if (figure.cursor) cursor(element.querySelector(".cursor"), figure, place, built);
+      if (figure.cursor) cursor(element.querySelector(".cursor"), figure, place, dots);
     };
     if (drawing.figures) lists = choices(element, drawing, redraw);
     drawn.set(element, redraw);
