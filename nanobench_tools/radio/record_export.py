@@ -20,9 +20,9 @@ from .. import so3
 from ..errors import InputError
 from ..flight import Flight, Provenance, Stream, make_stream
 from ..practice.mocap import WINDOW, body_rate, savgol_derivative
+from ..sources.known import Known, ecosystem
 from ..sources.nanobench_columns import STREAMS
 from ..sources.nanobench_writer import write_nanobench
-from ..sources.usd_variables import VARIABLES, Variable
 from ..units import factor
 from .align import TICK_S, Alignment, align, ticks_of
 from .blocks import Block
@@ -31,7 +31,7 @@ from .mocap.pose_source import seen
 from .packets import ECHO, LOG, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
 from .recorder import RAW_FOLDER
 
-OWN = {"setpoint": {"yaw": (Variable("ctrltarget.yaw", "deg"),)}}
+OWN = {"setpoint": {"yaw": (Known("ctrltarget.yaw", unit="deg"),)}}
 """The format keeps what the firmware calls ctrltarget.yaw (a rate) in a column of degrees."""
 SHORTEST_S = 1.0
 MOCAP = ("px", "py", "pz", "qx", "qy", "qz", "qw", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -151,7 +151,7 @@ def _streams(data: list[BlockData]) -> dict[str, Stream]:
     for part in data:
         logged = set(part.block.variables)
         for name, columns in STREAMS.items():
-            options = {**VARIABLES.get(name, {}), **OWN.get(name, {})}
+            options = {**ecosystem("crazyflie").streams.get(name, {}), **OWN.get(name, {})}
             chosen = {c.quantity: next((v for v in options.get(c.quantity, ()) if v.name in logged), None)
                       for c in columns}
             if name == "mocap" or None in chosen.values() or len(found.get(name, ())) >= len(part.time_s):

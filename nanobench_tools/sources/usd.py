@@ -18,9 +18,10 @@ from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
+from .half_precision import halved
 from .interpolation import count_changes
+from .known import Known, ecosystem
 from .sheets import Sheet
-from .usd_variables import assign
 
 MAGIC = 0xBC
 FIXED_FREQUENCY = "fixedFrequency"
@@ -74,7 +75,7 @@ class UsdLog:
             raise InputError(str(path), "a uSD log without any record",
                              "logging was never started, or the card lost it")
         start = min(int(r["time"][0]) for r in filled.values())
-        streams = _streams(log, filled, start, unit)
+        streams, faults = _streams(log, filled, start, unit)
         if not streams:
             raise InputError(str(path), "a uSD log without any variable", "its configuration named none")
         end = max(s.span.end_s for s in streams.values())
@@ -89,7 +90,7 @@ class UsdLog:
                           "usd_version": log.version,
                           "records": {log.types[i].name: len(r) for i, r in log.records.items()},
                       },
-                      Provenance(str(path), "", self.name, findings=(*_faults(log.fault, end), *not_numbers(streams)),
+                      Provenance(str(path), "", self.name, findings=(*_faults(log.fault, end), *faults),
                                  notes=tuple(notes)),
                       epoch_s=start * unit)
 
@@ -193,9 +194,10 @@ def _faults(fault: tuple[str, str] | None, end: float) -> tuple[Fault, ...]:
     return (text_fault(kind, "", (), evidence, (0.0 if kind == "checksum" else end, end)),)
 
 
-def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -> dict[str, Stream]:
-    """Every quantity once: a stream comes from the event type that knows most of it, the rest goes to extra."""
-    plans = {i: assign(log.types[i].variables) for i in filled}
+def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -> tuple[dict[str, Stream], list[Fault]]:
+    """Every quantity once, and what is wrong with values: a stream comes from the event type that knows most of it, the
+    rest goes to extra."""
+    plans = {i: ecosystem("crazyflie").assign(log.types[i].variables) for i in filled}
     owner: dict[str, int] = {}
     for i, plan in plans.items():
         for stream, quantities in plan.items():
@@ -207,6 +209,8 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             ):
                 owner[stream] = i
     streams: dict[str, Stream] = {}
+    coded: dict[str, np.ndarray] = {}
+    faults: list[Fault] = []
     for i, records in filled.items():
         kind = log.types[i]
         fields = {name: f"v{k}" for k, name in reversed(list(enumerate(kind.variables, start=1)))}
@@ -216,14 +220,18 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             if owner[stream] != i:
                 continue
             values = _numbers(records, [fields[v.name] for v in quantities.values()])
+            faults += _double(records, [fields[v.name] for v in quantities.values()], quantities, values, stream,
+                              time_s)
             if stream == "mocap" and not any(values[:, k].any() for k, q in enumerate(quantities) if q in ATTITUDE):
                 quantities = {q: v for q, v in quantities.items() if q not in ATTITUDE}  # positions only were sent
                 values = values[:, : len(quantities)]
+            as_logged = values
             values = values * [v.scale for v in quantities.values()] + [v.offset for v in quantities.values()]
             used.update(v.name for v in quantities.values())
             count = count_changes(values) if kind.name == FIXED_FREQUENCY else len(values)
             made = make_stream(stream, time_s, values, tuple(quantities), [v.name for v in quantities.values()],
                                samples=count, rate_hz=_rate(count, time_s))
+            coded[stream] = _invalid(as_logged, quantities)
             forces = ["N" if v.unit == "N" else known for v, known in zip(quantities.values(), made.unit, strict=True)]
             streams[stream] = replace(made, unit=tuple(forces))
         rest = [v for v in dict.fromkeys(kind.variables) if v not in used]
@@ -232,7 +240,30 @@ def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -
             name = "extra" if kind.name == FIXED_FREQUENCY else f"extra_{kind.name}"
             streams[name] = Stream(time_s, values, tuple(rest), tuple(rest), ("1",) * len(rest),
                                    rate_hz=_rate(len(values), time_s), samples=len(values))
-    return dict(sorted(streams.items()))
+    streams = dict(sorted(streams.items()))
+    faults += not_numbers(streams)
+    return {n: replace(s, values=np.where(coded[n], np.nan, s.values)) if n in coded and coded[n].any() else s
+            for n, s in streams.items()}, faults
+
+
+def _double(records: np.ndarray, fields: list[str], quantities: dict[str, Known], values: np.ndarray, stream: str,
+            time_s: np.ndarray) -> list[Fault]:
+    """Doubles, in ``values`` (n, k), what the firmware halved in variables of half precision; one finding each."""
+    faults = []
+    for k, (field, known) in enumerate(zip(fields, quantities.values(), strict=True)):
+        if records.dtype[field] == np.float16 and (rows := halved(values[:, k])).any():
+            values[rows, k] *= 2.0
+            at = time_s[rows]
+            faults.append(text_fault("half_precision", stream, (known.name,),
+                                     f"{known.name}: {int(rows.sum())} values of half precision were halved just below "
+                                     "a power of two (firmware before 2026.08), and doubled again",
+                                     (float(at[0]), float(at[-1])), float(rows.sum()), "cells"))
+    return faults
+
+
+def _invalid(values: np.ndarray, quantities: dict[str, Known]) -> np.ndarray:
+    """(n, k) bool: readings with which the firmware says that it has none."""
+    return np.asarray(values == [np.nan if v.invalid is None else v.invalid for v in quantities.values()])
 
 
 def _numbers(records: np.ndarray, fields: list[str]) -> np.ndarray:

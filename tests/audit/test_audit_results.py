@@ -38,6 +38,7 @@ KINDS = {
     "truncated",
     "checksum",
     "bad_cell",
+    "half_precision",
     "interpolated",
 }
 

@@ -11,8 +11,8 @@ from source_samples import usd_log
 
 from nanobench_tools import InputError
 from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.known import ecosystem
 from nanobench_tools.sources.usd import UsdLog, parse_log
-from nanobench_tools.sources.usd_variables import assign
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -77,18 +77,18 @@ def test_stamps_of_any_size(tmp_path):
 
 
 def test_motor_is_what_the_motors_got():
-    both = assign(("motor.m1", "pwm.m1_pwm", "motor.m1req"))
+    both = ecosystem("crazyflie").assign(("motor.m1", "pwm.m1_pwm", "motor.m1req"))
     assert both["motor"]["m1"].name == "pwm.m1_pwm"
     assert both["motor_request"]["m1"].name == "motor.m1req"
-    old = assign(("motor.m1", "pwm.m1_pwm"))
+    old = ecosystem("crazyflie").assign(("motor.m1", "pwm.m1_pwm"))
     assert (old["motor"]["m1"].name, old["motor_request"]["m1"].name) == ("pwm.m1_pwm", "motor.m1")
-    new = assign(("motor.m1", "motor.m1req"))
+    new = ecosystem("crazyflie").assign(("motor.m1", "motor.m1req"))
     assert (new["motor"]["m1"].name, new["motor_request"]["m1"].name) == ("motor.m1", "motor.m1req")
-    assert "motor_request" not in assign(("motor.m1",))
+    assert "motor_request" not in ecosystem("crazyflie").assign(("motor.m1",))
 
 
 def test_compressed_state_estimate():
-    plan = assign(("stateEstimateZ.az", "stateEstimateZ.ratePitch", "stateEstimateZ.x"))
+    plan = ecosystem("crazyflie").assign(("stateEstimateZ.az", "stateEstimateZ.ratePitch", "stateEstimateZ.x"))
     az, rate, x = plan["estimator_acc"]["az"], plan["imu"]["gyro_y"], plan["estimator"]["x"]
     assert 9810.0 * az.scale + az.offset == pytest.approx(0.0)
     assert 1000.0 * rate.scale == pytest.approx(-1.0)
@@ -159,3 +159,49 @@ def test_zeros_after_a_power_cut_are_not_records(tmp_path):
     flight = UsdLog().read(tmp_path / "x", sample.data[: sample.ends[20]] + bytes(5000))
     assert len(flight["imu"]) + len(flight["mocap"]) == 21
     assert {f.kind for f in flight.provenance.findings} == {"checksum"}
+
+
+def test_measured_rotor_speeds_of_firmware_2026_08(tmp_path):
+    """motor.m1_rpm is rotor speed; 65535 is no measurement, and no fault."""
+    names = [f"motor.m{i}_rpm" for i in (1, 2, 3, 4)]
+    header = struct.pack("<HHH", 2, 1, 3) + b"rotors\0" + struct.pack("<H", 4)
+    header += b"".join(f"{name}(H)".encode() + b"\0" for name in names)
+    body = b"".join(struct.pack("<HQ4H", 3, 10000 * i, 18000, 18300, 65535 if i == 2 else 18600, 0) for i in range(5))
+    flight = UsdLog().read(tmp_path / "x", _log(header, body))
+    assert flight["rpm"]["m1"][0] == pytest.approx(18000 * 2 * np.pi / 60)
+    assert np.isnan(flight["rpm"]["m3"]).tolist() == [False, False, True, False, False]
+    assert flight.provenance.findings == ()
+
+
+def _half_log(values):
+    header = struct.pack("<HHH", 2, 1, 3) + b"half\0" + struct.pack("<H", 2)
+    header += b"stateEstimate.x(e)\0stateEstimate.y(f)\0"
+    body = b"".join(struct.pack("<HQef", 3, 10000 * i, v, v) for i, v in enumerate(values))
+    return _log(header, body)
+
+
+def test_halved_values_of_half_precision_are_doubled(tmp_path):
+    """The firmware lost a carry: 1.9999 became 1.0. The same numbers in single precision are left alone."""
+    values = [1.90, 1.95, 1.0, 2.02, 2.05, -0.51, -0.25, -0.25, -0.49, 1.1, 1.0, 0.9]
+    flight = UsdLog().read(tmp_path / "x", _half_log(values))
+    mended = [1.90, 1.95, 2.0, 2.02, 2.05, -0.51, -0.5, -0.5, -0.49, 1.1, 1.0, 0.9]
+    np.testing.assert_allclose(flight["estimator"]["x"], mended, rtol=1e-3)
+    np.testing.assert_allclose(flight["estimator"]["y"], values, rtol=1e-6)
+    (fault,) = flight.provenance.findings
+    assert (fault.kind, fault.columns, fault.size) == ("half_precision", ("stateEstimate.x",), 3.0)
+
+
+def test_every_halved_value_is_found_in_a_sweep(tmp_path):
+    """A rounding to half precision without its carry, written from the format: exponent bits are or-ed, not added."""
+    def broken(value):
+        half = np.float16(value)
+        fraction, exponent = np.frexp(value)
+        exact = fraction * 2.0 ** 11  # the eleven bits that half precision keeps
+        carried = round(exact) == 2 ** 11 and exact < 2 ** 11
+        return half / 2 if carried and (exponent - 1) % 2 == 0 else half
+
+    values = np.linspace(0.05, 9.0, 40001)
+    logged = np.array([broken(v) for v in values], float)
+    assert (np.abs(logged / values - 0.5) < 1e-3).sum() >= 4
+    flight = UsdLog().read(tmp_path / "x", _half_log(logged))
+    np.testing.assert_allclose(flight["estimator"]["x"], values, rtol=1e-3)

@@ -1,0 +1,117 @@
+"""Names that other programs give to columns and variables, one TOML file an ecosystem: what each means, in which unit.
+
+A file holds ``title``, ``origin`` (where the names and units are documented) and entries ``[[names]]``:
+
+``name``     as the ecosystem writes it; ``{x,y,z}`` stands for one name each, and so on in ``is`` at the same place
+``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place; then
+``what``     says in a few words what it is
+``unit``     as ``units`` knows it (default "1"); ``sign``, ``offset`` [SI] and ``invalid`` (a reading that is none)
+``topic``    of PX4 and ROS: the message the name belongs to
+``frame``    axes of the numbers (``axes``), where they are not ours
+``plain``    true where others call columns the same: the name alone does not show the ecosystem
+
+Several names may give one quantity: the first one in the file that is there is taken.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import UsageError
+from ...flight import STREAM_QUANTITIES
+from ...units import factor
+
+FOLDER = Path(__file__).parent
+_BRACES = re.compile(r"\{([^{}]*)\}")
+
+
+@dataclass(frozen=True)
+class Known:
+    """One name: ``value_SI = sign * factor(unit) * value + offset``. ``stream`` is empty for a time and for what the
+    vocabulary has no place for; then ``quantity`` is "time" or empty."""
+
+    name: str
+    stream: str = ""
+    quantity: str = ""
+    unit: str = "1"
+    sign: float = 1.0
+    offset: float = 0.0
+    what: str = ""
+    topic: str = ""
+    frame: str = ""
+    plain: bool = False
+    invalid: float | None = None
+
+    @property
+    def scale(self) -> float:
+        return self.sign * factor(self.unit)
+
+
+@dataclass(frozen=True)
+class Ecosystem:
+    """``names`` in the order of the file."""
+
+    key: str
+    title: str
+    origin: str
+    names: tuple[Known, ...]
+
+    @functools.cached_property
+    def streams(self) -> Mapping[str, Mapping[str, tuple[Known, ...]]]:
+        """stream -> quantity, in the order of the vocabulary -> names that can give it, best first."""
+        found: dict[str, dict[str, tuple[Known, ...]]] = {}
+        for known in self.names:
+            if known.stream:
+                quantities = found.setdefault(known.stream, {})
+                quantities[known.quantity] = (*quantities.get(known.quantity, ()), known)
+        return {stream: {q: quantities[q] for q in STREAM_QUANTITIES[stream] if q in quantities}
+                for stream, quantities in found.items()}
+
+    def assign(self, there: Iterable[str]) -> dict[str, dict[str, Known]]:
+        """Which of the names that are there becomes which quantity: stream -> quantity -> Known. Each is used once."""
+        left = set(there)
+        chosen: dict[str, dict[str, Known]] = {}
+        for stream, quantities in self.streams.items():
+            for quantity, options in quantities.items():
+                found = next((o for o in options if o.name in left), None)
+                if found is not None:
+                    left.discard(found.name)
+                    chosen.setdefault(stream, {})[quantity] = found
+        return chosen
+
+
+@functools.cache
+def ecosystem(key: str) -> Ecosystem:
+    """The ecosystem of one file, by the file's name. UsageError where there is none."""
+    path = FOLDER / f"{key}.toml"
+    if not path.is_file():
+        raise UsageError(f"unknown ecosystem {key!r}; known: {', '.join(keys())}")
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    names = tuple(itertools.chain.from_iterable(map(_expanded, content["names"])))
+    return Ecosystem(key, content["title"], content["origin"], names)
+
+
+def keys() -> tuple[str, ...]:
+    """Names of the ecosystems, sorted."""
+    return tuple(sorted(p.stem for p in FOLDER.glob("*.toml")))
+
+
+def _expanded(entry: Mapping[str, object]) -> Iterable[Known]:
+    """One Known for every alternative in braces."""
+    name, meaning = str(entry["name"]), str(entry.get("is", ""))
+    rest = {k: v for k, v in entry.items() if k not in ("name", "is")}
+    groups = [match.split(",") for match in _BRACES.findall(name)]
+    targets = [match.split(",") for match in _BRACES.findall(meaning)]
+    for places in itertools.product(*(range(len(group)) for group in groups)):
+        picked = iter([group[k] for group, k in zip(groups, places, strict=True)])
+        goal = iter([group[k] for group, k in zip(targets, places, strict=False)])
+        spelled = _BRACES.sub(lambda _, picked=picked: next(picked), name)  # type: ignore[misc]
+        is_what = _BRACES.sub(lambda _, goal=goal: next(goal), meaning)  # type: ignore[misc]
+        stream, _, quantity = is_what.rpartition(".")
+        yield Known(spelled, stream, quantity, **rest)  # type: ignore[arg-type]
