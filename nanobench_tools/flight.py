@@ -10,7 +10,7 @@ import hashlib
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from .dataframes import arrays_of, frame_of, one_grid
 from .deprecation import warn_renamed
 from .errors import InputError
+from .flight_figure import flight_figure, named_in
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +57,10 @@ for _name, _known in STREAM_QUANTITIES.items():
 a share of full, 1, or in N), ``stand`` the load cell of a thrust stand (sum over the motors),
 ``estimator_acc`` has gravity taken off.
 """
+
+
+LONGEST_NAME = 120
+"""Characters of a name that a ``repr`` shows."""
 
 
 def motors_of(stream: Stream) -> tuple[str, ...]:
@@ -138,7 +143,7 @@ class Fault:
         return Span(self.start_s, self.end_s)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stream:
     """Samples of one message of the vehicle or of the motion capture, on their own clock.
 
@@ -168,6 +173,10 @@ class Stream:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def __repr__(self) -> str:
+        span = f", {self.span.start_s:.2f} to {self.span.end_s:.2f} s, {self.rate_hz:.4g} Hz" if len(self) else ""
+        return f"Stream of {len(self)} rows{span}: {named_in(self.quantities, 12)}"
 
     def __contains__(self, name: str) -> bool:
         return name in self.quantities or name in self.columns
@@ -244,9 +253,11 @@ class Provenance:
     assumptions: tuple[Assumption, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Flight:
     """One recording. ``name`` only labels rows: nothing is decided from it.
+
+    ``flight["imu"]`` is a stream, ``flight[2.0:6.0]`` the flight from 2 to 6 s, on the same time axis.
 
     metadata holds what the recording's own sheet says, as found, plus the keys ``family`` (trajectory type),
     ``speed`` (``slow`` | ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
@@ -261,13 +272,38 @@ class Flight:
     def __contains__(self, stream: str) -> bool:
         return stream in self.streams
 
-    def __getitem__(self, stream: str) -> Stream:
-        """The stream, or an InputError that names the flight and what it has."""
+    @overload
+    def __getitem__(self, key: str) -> Stream: ...
+    @overload
+    def __getitem__(self, key: slice) -> Flight: ...
+    def __getitem__(self, key: str | slice) -> Stream | Flight:
+        """A stream by name, or an InputError that names the flight and what it has; or a span of time, s."""
+        if isinstance(key, slice):
+            return self.during(_span_of(key))
         try:
-            return self.streams[stream]
+            return self.streams[key]
         except KeyError:
-            raise InputError(self.provenance.path, f"has no {stream} stream",
+            raise InputError(self.provenance.path, f"has no {key} stream",
                              f"it has {', '.join(self.streams) or 'none'}") from None
+
+    def __repr__(self) -> str:
+        kind = "SYNTHETIC " if self.provenance.synthetic else ""
+        name = self.name if len(self.name) <= LONGEST_NAME else f"{self.name[:LONGEST_NAME - 3]}..."
+        return (f"{kind}Flight {name!r}, {self.duration_s:.1f} s, {self.provenance.source}: "
+                f"{named_in(tuple(self.streams), 16)}")
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of its streams."""
+        return tuple(self.streams)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last timestamp of any stream, s."""
+        return self.span.duration_s
+
+    def plot(self) -> Any:
+        """A plotly figure (extra ``report``): position, gyro, motors and battery over time."""
+        return flight_figure(self.name, self.streams)
 
     @property
     def span(self) -> Span:
@@ -338,6 +374,12 @@ def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Seq
     frame = next(iter(known.values()))[1]
     return Stream(np.asarray(time_s, float), np.asarray(values, float), tuple(columns or quantities), tuple(quantities),
                   tuple(known[q][0] for q in quantities), frame=frame, **kwargs)
+
+
+def _span_of(key: slice) -> Span:
+    if key.step is not None:
+        raise TypeError("a flight is cut by time, flight[2.0:6.0], without a step")
+    return Span(-np.inf if key.start is None else float(key.start), np.inf if key.stop is None else float(key.stop))
 
 
 def _rate_hz(time_s: np.ndarray) -> float:

@@ -26,6 +26,7 @@ UNITS = ("1", "N")
 UNASKED = terms_that(lambda term: term.only_turns)
 """Terms that only turn the vehicle."""
 WHY = "cannot be asked: no motor commands"
+WHY_STILL = "cannot be asked: the simulator gives no angular acceleration"
 QUATERNION = ("qx", "qy", "qz", "qw")
 TURNING_S = number("mismatch.commanded.turning_s")
 """Smoothing of the rate that an attitude says, where no gyro does."""

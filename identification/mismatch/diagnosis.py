@@ -22,7 +22,7 @@ from nanobench_tools.settings import setting
 from .believe import start_of
 from .commanded import believed
 from .decide import UNPROVED, UNSURE, Decision, decide, unproved, without
-from .equivalent import Equivalent, equivalent
+from .equivalent import Equivalent, equivalent, turns_nothing
 from .fitting import Slopes, fit, slopes
 from .leftover import Structure
 from .levels import with_levels
@@ -150,6 +150,8 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
     if recordings.tracks[0].commanded:
         raise InputError(recordings.tracks[0].name, "holds a collective command and no motor commands",
                          f"{place} is given motors; a simulator.toml can be diagnosed")
+    if turns_nothing(simulator, recordings.tracks[0], place):
+        recordings = replace(recordings, tracks=tuple(replace(t, turns=False) for t in recordings.tracks))
     given = equivalent(recordings, simulator, place, vehicle, progress)
     if given.alike:
         verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)

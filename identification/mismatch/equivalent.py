@@ -76,8 +76,9 @@ class Equivalent:
     @property
     def sentence(self) -> str:
         """What was done, for a person."""
-        how = (f"reproduce its force to {self.rms[0]:.3f} m/s^2 ({self.shares[0]:.1%} of how it moves) and its angular "
-               f"acceleration to {self.rms[1]:.2f} rad/s^2 ({self.shares[1]:.1%})")
+        how = f"reproduce its force to {self.rms[0]:.3f} m/s^2 ({self.shares[0]:.1%} of how it moves)"
+        if len(self.gap[1]):
+            how += f" and its angular acceleration to {self.rms[1]:.2f} rad/s^2 ({self.shares[1]:.1%})"
         terms = ", ".join(t.name for t in self.model.terms)
         notes = "".join(f" {note}." for note in self.notes)
         if not self.alike:
@@ -108,6 +109,11 @@ def needs_battery(simulator: Simulator, track: Track, place: str) -> bool:
     return not all(np.array_equal(a, b) for a, b in zip(low, high, strict=True))
 
 
+def turns_nothing(simulator: Simulator, track: Track, place: str) -> bool:
+    """Whether the simulator gives forces alone: no angular acceleration at all."""
+    return not run(simulator, along(track), place)[1].any()
+
+
 def equivalent(recordings: Recordings, simulator: Simulator, place: str, vehicle: Vehicle | None = None,
                progress: Callable[[str], None] | None = None) -> Equivalent:
     """The model that gives what ``simulator`` does along the recordings.
@@ -132,9 +138,10 @@ def equivalent(recordings: Recordings, simulator: Simulator, place: str, vehicle
     model = _fitted(part, target, _start(own or vehicle or Vehicle(), battery), say)
     made = wrench.model(model)
     gap = given[0] - made[0], given[1] - made[1]
-    rms = tuple(float(np.sqrt(np.mean(np.sum(g**2, axis=1)))) for g in gap)
-    moves = tuple(float(np.sqrt(np.sum(g.var(axis=0)))) for g in given)
-    each = np.concatenate([np.sqrt(np.mean(g**2, axis=0)) / max(m, 1e-9) for g, m in zip(gap, moves, strict=True)])
+    rms = tuple(float(np.sqrt(np.sum(g**2) / max(len(g), 1))) for g in gap)
+    moves = tuple(float(np.sqrt(np.sum(g.var(axis=0)))) if len(g) else 0.0 for g in given)
+    each = np.concatenate([np.sqrt(np.sum(g**2, axis=0) / max(len(g), 1)) / max(m, 1e-9)
+                           for g, m in zip(gap, moves, strict=True)])
     return Equivalent(place, model, gap, (rms[0] / max(moves[0], 1e-9), rms[1] / max(moves[1], 1e-9)),
                       (rms[0], rms[1]), each, battery, tuple(getattr(simulator, "notes", ())))
 
@@ -161,6 +168,8 @@ def _look_over(wrench: Wrench, given: tuple[np.ndarray, np.ndarray], place: str)
                  "is z down?" if times < 0.0 else "another vehicle, or other units")
         raise InputError(place, f"its specific force along the body's z is {lifts:.3g} m/s^2 on average where these "
                          f"flights have {flown:.3g}", guess)
+    if wrench.unasked:
+        return
     asked, turned = given[1], wrench.measured[1]
     times = float(np.median(asked[:, :2].std(axis=0) / np.maximum(turned[:, :2].std(axis=0), 1e-9)))
     if not TURNS[0] < times < TURNS[1]:
@@ -211,8 +220,8 @@ def _start(vehicle: Vehicle, battery: bool) -> Model:
 def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
             say: Callable[[str], None]) -> Model:
     """Forward: the term that takes away most, until what is left is small or nothing helps; then out with idle ones."""
-    space = space_around(start)
-    held = [*(t.name for t in start.terms), "inertia"]
+    space = space_around(start, wrench.unasked)
+    held = [t for t in (*(t.name for t in start.terms), "inertia") if t not in wrench.unasked]
     say(f"what it believes, from {ROW_S * sum(len(t) for t in wrench.tracks):.0f} s")
     scale = np.concatenate([np.full(target[0].size, TOLERANCE[0] * np.sqrt(target[0].size / 3.0)),
                             np.full(target[1].size, TOLERANCE[1] * np.sqrt(target[1].size / 3.0))])

@@ -52,7 +52,7 @@ def with_levels(moments: Moments, space: Space, other: Space | None = None) -> M
         shared = np.concatenate([shared, known.columns(other.model, maps)], axis=1)
     shared = np.concatenate([shared, known.speed_lag(model), known.drag_at_rotors(model)], axis=1)  # as in every fit
     groups = {term: [i for i, n in enumerate(model.names) if n in names or n.partition("[")[0] in names]
-              for term, names in GROUPS.items() if term in model}
+              for term, names in GROUPS.items() if term in model and term not in space.unasked}
     many = len(np.unique(moments.wrench.flight))
     own = {term: known.of_flights(model, which) for term, which in groups.items()} if many > 1 else {}
     everything = np.concatenate([shared, *own.values()], axis=1)

@@ -244,9 +244,9 @@ def window_starts(track: Track) -> np.ndarray:
 
 
 def rolled(model: Model, track: Track, starts: np.ndarray) -> np.ndarray:
-    """(starts, rows, 13) states predicted from the measured ones; along the measured attitude where only a collective
-    command is known."""
-    if track.commanded:
+    """(starts, rows, 13) states predicted from the measured ones; along the measured attitude where only forces are
+    compared."""
+    if track.forces_only:
         return paths(model, track, starts, HORIZONS[-1], WARM)
     ahead, behind = starts[:, None] + np.arange(HORIZONS[-1]), starts[:, None] + np.arange(-WARM, 0)
     start = np.concatenate([track.position_m, track.velocity_m_s, track.quaternion, track.rate_rad_s], 1)[starts]
@@ -277,6 +277,6 @@ def prediction_errors(model: Model, tracks: Sequence[Track], numbers: Sequence[i
 
 def _told(errors: np.ndarray, tracks: Sequence[Track]) -> np.ndarray:
     """errors (..., 4) without those of what was given."""
-    if any(t.commanded for t in tracks):
+    if any(t.forces_only for t in tracks):
         errors[..., PATH:] = np.nan
     return errors

@@ -104,8 +104,8 @@ def refit(moments: Moments, decision: Decision, proof: Proof, seed: int = 0) -> 
         return "flights differ in what was named: each has a value of its own, and nothing is refitted"
     if not proof.held_out:
         return "one flight alone cannot judge a refit"
-    if any(t.commanded for t in moments.wrench.tracks):
-        return "without motor commands turning is not predicted, and nothing is refitted"
+    if moments.wrench.unasked:
+        return "turning is not predicted, and nothing is refitted"
     return _Refit(moments, decision).result(proof, seed)
 
 

@@ -71,7 +71,8 @@ class Track:
     for; counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration
     that following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights
     of the diagnosis. ``commanded``: unit of the collective command that the motors got in equal parts, where no motors
-    were logged (``commanded.py``: ``motor`` is in N for N); gyro: whether the rate was measured."""
+    were logged (``commanded.py``: ``motor`` is in N for N); gyro: whether the rate was measured; turns: whether the
+    simulator says how motors turn the vehicle."""
 
     name: str
     flight: int
@@ -88,6 +89,12 @@ class Track:
     asked_rad_s2: np.ndarray
     commanded: str = ""
     gyro: bool = True
+    turns: bool = True
+
+    @property
+    def forces_only(self) -> bool:
+        """Whether only forces are compared, along the measured attitude."""
+        return bool(self.commanded) or not self.turns
 
     def __len__(self) -> int:
         return len(self.time_s)

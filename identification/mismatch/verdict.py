@@ -14,7 +14,7 @@ from nanobench_tools.physics.vocabulary import vocabulary
 from nanobench_tools.result import Result
 from nanobench_tools.settings import number
 
-from .commanded import WHY
+from .commanded import WHY, WHY_STILL
 from .decide import Decision, Finding
 from .fitting import PRIOR_SD, Slopes
 from .headline import good_for, headline
@@ -112,7 +112,7 @@ class Verdict(Result):
                 "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
                 "levels": levels(moments, decision, recordings),
-                "not_asked": [{"term": t, "why": WHY} for t in moments.wrench.unasked] + [
+                "not_asked": [{"term": t, "why": moments.wrench.why_unasked} for t in moments.wrench.unasked] + [
                     {"term": t.name, "why": t.not_asked} for t in vocabulary().values()
                     if t.not_asked and t.name not in moments.wrench.unasked],
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
@@ -267,6 +267,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         how = "in N, in equal parts: no thrust map is asked" if unit == "N" else "as a share of full, the same on each"
         parts.append(f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
                      f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}.")
+    elif recordings.tracks[0].forces_only:
+        unasked = ", ".join(e["term"] for e in body["not_asked"] if e["why"] == WHY_STILL)
+        parts.append("Only translation was asked, along the measured attitude: the simulator gives no angular "
+                     f"acceleration. {unasked} {WHY_STILL}.")
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")

@@ -26,7 +26,7 @@ from nanobench_tools.physics.numeric import equations
 from nanobench_tools.physics.rollout import compiled_lagged
 from nanobench_tools.settings import count, number
 
-from .commanded import UNASKED
+from .commanded import UNASKED, WHY, WHY_STILL
 from .track import ROW_S, Track, joined
 
 SMOOTH_S = number("mismatch.wrench.smooth_s")
@@ -69,8 +69,13 @@ class Wrench:
 
     @cached_property
     def unasked(self) -> tuple[str, ...]:
-        """Terms that only turn the vehicle, where no motor commands say what should have turned it."""
-        return UNASKED if any(t.commanded for t in self.tracks) else ()
+        """Terms that only turn the vehicle, where only forces are compared."""
+        return UNASKED if any(t.forces_only for t in self.tracks) else ()
+
+    @property
+    def why_unasked(self) -> str:
+        """Why ``unasked`` cannot be asked."""
+        return WHY if self.tracks[0].commanded else WHY_STILL
 
     @cached_property
     def ends(self) -> np.ndarray:

@@ -10,7 +10,8 @@ from ..auditing.audit_verdict import AuditVerdict, verdict_of
 from ..auditing.recording_audit import Audit
 from ..auditing.verb_needs import can
 from ..flight import Flight, Span
-from .quiet_options import given, some
+from .loading import place_of, short_table
+from .quiet_options import given, in_python, some, speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +38,7 @@ class FlightAudit:
     @property
     def advice(self) -> str:
         """What to do; empty where nothing is to be done."""
-        return self.judged.advice
+        return in_python(self.judged.advice)
 
     @property
     def usable(self) -> tuple[Span, ...]:
@@ -46,7 +47,7 @@ class FlightAudit:
 
     @property
     def can(self) -> dict[str, str]:
-        """Verb -> why this recording is none for it; empty for one that is."""
+        """Function -> what this recording lacks for it; empty where it suffices."""
         return can(self.flight, self.detail)
 
     @property
@@ -54,8 +55,8 @@ class FlightAudit:
         """One row per event: kind, streams, from_s, to_s, what, advice, faults merged in it, seconds cut."""
         import pandas as pd
 
-        rows = [(e.kind, " ".join(e.streams), e.spans[0].start_s, e.spans[-1].end_s, e.sentence, e.advice, e.faults,
-                 e.seconds_cut) for e in self.judged.events]
+        rows = [(e.kind, " ".join(e.streams), e.spans[0].start_s, e.spans[-1].end_s, e.sentence,
+                 in_python(e.advice), e.faults, e.seconds_cut) for e in self.judged.events]
         return pd.DataFrame(rows, columns=["kind", "streams", "from_s", "to_s", "what", "advice", "faults", "cut_s"])
 
     def plot(self) -> Any:
@@ -74,18 +75,21 @@ class FlightAudit:
 
 
 class FlightAudits(Sequence[FlightAudit]):
-    """Audits in the order of their flights. copies: groups of names of equal recordings."""
+    """Audits in the order of their flights; ``audits["name"]`` is that of one flight. copies: groups of names of equal
+    recordings."""
 
     def __init__(self, audits: Iterable[FlightAudit], copies: Sequence[Sequence[str]] = ()) -> None:
         self._audits = list(audits)
         self.copies = [list(group) for group in copies]
 
     @overload
-    def __getitem__(self, key: int) -> FlightAudit: ...
+    def __getitem__(self, key: int | str) -> FlightAudit: ...
     @overload
-    def __getitem__(self, key: slice) -> list[FlightAudit]: ...
-    def __getitem__(self, key: int | slice) -> FlightAudit | list[FlightAudit]:
-        return self._audits[key]
+    def __getitem__(self, key: slice) -> FlightAudits: ...
+    def __getitem__(self, key: int | str | slice) -> FlightAudit | FlightAudits:
+        if isinstance(key, slice):
+            return FlightAudits(self._audits[key], self.copies)
+        return self._audits[key if isinstance(key, int) else place_of(key, [a.flight.name for a in self._audits])]
 
     def __len__(self) -> int:
         return len(self._audits)
@@ -101,8 +105,7 @@ class FlightAudits(Sequence[FlightAudit]):
                             columns=["severity", "usable_s", "flight_s", "verdict", "advice"])
 
     def __repr__(self) -> str:
-        found: str = self.table.to_string(max_rows=20, max_colwidth=80)
-        return found
+        return short_table(self.table)
 
     def _repr_html_(self) -> str:
         found: str = self.table.to_html(max_rows=50)
@@ -113,6 +116,7 @@ class FlightAudits(Sequence[FlightAudit]):
 def audit(flights: Flight) -> FlightAudit: ...
 @overload
 def audit(flights: Iterable[Flight]) -> FlightAudits: ...
+@speaks_python
 def audit(flights: Flight | Iterable[Flight]) -> FlightAudit | FlightAudits:
     """Audits a flight (FlightAudit) or several (FlightAudits): faults, clean spans, whose clock is late, copies.
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..flight import Flight
 from ..physics import Model
-from .quiet_options import given, some
+from .fitted import VehicleModel
+from .loading import load
+from .quiet_options import given, in_python, some, speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,13 +38,12 @@ class Diagnosis:
         """What is wrong, how sure, and what it does to predictions of flights left out."""
         from identification.mismatch.headline import headline
 
-        return headline(self._body)
+        return in_python(headline(self._body))
 
     @property
     def paragraph(self) -> str:
         """The whole verdict in words: sizes, intervals, what else it could be, what would tell."""
-        found: str = self._body["paragraph"]
-        return found
+        return in_python(self._body["paragraph"])
 
     @property
     def good_for(self) -> dict[str, str]:
@@ -99,31 +100,47 @@ class Diagnosis:
         return f"<p>{escape(repr(self))}</p>{self.findings.to_html(index=False)}"
 
 
-def diagnose(flights: Flight | Iterable[Flight], simulator: Model | str | os.PathLike[str], seed: int = 0) -> Diagnosis:
+Believed = Model | VehicleModel | Callable[..., Any] | str | os.PathLike[str] | Flight | Iterable[Flight]
+"""What a simulator may be given as, see ``diagnose``."""
+
+
+@speaks_python
+def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int = 0,
+             mass_kg: float = 0.04085) -> Diagnosis:
     """Compares a simulator with flights: what it leaves out, how large, how sure, and what mending it brings.
 
-    simulator: a ``Model``, or the path of a simulator.toml. A wandering clock is re-timed and faults of the data are
-    left out first. InputError for recordings of a vehicle with another number of rotors.
+    simulator: a model that ``nb.fit`` gave, a ``Model``, the path of a simulator.toml, a callable
+    (``nanobench_tools.physics.adapters.given``) or the name of one (``module:callable``, ``rotorpy``), or flights that
+    the simulator made, as flights or as their folder. mass_kg: what a callable, or a simulator known by its flights,
+    was given; flights show only thrust over mass. A wandering clock is re-timed and faults of the data are left out
+    first. InputError for recordings of a vehicle with another number of rotors.
 
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)
-    >>> believed = nb.fit(flights, ["thrust_voltage", "inertia", "motor_lag"]).greybox.model_
-    >>> found = nb.diagnose(flights, believed)
+    >>> found = nb.diagnose(flights, nb.fit(flights, ["thrust_voltage", "inertia", "motor_lag"]))
     >>> found.outcome in ("named", "unknown", "none", "data_fault")
     True
     """
-    from dataclasses import replace
-
-    from identification.mismatch.diagnosis import diagnose as diagnosed
-    from identification.mismatch.recordings import look_over
-
+    from ..physics.adapters.given import load_simulator, wrapped
     from ..physics.simulator import read_simulator
+    from ..steps.diagnosing import Looked, against_callable, against_model, beliefs_of, check_installed, names_a_file
 
-    model = simulator if isinstance(simulator, Model) else read_simulator(Path(simulator))
+    check_installed()
     read = some(flights)
-    options = given(read)
-    audits, _ = options.audit(read)
-    moved = replace(options, clock="joint").see_on_clock(read, audits)
-    kept = [f for f in read if f.name in audits]
-    recordings = look_over(kept, audits, moved.flights, moved.audits, "thrust_voltage" in model, model.vehicle)
-    return Diagnosis(diagnosed(recordings, model, seed=seed))
+    options = given(read, seed=seed)
+    if isinstance(simulator, (str, os.PathLike)):
+        text = os.fspath(simulator)
+        believed: Any = (load(text) if Path(text).is_dir() else read_simulator(Path(text)) if names_a_file(text) else
+                     load_simulator(text))
+        name = text
+    else:
+        believed, name = simulator, getattr(simulator, "__name__", type(simulator).__name__)
+    if isinstance(believed, VehicleModel):
+        believed = believed.greybox.model_
+    elif isinstance(believed, (Flight, Iterable)):
+        theirs = some(believed)
+        believed = beliefs_of(given(theirs, seed=seed), read, theirs, mass_kg)
+    if isinstance(believed, Model):
+        recordings = Looked(options, read).at(believed.vehicle, "thrust_voltage" in believed)
+        return Diagnosis(against_model(options, recordings, believed).verdict)
+    return Diagnosis(against_callable(options, read, wrapped(believed, name), name, mass_kg).verdict)

@@ -15,7 +15,9 @@ from ..protocols.result_rows import EstimateRow
 from ..protocols.task3 import check_protocol
 from ..steps.estimating import SHOWN_FIRST, estimate_body, see
 from ..steps.named_methods import as_methods
-from .quiet_options import given, some
+from ..steps.sentences import estimated
+from .loading import place_of
+from .quiet_options import given, some, speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,8 +29,8 @@ UNITS = ("m", "m", "m", "1", "1", "1", "1")
 @dataclass(frozen=True, repr=False)
 class Estimates:
     """Scores of estimators. rows: as in estimate.json; trajectories {method: {flight: DataFrame}}, with the motion
-    capture under ``truth``: index Unix seconds, position in m in the world, quaternion x, y, z, w body to world.
-    failed: [{item, file, error}]."""
+    capture under ``truth``: index seconds of the flight, position in m in the world, quaternion x, y, z, w body to
+    world; ``estimates["flight"]``: {method: DataFrame} of one flight. failed: [{item, file, error}]."""
 
     rows: tuple[EstimateRow, ...]
     trajectories: Mapping[str, Mapping[str, pd.DataFrame]]
@@ -36,18 +38,40 @@ class Estimates:
 
     @property
     def metrics(self) -> pd.DataFrame:
-        """One row per method, group of flights and metric: mean over flights with its interval, median, p90, n."""
+        """One row per method, over all flights; a column per metric, its mean over flights, SI units as in the name."""
+        import pandas as pd
+
+        rows = [row for row in self.rows if row.group == "all"] or list(self.rows)
+        return pd.DataFrame([{"n": row.n, **{m: s.mean for m, s in row.metrics.items()}} for row in rows],
+                            index=pd.Index([row.method for row in rows], name="method"))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per method, group of flights and metric: mean over flights with its interval, median, p90, n, and
+        the ratio to another method."""
         return table_of(self.rows)
 
+    @property
+    def sentence(self) -> str:
+        """The smallest error, of which method."""
+        return estimated(self.rows)
+
+    def __getitem__(self, flight: str) -> dict[str, pd.DataFrame]:
+        """{method: trajectory} of one flight, the motion capture under ``truth``."""
+        names = list(dict.fromkeys(name for found in self.trajectories.values() for name in found))
+        place_of(flight, names)
+        return {method: found[flight] for method, found in self.trajectories.items() if flight in found}
+
     def plot(self, flight: str | None = None) -> Any:
-        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture."""
-        from .figures_of_results import paths_figure
+        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture; of
+        blackouts, which score windows, the error over the time since the last pose."""
+        from .figures_of_results import end_errors_figure, paths_figure
 
         names = list(next(iter(self.trajectories.values()), {}))
-        if not names:
-            raise UsageError("no trajectory to draw: blackouts score windows, use metrics")
-        return paths_figure({method: found[flight or names[0]] for method, found in self.trajectories.items()
-                             if (flight or names[0]) in found}, flight or names[0])
+        if not names and flight is None:
+            return end_errors_figure(self.metrics)
+        chosen = flight or names[0]
+        return paths_figure(self[chosen], chosen)
 
     def __repr__(self) -> str:
         lines = []
@@ -59,12 +83,12 @@ class Estimates:
         return "\n".join(lines) or "no row"
 
     def _repr_html_(self) -> str:
-        found: str = self.metrics[lambda t: t["group"] == "all"].to_html(index=False, max_rows=60)
+        found: str = self.metrics.to_html(max_rows=60)
         return found
 
 
 def table_of(rows: Iterable[EstimateRow]) -> pd.DataFrame:
-    """``Estimates.metrics`` of rows; paired ratios to another method beside them where there are several methods."""
+    """``Estimates.table`` of rows; paired ratios to another method beside them where there are several methods."""
     import pandas as pd
 
     found = []
@@ -81,6 +105,7 @@ def table_of(rows: Iterable[EstimateRow]) -> pd.DataFrame:
                                         "compared_with", "given", "clock", "ci_why"])
 
 
+@speaks_python
 def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", protocol: str = "aided",
              clock: str = "as-recorded", seed: int = 0) -> Estimates:
     """Runs estimators on flights and scores them against motion capture.
@@ -92,7 +117,7 @@ def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", proto
 
     >>> import nanobench_tools as nb
     >>> found = nb.estimate(nb.simulate(2, seed=1, seconds=12.0), "drag_ekf")
-    >>> found.metrics.query("metric == 'ate_rmse_m' and group == 'all'")["mean"].item() < 0.1
+    >>> bool(found.metrics.loc["drag_ekf", "ate_rmse_m"] < 0.1)
     True
     """
     read = some(flights)
@@ -104,9 +129,11 @@ def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", proto
         body = estimate_body(options, see(options, read, audits), (protocol,), methods)
         if not body.rows:
             raise NanobenchError(options.failed[0]["error"] if options.failed else "no flight was scored")
-        return Estimates(tuple(body.rows), _trajectories(Path(folder) / "trajectories"), tuple(options.failed))
+        starts = {flight.name: flight.epoch_s for flight in read}
+        return Estimates(tuple(body.rows), _trajectories(Path(folder) / "trajectories", starts), tuple(options.failed))
 
 
+@speaks_python
 def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol: str = "aided",
             clock: str = "as-recorded", seed: int = 0) -> pd.DataFrame:
     """Estimators against each other on the same flights: a row per method and metric over all flights.
@@ -122,15 +149,17 @@ def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol
     """
     if isinstance(methods, str) or not isinstance(methods, Sequence) or len(methods) < 2:
         raise UsageError("compare needs a list of two methods or more")
-    found = estimate(flights, methods, protocol, clock, seed).metrics
+    found = estimate(flights, methods, protocol, clock, seed).table
     return found[found["group"] == "all"].drop(columns="group").reset_index(drop=True)
 
 
-def _trajectories(folder: Path) -> dict[str, dict[str, pd.DataFrame]]:
+def _trajectories(folder: Path, starts: Mapping[str, float]) -> dict[str, dict[str, pd.DataFrame]]:
+    """Those in ``folder``, their time less the Unix time of the first row of their flight."""
     import numpy as np
 
     found: dict[str, dict[str, pd.DataFrame]] = {}
     for path in sorted(folder.glob("*/*.tum")):
         rows = np.loadtxt(path, ndmin=2)
-        found.setdefault(path.parent.name, {})[path.stem] = frame_of(rows[:, 0], rows[:, 1:8], TRAJECTORY, UNITS)
+        found.setdefault(path.parent.name, {})[path.stem] = frame_of(rows[:, 0] - starts[path.stem], rows[:, 1:8],
+                                                                     TRAJECTORY, UNITS)
     return found

@@ -2,42 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..auditing.audit_verdict import AuditVerdict
-from ..errors import MissingExtraError
 from ..flight import Flight
+from ..flight_figure import missing, plotly, thinned
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SHADES = {"gap": "#888", "clock_wander": "#3b82f6", "clock_offset": "#3b82f6", "clock_drift": "#3b82f6"}
 FAULT, USABLE = "#d97706", "#16a34a"
-MOST_POINTS = 2000
-
-
-def _plotly() -> tuple[Any, Any]:
-    try:
-        import plotly.graph_objects as go
-        from plotly.subplots import make_subplots
-    except ImportError:
-        raise MissingExtraError("plotly", "report") from None
-    return go, make_subplots
+HEIGHTS = (("mocap", "pz", "height, motion capture"), ("estimator", "z", "height, estimate"))
 
 
 def audit_figure(flight: Flight, verdict: AuditVerdict) -> Any:
     """Height and speed over time, faults shaded, usable spans as a bar."""
-    go, make_subplots = _plotly()
+    go, make_subplots = plotly()
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.75, 0.25], vertical_spacing=0.06)
-    for stream, quantity, label in (("mocap", "pz", "height, motion capture"), ("estimator", "z", "height, estimate")):
-        if stream in flight and quantity in flight[stream]:
-            source = flight[stream]
-            rows = slice(None, None, max(1, len(source) // MOST_POINTS))
-            figure.add_trace(go.Scatter(x=source.time_s[rows], y=source[quantity][rows], name=label, mode="lines"),
-                             row=1, col=1)
+    heights = [(stream, quantity, label) for stream, quantity, label in HEIGHTS
+               if stream in flight and quantity in flight[stream]]
+    for stream, quantity, label in heights:
+        source = flight[stream]
+        rows = thinned(len(source))
+        figure.add_trace(go.Scatter(x=source.time_s[rows], y=source[quantity][rows], name=label, mode="lines"), row=1,
+                         col=1)
+    if not heights:
+        missing(figure, "no height: this recording has no mocap or estimator stream", 1)
     events = [e for e in verdict.events if not e.information]
     for k, event in enumerate(events):
         for span in event.spans:
@@ -60,10 +55,10 @@ def audit_figure(flight: Flight, verdict: AuditVerdict) -> Any:
 
 def paths_figure(trajectories: Mapping[str, pd.DataFrame], flight: str) -> Any:
     """x over y of every method, in m, to one scale."""
-    go, _ = _plotly()
+    go, _ = plotly()
     figure = go.Figure()
     for method, frame in trajectories.items():
-        rows = frame.iloc[::max(1, len(frame) // MOST_POINTS)]
+        rows = frame.iloc[thinned(len(frame))]
         figure.add_trace(go.Scatter(x=np.ravel(rows["x"]), y=np.ravel(rows["y"]), name=method, mode="lines",
                                     line={"color": "#888"} if method == "truth" else None))
     figure.update_yaxes(scaleanchor="x", title_text="y, m")
@@ -71,12 +66,29 @@ def paths_figure(trajectories: Mapping[str, pd.DataFrame], flight: str) -> Any:
     return figure
 
 
+def end_errors_figure(metrics: pd.DataFrame) -> Any:
+    """Error in m over the time since the last pose in s, a line per method (``Estimates.metrics`` of blackouts)."""
+    go, _ = plotly()
+    figure = go.Figure()
+    horizons = [name for name in metrics if re.fullmatch(r"end_error_\d+s_m", name)]
+    for method, row in metrics.iterrows():
+        figure.add_trace(go.Scatter(x=[int(name.split("_")[2][:-1]) for name in horizons], name=method,
+                                    y=[row[name] for name in horizons], mode="lines+markers"))
+    if not horizons:
+        missing(figure, "no trajectory and no blackout was scored")
+    figure.update_layout(title="Error after the last pose, mean over flights", xaxis_title="s after the last pose",
+                         yaxis_title="m")
+    return figure
+
+
 def improvement_figure(table: pd.DataFrame) -> Any:
     """Bars of the error before and after, by horizon and quantity, on a logarithmic axis."""
-    go, _ = _plotly()
+    go, _ = plotly()
     figure = go.Figure()
     labels = [f"{quantity}, {10 * steps} ms" for steps, quantity in table.index]
     for column in ("before", "after"):
         figure.add_trace(go.Bar(x=labels, y=table[column], name=column))
+    if not labels:
+        missing(figure, "no prediction: this verdict has none, its paragraph says why")
     figure.update_layout(title="Prediction of flights left out", yaxis={"type": "log", "dtick": "D1"}, barmode="group")
     return figure

@@ -7,14 +7,33 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..flight import Flight
+from ..flight_figure import named_in
 from .quiet_options import given
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Place = str | os.PathLike[str]
+LONGEST_NAME = 40
+"""Characters of a flight's name in the ``repr`` of a table."""
+
+
+def place_of(name: str, names: Sequence[str]) -> int:
+    """Where ``name`` is in ``names``; KeyError with the nearest one."""
+    if name not in names:
+        raise KeyError(f"no flight {name!r}; {did_you_mean(name, names)}there are {named_in(names)}")
+    return list(names).index(name)
+
+
+def short_table(table: pd.DataFrame) -> str:
+    """A table with a row per flight as text for a prompt: at most twelve rows, long names and texts shortened."""
+    def short(name: str) -> str:
+        return name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME - 3]}..."
+
+    text: str = table.rename(index=short).to_string(max_rows=12, max_colwidth=60)
+    return text
 
 
 class Flights(Sequence[Flight]):
@@ -34,12 +53,7 @@ class Flights(Sequence[Flight]):
     def __getitem__(self, key: int | str | slice) -> Flight | Flights:
         if isinstance(key, slice):
             return Flights(self._flights[key])
-        if isinstance(key, str):
-            for flight in self._flights:
-                if flight.name == key:
-                    return flight
-            raise KeyError(f"no flight {key!r}; there are {', '.join(self.names[:5])} ...")
-        return self._flights[key]
+        return self._flights[key if isinstance(key, int) else place_of(key, self.names)]
 
     def __len__(self) -> int:
         return len(self._flights)
@@ -56,14 +70,13 @@ class Flights(Sequence[Flight]):
         """One row per flight: source, length in s, streams, REAL or SYNTHETIC."""
         import pandas as pd
 
-        rows = [(f.provenance.source, round(f.span.duration_s, 1), " ".join(f.streams),
+        rows = [(f.provenance.source, round(f.duration_s, 1), " ".join(f.streams),
                  "SYNTHETIC" if f.provenance.synthetic else "REAL") for f in self._flights]
         return pd.DataFrame(rows, index=pd.Index(self.names, name="flight"),
                             columns=["source", "length_s", "streams", "data"])
 
     def __repr__(self) -> str:
-        table = f"\n{self.table.to_string(max_rows=20, max_colwidth=60)}" if self._flights else ""
-        return self._head() + table
+        return f"{self._head()}\n{short_table(self.table)}" if self._flights else self._head()
 
     def _repr_html_(self) -> str:
         return f"<p>{self._head()}</p>{self.table.to_html(max_rows=20)}" if self._flights else f"<p>{self._head()}</p>"

@@ -12,9 +12,10 @@ import click
 from ..errors import InputError, UsageError, unknown_name
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import ControlBody
+from ..steps.sentences import controlled
 from ..steps.show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
 from ..time_offsets.moving.votes import evidence_of
-from .closing import close_scores, controlled
+from .closing import close_scores
 from .shared_options import PATH, FiniteRange, shared_options
 
 MODERATE = ("figure_eight", "star", "linear_ramp")

@@ -147,8 +147,8 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
 
     from ..harness import make_item
     from ..protocols.simulated import LOST_M, tabulate
+    from ..steps.control_tables import show_simulated
     from .control_plants import error_bar
-    from .control_tables import show_simulated
 
     bar = error_bar(options, chosen, summary)
     wanted: list[tuple[str, Mapping[str, float] | None]] = [

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..fitted_values import LeftOut
+from ..steps.control_tables import show_mismatch, show_simulated
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import GateBody, GateJudged, SimulatedPart
 from ..steps.show import data_word
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
-from .control_tables import show_mismatch, show_simulated
 
 if TYPE_CHECKING:
     from ..auditing.recording_audit import Audit

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import MissingExtraError, UsageError
+from ..errors import UsageError
+from ..steps.diagnose_bound import flexible
+from ..steps.diagnosing import (
+    Looked,
+    against_callable,
+    against_model,
+    beliefs_of,
+    check_installed,
+    names_a_file,
+    vehicle_of,
+)
 from ..steps.options import Options
 from ..steps.show import data_word
 from .closing import again, close
-from .diagnose_bound import flexible
 from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
     from identification.mismatch.recordings import Recordings
     from identification.mismatch.verdict import Verdict
 
-    from ..physics import Model, Vehicle
+    from ..flight import Flight
+    from ..physics import Model
 
 CORRECTED = "simulator_corrected.toml"
 BELIEVED = "simulator_believed.toml"
@@ -79,8 +88,6 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     too. Terms are fitted to what it gives (simulator_equivalent.toml), and how well they reproduce it is said; where
     they do not, nothing is named. More: nanobench_tools/physics/adapters/given.py.
     """
-    import importlib.util
-
     from ..physics.simulator import read_simulator, write_simulator
     from .convert import export_simulators
 
@@ -98,21 +105,22 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if (simulator is None) == (not simulated):
         raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed, or "
                          "--normal DIR, flights to compare with")
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
-    if simulator is not None and not _is_file(simulator):
-        model = None
-        recordings, verdict = _of_callable(options, simulator, mass_kg)
+    check_installed()
+    if simulator is not None and not names_a_file(simulator):
+        from ..physics.adapters.given import load_simulator
+
+        vehicle_of(mass_kg)
+        found = load_simulator(simulator)
+        judged = against_callable(options, options.load(), found, simulator, mass_kg)
     else:
         model = None if simulator is None else read_simulator(Path(simulator))
-        from identification.mismatch.diagnosis import diagnose as run_diagnosis
-
-        look = _read(options)
-        model = model or _beliefs(options, simulated, mass_kg)
-        recordings = look("thrust_voltage" in model, model.vehicle)
+        flights = options.load()
+        model = model or _beliefs(options, flights, simulated, mass_kg)
+        recordings = Looked(options, flights).at(model.vehicle, "thrust_voltage" in model)
         if not recordings.tracks and (code := _from_trim(options, model)) is not None:
             return code
-        verdict = run_diagnosis(recordings, model, seed=options.seed, progress=options.say)
+        judged = against_model(options, recordings, model)
+    verdict = judged.verdict
     body = dict(verdict.to_json())
     if refit and verdict.decision is not None:
         verdict, body["refit"] = _refitted(options, verdict)
@@ -125,15 +133,15 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         body["corrected_simulator"] = str(path)
         export_simulators(verdict.corrected, options.out / CODE, ("casadi", "c"))
     if bound and verdict.moments is not None:
-        believes = verdict.believed or model
+        believes = verdict.believed or judged.believed
         assert believes is not None  # a callable without an equivalent has no moments
-        body["bound"] = flexible(options, verdict, recordings, believes)
+        body["bound"] = flexible(options, verdict, judged.recordings, believes)
     _show(options, body, verdict)
     if body.get("refit"):
         options.show(body["refit"]["sentence"] + "\n")
     if body.get("bound"):
         options.show(body["bound"].sentence + "\n")
-    _write_page(options, verdict, recordings)
+    _write_page(options, verdict, judged.recordings)
     if options.out is None:
         close(options, "", "a page, and the corrected simulator where there is one", *again("--out", "diagnosis"))
     elif verdict.corrected is not None:
@@ -159,7 +167,7 @@ def _against_normal(options: Options, simulator: str | None, simulated: Sequence
                     normal: Sequence[Path], same_day: bool, nothing_added: bool) -> int:
     from .diagnose_normal import diagnose_normal
 
-    if simulated or (simulator is not None and not _is_file(simulator)):
+    if simulated or (simulator is not None and not names_a_file(simulator)):
         raise UsageError("diagnose: --normal goes with --simulator FILE, with nothing else that is believed")
     source = click.get_current_context().get_parameter_source("mass_kg")
     given = source is not None and source.name != "DEFAULT"
@@ -179,65 +187,12 @@ def _from_trim(options: Options, model: Model) -> int | None:
     return diagnose_trim(options, model)
 
 
-def _is_file(simulator: str) -> bool:
-    return Path(simulator).is_file() or (":" not in simulator and (
-        Path(simulator).suffix != "" or os.path.sep in simulator))
-
-
-def _of_callable(options: Options, simulator: str, mass_kg: float) -> tuple[Recordings, Verdict]:
-    """A simulator of somebody else's. Recordings without a battery are judged where it does not look at one."""
-    from identification.mismatch.diagnosis import diagnose_callable
-    from identification.mismatch.equivalent import needs_battery
-    from identification.mismatch.track import missing
-
-    from ..physics.adapters.given import load_simulator
-
-    vehicle, function = _vehicle(mass_kg), load_simulator(simulator)
-    flown = getattr(function, "vehicle", None) or vehicle
-    look = _read(options)
-    recordings = look(False, flown)
-    unlogged = any("battery" in missing(flight) for flight in options.flights)
-    if unlogged and recordings.tracks and needs_battery(function, recordings.tracks[0], simulator):
-        recordings = look(True, flown)
-    return recordings, diagnose_callable(recordings, function, simulator, vehicle=vehicle, seed=options.seed,
-                                         progress=options.say)
-
-
-def _vehicle(mass_kg: float) -> Vehicle:
-    from ..physics import Vehicle
-    from ..physics.vehicle import BOUNDS
-
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
-    return Vehicle(mass_kg=mass_kg)
-
-
-def _read(options: Options) -> Callable[[bool, Vehicle], Recordings]:
-    """Reads and audits ``--data``; what comes back looks it over, with or without a need of the battery's voltage, as
-    flights of a vehicle."""
-    from identification.mismatch.recordings import look_over
-
-    flights = options.load()
-    audits, _ = options.audit(flights)
-    moved = replace(options, clock="joint").see_on_clock(flights, audits)
-    kept = [f for f in flights if f.name in audits]
-    return lambda with_battery, vehicle: look_over(kept, audits, moved.flights, moved.audits, with_battery, vehicle)
-
-
-def _beliefs(options: Options, simulated: Sequence[Path], mass_kg: float) -> Model:
+def _beliefs(options: Options, flights: Sequence[Flight], simulated: Sequence[Path], mass_kg: float) -> Model:
     """What the simulator that made the recordings believes; written to ``--out`` too."""
-    from identification.mismatch.believe import beliefs
-
     from ..physics.simulator import write_simulator
 
-    vehicle = _vehicle(mass_kg)
     theirs = replace(options, data=tuple(simulated), flights=[])
-    recordings = _read(theirs)(True, vehicle)
-    if not theirs.synthetic and options.synthetic:
-        raise UsageError("--simulated holds recordings that are REAL and --data SYNTHETIC ones: are they swapped?")
-    model = beliefs(recordings, vehicle, options.say)
-    options.say(f"the simulator believes {', '.join(t.name for t in model.terms)}")
+    model = beliefs_of(theirs, flights, theirs.load(), mass_kg)
     if options.out is not None:
         write_simulator(model, options.out / BELIEVED)
     return model

@@ -12,8 +12,9 @@ from ..steps.estimate_pictures import attribution
 from ..steps.estimating import estimate_body, see, trajectory_files
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
+from ..steps.sentences import estimated
 from ..time_offsets.moving.votes import AS_RECORDED
-from .closing import close_scores, estimated
+from .closing import close_scores
 from .shared_options import PATH, FiniteRange, shared_options
 
 
@@ -78,5 +79,5 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
                          aidings=grid(rates, delays, noises, losses))
     if explained:
         body = replace(body, attribution=attribution(options, flights, audits))
-    close_scores(options, estimated(body), "estimator")
+    close_scores(options, estimated(body.rows), "estimator")
     return options.finish("estimate", body)

@@ -14,9 +14,10 @@ from ..physics.vehicle import BOUNDS
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
+from ..steps.sentences import predicted
 from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
-from .closing import close, close_scores, predicted, same
+from .closing import close, close_scores, same
 from .shared_options import PATH, no_paths_beside, shared_options
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of

@@ -39,6 +39,12 @@ class Aiding:
                 f"{1e3 * self.noise_m:g} mm, stamped at arrival {1e3 * self.delay_s:g} ms after measurement (the delay "
                 "is given), all other streams")
 
+    @property
+    def inputs(self) -> str:
+        """The same in short."""
+        lost = f", {100.0 * self.loss:g} % lost" if self.loss else ""
+        return f"poses at {self.rate_hz:g} Hz, {1e3 * self.delay_s:g} ms late, {1e3 * self.noise_m:g} mm noise{lost}"
+
     def to_json(self) -> dict[str, float]:
         return {f"pose_{name}": value for name, value in asdict(self).items()}
 

@@ -19,11 +19,12 @@ from ..methods import Estimate, Estimator
 from .result_rows import BlackoutScore, EndError, EstimateRow, Spread
 from .score_tables import group_order, summaries
 from .sessions import Drawn, Sessions
-from .task3 import BLACKOUT, Case, checked, given_and_trained
+from .task3 import BLACKOUT, Case, checked, given_and_trained, inputs_of
 
 FIRST_S, EVERY_S = 5.0, 5.0
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
 GIVEN = "motion capture poses until t0, none afterwards; all other streams"
+INPUTS = "poses until t0"
 KINDS = {"": "error_m", "horizontal_": "horizontal_m", "vertical_": "vertical_m"}
 """Parts of an end error: of what a metric is called -> of what a window holds."""
 
@@ -137,6 +138,7 @@ def tabulate(method: Estimator, scored: Sequence[tuple[Case, BlackoutScore]],
         rows.append(EstimateRow(
             protocol=BLACKOUT, method=method.name, causal=getattr(method, "causal", None), group=group, n=len(members),
             flights=[case.flight.name for case, _ in members], n_windows=counts,
-            given=given_and_trained(method, GIVEN), over_windows=over_windows([v for _, v in members]),
+            given=given_and_trained(method, GIVEN), inputs=inputs_of(method, INPUTS),
+            over_windows=over_windows([v for _, v in members]),
             drawn=Drawn.of(labels, metrics), metrics=metrics))
     return rows

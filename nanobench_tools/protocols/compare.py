@@ -63,10 +63,15 @@ def is_error(metric: str) -> bool:
 
 def methods(rows: Sequence[EstimateRow], scores: Mapping[str, Scores], labels: Mapping[str, int],
             seed: int = 0) -> list[EstimateRow]:
-    """The rows of one table, of one clock, compared with the ``reference`` method; scores by method."""
-    to = reference(list(scores))
-    return [row if to is None or row.method == to else
-            replace(row, ratios=ratios(row.flights, scores[row.method], scores[to], to, labels, seed)) for row in rows]
+    """The rows of one table, of one clock, each compared with the ``reference`` of the methods that were given the
+    same; scores by method."""
+    alike: dict[str, list[str]] = {}
+    for row in rows:
+        alike.setdefault(row.inputs, []).append(row.method)
+    to = {inputs: reference(names) for inputs, names in alike.items()}
+    return [row if (other := to[row.inputs]) is None or row.method == other else
+            replace(row, ratios=ratios(row.flights, scores[row.method], scores[other], other, labels, seed))
+            for row in rows]
 
 
 def clocks(rows: Sequence[EstimateRow], per_flight: Sequence[FlightScore], windows: Sequence[WindowScore],

@@ -80,9 +80,11 @@ class ClockRatios(Ratios):
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class EstimateRow(Result):
-    """One method over the n flights of one group: summaries over flights, of blackouts each flight's mean; what it was
-    given in words; aiding: how poses came; clock_evidence: the streams that set the clock, for attitudes too where
-    these are others; n_moving: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to itself."""
+    """One method over the n flights of one group: summaries over flights, of blackouts each flight's mean.
+
+    given: what it was given, in words; inputs: the same in short, equal for methods that may be ranked against each
+    other; aiding: how poses came; clock_evidence: the streams that set the clock, for attitudes too where these are
+    others; n_moving: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to itself."""
 
     protocol: str
     method: str
@@ -92,6 +94,7 @@ class EstimateRow(Result):
     flights: Sequence[str]
     n_windows: Mapping[str, int] | None = field(default=None, metadata=OPTIONAL)
     given: str
+    inputs: str
     over_windows: Mapping[str, Spread] | None = field(default=None, metadata=OPTIONAL)
     dropped_stamps: int | None = field(default=None, metadata=OPTIONAL)
     drawn: Drawn = field(metadata=INLINE)

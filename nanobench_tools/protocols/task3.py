@@ -50,6 +50,8 @@ STREAMS = ("mocap", "estimator", "attitude", "attitude_qw")
 GIVEN_S = 0.5
 GIVEN = f"motion capture poses until {GIVEN_S} s after the start of the flight (not scored), all other streams"
 GIVEN_LOGGED = "as flown: motion capture poses over radio, own sensors"
+INPUTS = f"poses of the first {GIVEN_S:g} s"
+INPUTS_LOGGED = "all poses, in flight"
 MINIMUM_ROWS = 50
 
 COVERED = 0.95
@@ -287,9 +289,17 @@ def given_and_trained(method: Estimator, given: str) -> str:
     return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported
 
 
+def inputs_of(method: Estimator, inputs: str) -> str:
+    """What a method was given, in short: methods with the same may be ranked against each other."""
+    if is_logged(method):
+        return INPUTS_LOGGED
+    same = str(getattr(method, "given", inputs))
+    return same if getattr(method, "causal", True) is not False else f"{same}, later ones too"
+
+
 def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Scored]], seed: int = 0,
-             given: str = GIVEN, sessions: Sessions | None = None, aiding: Mapping[str, float] | None = None
-             ) -> list[EstimateRow]:
+             given: str = GIVEN, sessions: Sessions | None = None, aiding: Mapping[str, float] | None = None,
+             inputs: str = INPUTS) -> list[EstimateRow]:
     """Rows of one method, one per group. sessions: of all recordings of the run; None: of the scored ones alone."""
     rows = []
     known = is_logged(method)
@@ -304,6 +314,7 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Scor
             protocol=protocol, method=method.name, causal=getattr(method, "causal", None), group=group, n=len(members),
             flights=[case.flight.name for case, _ in members],
             given="; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
+            inputs=inputs_of(method, inputs),
             dropped_stamps=sum(value.dropped for _, value in members), drawn=Drawn.of(labels, metrics), metrics=metrics,
             published=beside("task3", "groups", group) if as_was else None, aiding=aiding or {}))
     return rows

@@ -13,6 +13,7 @@ from .result_rows import Scored
 from .task3 import WHOLE_FLIGHT, Case, is_logged, score_given
 
 GIVEN = "motion capture poses until take-off, none afterwards, all other streams"
+INPUTS = "poses until take-off"
 
 
 def given_to(case: Case) -> Flight:

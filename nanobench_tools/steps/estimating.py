@@ -186,7 +186,9 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     folder = None if out is None else out / "trajectories"
     how = {} if aiding is None else {"aiding": aiding, "seed": options.seed}
     protocol_given = {} if aiding is None else aiding.to_json()
-    given = {task3.AIDED: aiding.given if aiding else "", task3.WHOLE_FLIGHT: whole_flight.GIVEN}
+    given, inputs = ((aiding.given, aiding.inputs) if aiding is not None else
+                     (whole_flight.GIVEN, whole_flight.INPUTS) if protocol == task3.WHOLE_FLIGHT else
+                     (task3.GIVEN, task3.INPUTS))
     items = [make_item(score_and_write, {"case": case, "method": method, "protocol": protocol, "folder": folder, **how},
                        f"{protocol} {method.name} {case.flight.name}", file=case.flight.provenance.path)
              for method, case in work]
@@ -206,7 +208,7 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     for name in dict.fromkeys(method.name for method, _, _ in done):
         mine = [(method, case, value) for method, case, value in done if method.name == name]
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
-                               given.get(protocol, task3.GIVEN), options.sessions, protocol_given)
+                               given, options.sessions, protocol_given, inputs)
     rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
     _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,

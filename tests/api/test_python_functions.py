@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 import nanobench_tools as nb
-from nanobench_tools import Flight, InputError, UsageError
+from nanobench_tools import Flight, Flights, InputError, UsageError
+from nanobench_tools.api.quiet_options import in_python
 
 EXAMPLES = ("loading", "audited", "practised", "reported")
 LONG_EXAMPLES = ("estimated", "fitted", "diagnosed")
@@ -73,10 +74,70 @@ def test_flights_are_a_list_with_names_and_a_table(flights):
 
 def test_several_audits_are_a_table(flights):
     found = nb.audit(flights)
+    assert found[flights.names[1]] is found[1]
+    assert found[:1].table.index.tolist() == flights.names[:1]
+    with pytest.raises(KeyError, match="did you mean"):
+        found[flights.names[1][:-1]]
     assert found.table.shape == (2, 5)
     assert found[0].verdict in repr(found[0])
     assert set(found[0].faults.columns) >= {"kind", "what", "advice"}
     assert found[0].flight.name in found[0]._repr_html_()
+
+
+@pytest.mark.parametrize("names", [["f"], ["x" * 255], [f"{'long_' * 40}{i}" for i in range(102)]])
+def test_what_a_prompt_shows_is_short(flights, names):
+    many = Flights([replace(flights[0], name=name) for name in names])
+    assert len(repr(many)) < 2500
+    assert len(repr(many[0])) < 400
+    assert max(len(repr(stream)) for stream in flights[0].streams.values()) < 400
+
+
+def test_a_flight_is_cut_by_time_and_gives_its_streams(flights):
+    flight = flights[0]
+    cut = flight[2.0:6.0]
+    assert (cut["imu"].time_s[0] >= 2.0, cut["imu"].time_s[-1] <= 6.0) == (True, True)
+    assert cut.duration_s == pytest.approx(4.0, abs=0.05)
+    assert flight[5.0:].keys() == flight.keys() == tuple(flight.streams)
+    assert flight[:].duration_s == flight.duration_s
+    with pytest.raises(TypeError, match="without a step"):
+        flight[::2]
+
+
+def written(figure):
+    return " ".join(a.text for a in figure.layout.annotations)
+
+
+def test_plots_say_what_is_missing(flights):
+    flight = flights[0].without_streams("imu", "battery")
+    figure = flight.plot()
+    assert "no imu stream" in written(figure)
+    assert "no battery stream" in written(figure)
+    assert len(figure.data) == len(flights[0].plot().data) - 4
+    blind = flights[0].without_streams("mocap", "estimator")
+    assert "no height" in written(nb.audit(blind).plot())
+
+
+def test_a_blackout_is_drawn_over_the_time_since_the_last_pose(flights):
+    found = nb.estimate(flights, ["strapdown"], "blackout")
+    (line,) = found.plot().data
+    assert list(line.x) == [1, 5, 10, 20]
+    assert line.y[0] == found.metrics["end_error_1s_m"]["strapdown"]
+
+
+@pytest.mark.parametrize(("text", "python"), [
+    ("try --clock retimed", 'try clock="retimed"'),
+    ("draft a map (nanobench columns FILE --out MAP.toml) and read it with --columns MAP.toml",
+     'draft a map (nanobench columns FILE --out MAP.toml) and read it with columns="MAP.toml"'),
+    ("nanobench audit shows it; give --train and --test", "nb.audit shows it; give train and test"),
+    ("a -- b, x--data", "a -- b, x--data")])
+def test_advice_speaks_python(text, python):
+    assert in_python(text) == python
+
+
+def test_an_error_names_the_argument_of_python(flights):
+    with pytest.raises(UsageError, match='clock="joint" cannot judge') as told:
+        nb.estimate(flights, "onboard_ekf", "clean", clock="joint")
+    assert "--clock" not in str(told.value)
 
 
 def test_a_name_is_escaped_where_it_becomes_html(flights):
@@ -96,8 +157,13 @@ class Still:
 def test_estimates_of_ones_own_object_beside_a_name(flights):
     found = nb.estimate(flights, [Still(), "drag_ekf"])
     assert {"still", "drag_ekf", "truth"} == set(found.trajectories)
-    mean = found.metrics.query("metric == 'ate_rmse_m' and group == 'all'").set_index("method")["mean"]
-    assert mean["drag_ekf"] < mean["still"]
+    assert list(found.metrics.index) == ["still", "drag_ekf"]
+    assert found.metrics["ate_rmse_m"]["drag_ekf"] < found.metrics["ate_rmse_m"]["still"]
+    long = found.table.query("metric == 'ate_rmse_m' and group == 'all'").set_index("method")["mean"]
+    assert (long == found.metrics["ate_rmse_m"]).all()
+    truth = found[flights[0].name]["truth"]
+    assert 0.0 <= truth.index[0] < truth.index[-1] <= flights[0].duration_s  # seconds of the flight
+    assert len(found.plot(flights[1].name).data) == 3
     assert "drag_ekf: ate_rmse_m" in repr(found)
 
 

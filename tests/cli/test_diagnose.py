@@ -121,7 +121,7 @@ def test_the_bound_of_a_network_stands_beside_what_was_named(recordings, monkeyp
     from types import SimpleNamespace
 
     from identification.learned import bound as learned
-    from nanobench_tools.cli.diagnose_bound import errors_of, flexible
+    from nanobench_tools.steps.diagnose_bound import errors_of, flexible
 
     def half(predictor, flights):
         before = errors_of(predictor, flights)

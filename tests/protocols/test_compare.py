@@ -37,9 +37,9 @@ def many(factor, seed=0):
 LABELS = {f"f{i}": i // 5 for i in range(30)}
 
 
-def row(method, protocol="clean", clock="as-recorded", flights=tuple(LABELS)):
+def row(method, protocol="clean", clock="as-recorded", flights=tuple(LABELS), inputs="all"):
     return EstimateRow(protocol=protocol, method=method, causal=True, group="all", n=len(flights), flights=flights,
-                       given="all", drawn=Drawn(1, {}), metrics={}, clock=clock)
+                       given="all", inputs=inputs, drawn=Drawn(1, {}), metrics={}, clock=clock)
 
 
 def test_a_row_says_its_ratio_to_another_and_how_sure_it_is():
@@ -55,13 +55,20 @@ def test_a_row_says_its_ratio_to_another_and_how_sure_it_is():
     assert len(repr(less)) < 400
 
 
+def test_methods_that_were_given_different_poses_are_not_compared():
+    rows = [row("logged", inputs="all poses"), row("first"), row("second")]
+    logged, first, second = compare.methods(rows, {m: many(f) for m, f in (("logged", 0.1), ("first", 1.0),
+                                                                          ("second", 2.0))}, LABELS)
+    assert (logged.ratios, first.ratios, second.ratios.to) == (None, None, "first")
+
+
 def test_a_ratio_counts_the_flights_that_both_scored():
-    rows = [row("b", flights=("f0", "f1", "f2"))]
+    rows = [row("a"), row("b", flights=("f0", "f1", "f2"))]
     ours = {"f0": {"x_m": 1.0}, "f1": {"x_m": 3.0}, "f2": {"x_m": 100.0}}
-    (one,) = compare.methods(rows, {"a": {"f0": {"x_m": 2.0}, "f1": {"x_m": 6.0}}, "b": ours}, LABELS)
+    _, one = compare.methods(rows, {"a": {"f0": {"x_m": 2.0}, "f1": {"x_m": 6.0}}, "b": ours}, LABELS)
     assert one.ratios.ratio == {"x_m": 0.5}
     assert one.ratios.ci95 == {"x_m": None}  # both of one session
-    (one,) = compare.methods(rows, {"a": {}, "b": ours}, LABELS)
+    _, one = compare.methods(rows, {"a": {}, "b": ours}, LABELS)
     assert one.ratios.ratio == {}
 
 

@@ -113,17 +113,22 @@ def load_simulator(text: str) -> Simulator:
     if name.endswith(".py"):
         raise UsageError(f"--simulator {text}: a module is given as {name[:-3].replace('/', '.')}:{argument}, from the "
                          "folder it stands in")
-    found = registry.load(GROUP, text)
+    return wrapped(registry.load(GROUP, text), f"--simulator {text}")
+
+
+def wrapped(found: Any, place: str) -> Simulator:
+    """A user's function, object or class as a callable of whole stretches; UsageError that begins with ``place`` for
+    one that cannot be made or called."""
     if isinstance(found, type):
         try:
             found = found()
         except (Exception, SystemExit) as error:  # the class is the user's
-            raise UsageError(f"--simulator {text}: making one raised {reported(error)}; it is made without "
+            raise UsageError(f"{place}: making one raised {reported(error)}; it is made without "
                              "arguments") from error
     if callable(getattr(found, "step", None)) and callable(getattr(found, "reset", None)):
         return Stepped(found)
     if not callable(found):
-        raise UsageError(f"--simulator {text}: is a {type(found).__name__} and cannot be called; give a function, or a "
+        raise UsageError(f"{place}: is a {type(found).__name__} and cannot be called; give a function, or a "
                          "class with __call__(along), or with reset() and step(row)")
     simulator: Simulator = found
     return simulator

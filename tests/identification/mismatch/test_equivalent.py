@@ -48,6 +48,20 @@ def recordings():
     return Recordings(flights, {}, tracks, (), {})
 
 
+def test_a_callable_that_gives_no_turning_is_judged_by_its_force(recordings):
+    def lift_and_drag(at, drag=DRAG):
+        force, turning = flown(drag)(at)
+        return force, np.zeros_like(turning)
+
+    right = diagnose_callable(recordings, lift_and_drag, "mine", vehicle=VEHICLE)
+    assert right.body["outcome"] == "none"
+    assert {e["term"] for e in right.body["not_asked"]} >= {"inertia", "yaw_torque", "motor_imbalance"}
+    assert "the simulator gives no angular acceleration" in right.paragraph
+    wrong = diagnose_callable(recordings, lambda at: lift_and_drag(at, 0.0 * DRAG), "mine", vehicle=VEHICLE)
+    (found,) = wrong.body["findings"]
+    assert "drag_linear" in (found["term"], *found["equivalent"])
+
+
 def test_a_right_callable_has_no_mismatch(recordings):
     verdict = diagnose_callable(recordings, flown(), "mine", vehicle=VEHICLE)
     assert verdict.body["outcome"] == "none"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..result import Result
-from ..steps.options import Options, one_line
+from .options import Options, one_line
 
 if TYPE_CHECKING:
     from ..protocols.simulated import ErrorBar, MismatchRow, SimulatedRow

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..methods import Prediction, Predictor, Windows
 from ..metrics.prediction import HORIZONS, QUANTITIES, window_errors
 from ..result import Result
-from ..steps.options import Options
+from .options import Options
 
 if TYPE_CHECKING:
     from identification.mismatch.recordings import Recordings

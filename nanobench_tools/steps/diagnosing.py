@@ -1,0 +1,107 @@
+"""Where is a simulator wrong: what ``nanobench diagnose`` and ``nb.diagnose`` are made of."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import MissingExtraError, UsageError
+from .options import Options
+
+if TYPE_CHECKING:
+    from identification.mismatch.recordings import Recordings
+    from identification.mismatch.verdict import Verdict
+
+    from ..flight import Flight
+    from ..physics import Model, Vehicle
+    from ..physics.adapters.given import Simulator
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The recordings as the diagnosis saw them, the model it believed (None: of a callable), and its verdict."""
+
+    recordings: Recordings
+    believed: Model | None
+    verdict: Verdict
+
+
+class Looked:
+    """Flights audited and re-timed once; ``at`` looks them over as flights of a vehicle."""
+
+    def __init__(self, options: Options, flights: Sequence[Flight]) -> None:
+        self._audits, _ = options.audit(flights)
+        self._moved = replace(options, clock="joint").see_on_clock(flights, self._audits)
+        self._flights = [flight for flight in flights if flight.name in self._audits]
+
+    def at(self, vehicle: Vehicle, with_battery: bool) -> Recordings:
+        """with_battery: whether the simulator needs the battery's voltage."""
+        from identification.mismatch.recordings import look_over
+
+        return look_over(self._flights, self._audits, self._moved.flights, self._moved.audits, with_battery, vehicle)
+
+
+def check_installed() -> None:
+    """MissingExtraError where what every diagnosis needs is not installed."""
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
+
+
+def vehicle_of(mass_kg: float) -> Vehicle:
+    """The recorded vehicle with another mass; UsageError for one that no vehicle has."""
+    from ..physics import Vehicle
+    from ..physics.vehicle import BOUNDS
+
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    return Vehicle(mass_kg=mass_kg)
+
+
+def names_a_file(simulator: str) -> bool:
+    """Whether a simulator given as text is a simulator.toml rather than an adapter or ``module:callable``."""
+    return Path(simulator).is_file() or (":" not in simulator and (
+        Path(simulator).suffix != "" or os.path.sep in simulator))
+
+
+def against_model(options: Options, recordings: Recordings, model: Model) -> Judged:
+    """A verdict on a model of terms; recordings: looked at as flights of its vehicle."""
+    from identification.mismatch.diagnosis import diagnose
+
+    return Judged(recordings, model, diagnose(recordings, model, seed=options.seed, progress=options.say))
+
+
+def against_callable(options: Options, flights: Sequence[Flight], simulator: Simulator, name: str,
+                     mass_kg: float) -> Judged:
+    """A verdict on a simulator that is only a callable. Recordings without a battery are judged where it does not look
+    at one."""
+    from identification.mismatch.diagnosis import diagnose_callable
+    from identification.mismatch.equivalent import needs_battery
+    from identification.mismatch.track import missing
+
+    vehicle = vehicle_of(mass_kg)
+    flown = getattr(simulator, "vehicle", None) or vehicle
+    looked = Looked(options, flights)
+    recordings = looked.at(flown, False)
+    unlogged = any("battery" in missing(flight) for flight in flights)
+    if unlogged and recordings.tracks and needs_battery(simulator, recordings.tracks[0], name):
+        recordings = looked.at(flown, True)
+    return Judged(recordings, None, diagnose_callable(recordings, simulator, name, vehicle=vehicle, seed=options.seed,
+                                                      progress=options.say))
+
+
+def beliefs_of(options: Options, flights: Sequence[Flight], simulated: Sequence[Flight], mass_kg: float) -> Model:
+    """What the simulator that made the recordings ``simulated`` believes. UsageError where these are real and
+    ``flights`` are not."""
+    from identification.mismatch.believe import beliefs
+
+    if any(f.provenance.synthetic for f in flights) and not any(f.provenance.synthetic for f in simulated):
+        raise UsageError("--simulated holds recordings that are REAL and --data SYNTHETIC ones: are they swapped?")
+    vehicle = vehicle_of(mass_kg)
+    model = beliefs(Looked(options, simulated).at(vehicle, True), vehicle, options.say)
+    options.say(f"the simulator believes {', '.join(t.name for t in model.terms)}")
+    return model

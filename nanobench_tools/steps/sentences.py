@@ -1,0 +1,79 @@
+"""What a verb found, in a sentence for the terminal and for Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..metrics.statistics import Summary
+    from ..protocols.result_rows import EstimateRow
+    from .result_bodies import ControlBody, SysidBody
+
+ESTIMATED = {"ate_rmse_m": ("ATE", "m"), "end_error_5s_m": ("error 5 s after the last pose", "m"),
+             "drift_percent": ("drift", "%")}
+"""The metric that stands for a protocol, the first that a row has -> its words and unit."""
+
+
+def estimated(rows: Sequence[EstimateRow]) -> str:
+    """The smallest error of each protocol over all its flights, with its interval, among methods that were given the
+    same."""
+    found = []
+    for protocol in dict.fromkeys(row.protocol for row in rows):
+        mine = [row for row in rows if row.protocol == protocol and row.group == "all"]
+        mine = mine or [row for row in rows if row.protocol == protocol]
+        for inputs in dict.fromkeys(row.inputs for row in mine):
+            same = [row for row in mine if row.inputs == inputs]
+            metric = next((m for m in ESTIMATED if any(m in row.metrics for row in same)), None)
+            judged = [(mean, row) for row in same if metric in row.metrics
+                      and (mean := row.metrics[metric].mean) is not None] if metric else []
+            if metric and judged:
+                words, unit = ESTIMATED[metric]
+                mean, best = min(judged, key=lambda pair: pair[0])
+                least = "smallest " * (len({row.method for _, row in judged}) > 1)
+                found.append(f"{protocol}, given {inputs}: {least}{words} {mean:.3g} {unit}"
+                             f"{_interval(best.metrics[metric])} by {best.method} ({_flights(best.n)})")
+    return "; ".join(found)
+
+
+def _interval(found: Summary) -> str:
+    return "" if found.ci95 is None else f" [{found.ci95[0]:.3g}, {found.ci95[1]:.3g}]"
+
+
+def controlled(body: ControlBody) -> str:
+    """The row of most flights of each onboard controller, what the gate says, the closest simulated controller."""
+    from ..protocols.simulated import SimulatedRow
+    from ..protocols.task2 import TrackingRow
+    from .control_tables import together
+
+    found = []
+    real = [row for row in body.rows if isinstance(row, TrackingRow)]
+    for name in dict.fromkeys(row.controller for row in real):
+        row = max((row for row in real if row.controller == name), key=lambda row: row.n)
+        rmse = row.metrics.get("rmse_m")
+        if rmse is not None:
+            where = " ".join(filter(None, (row.reference, row.speed)))
+            found.append(f"{name}: RMSE {rmse:.3g} m along {where} ({_flights(row.n)})")
+    if body.gate.summary is not None and (gate := body.gate.summary.get("all")) is not None:
+        found.append(f"gate: {round(gate.pass_share * gate.n)} of {gate.n} flights pass")
+    flown = [row for row in body.rows if isinstance(row, SimulatedRow)]
+    if flown:
+        best = together(flown)[0]
+        found.append(f"simulated: closest is {best.controller}, median RMSE {best.rmse_m:.3g} m over "
+                     f"{best.references} reference{'s' * (best.references != 1)}")
+    return "; ".join(found)
+
+
+def predicted(body: SysidBody) -> str:
+    """The best model of class state, and how far off it is after half a second."""
+    best = body.models.best
+    row = next((row for row in body.rows if row.model == best and row.group == "all" and row.start == "centred"), None)
+    if row is None:
+        return f"{len({row.model for row in body.rows})} models scored, none is chosen"
+    return (f"best of class state: {best}, off by {row.metrics['position_mae_m']['50']:.3g} m after half a second "
+            f"({_flights(row.n_flights)})")
+
+
+def _flights(n: int) -> str:
+    return f"{n} flight{'s' * (n != 1)}"
+
