@@ -59,6 +59,17 @@ def _matrix(letters: str, directions: dict[str, tuple[int, float]], name: str) -
     return found
 
 
+def name_of(turn: np.ndarray, world: bool) -> str:
+    """The letters of axes whose vectors ``turn`` (3, 3) takes to ours, as ``frame_of`` reads them.
+
+    >>> name_of(np.diag([1.0, -1.0, -1.0]), world=False)
+    'FRD'
+    """
+    letters = {place: letter for letter, place in (_WORLD if world else _BODY).items()}
+    rows = np.abs(turn).argmax(axis=0)
+    return "".join(letters[int(row), float(turn[row, column])] for column, row in enumerate(rows))
+
+
 def in_our_axes(stream: Stream, frame: Frame) -> Stream:
     """``stream``, recorded in ``frame``, in the axes of ``frames``.
 

@@ -13,6 +13,7 @@ from ..flight import Fault, Span, intersect_spans, merge_spans
 from ..result import Result
 from .faults.kind import FaultKind
 from .faults.kinds import kinds
+from .faults.making import SINCE
 
 MOST_NAMES = 4
 """Streams or columns that are named; of more their number is said."""
@@ -73,12 +74,14 @@ def _words(kind: FaultKind, faults: Sequence[Fault], spans: Sequence[Span], airb
     return {
         "streams": _listed(streams, "streams") or "the recording",
         "columns": _listed(columns, "columns") or "values",
+        "evidence": "; ".join(dict.fromkeys(f.evidence.partition(SINCE)[0] for f in faults)),
         "s": "s" if len(streams) == 1 else "",
         "is": "is" if len(columns) == 1 else "are",
         "its": "its" if len(columns) == 1 else "their",
         "count": _count(rows, faults[0].unit) if rows else _times(len(spans)),
         "seconds": f"{sum(s.duration_s for s in spans):.2g} s",
         "size": size_in_words(_largest(faults), faults[0].unit),
+        "degrees": f"{math.degrees(_largest(faults)):.0f} deg",
         "factor": size_in_words(_largest(faults), ""),
         "lateness": _lateness(faults),
         "at": f"{spans[0].start_s:.1f} s",

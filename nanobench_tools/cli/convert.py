@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("nanobench", "parquet", "tum", "rrd")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
+ONE_TIME = ("nanobench",)
+"""Formats in which all streams share one column of time."""
 ALL = "all-simulators"
 
 
@@ -84,6 +86,7 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
              for flight in flights]
     result = run_items(items, None, options.jobs, options.scheduler, options.progress, "convert")
     options.failed += result.failed
+    omitted = _omitted(options, flights, to)
     count = len(result.values)
     text = f"{count} recording{'s' * (count != 1)} written to {options.out}"
     if to == "parquet":  # a file per stream, for other programs
@@ -92,7 +95,19 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
         close(options, text, "look at it", "rerun", *[value["file"] for value in result.values.values()][:1])
     else:
         close(options, text, "what is in them", "nanobench", "audit", options.out)
-    return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()]})
+    return options.finish("convert", {"to": to, "files": [value["file"] for value in result.values.values()],
+                                      "omitted": omitted})
+
+
+def _omitted(options: Options, flights: Sequence[Flight], to: str) -> list[dict[str, str]]:
+    """Streams that a format with one time for all leaves empty, each said: [{flight, stream, reason}]."""
+    from ..signals.common_time import apart, told
+
+    found = [{"flight": flight.name, "stream": a.stream, "reason": told(a, flight.epoch_s)}
+             for flight in flights for a in apart(flight)] if to in ONE_TIME else []
+    for lack in found:
+        options.show(f"WARNING: {one_line(lack['flight'])}: {lack['stream']} is omitted, {one_line(lack['reason'])}")
+    return found
 
 
 def convert_item(flight: Flight, out_dir: Path, to: str) -> dict[str, Any]:

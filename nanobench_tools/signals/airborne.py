@@ -1,4 +1,5 @@
-"""When the vehicle was in the air: first to last crossing of 5 cm above the resting height.
+"""When the vehicle was in the air: more than 5 cm above the resting height, without the rests on the ground between
+two flights of one log.
 
 A log that was switched on in the air never shows the ground, and its lowest point is no resting height. Motors that
 carry what they carry in flight, on a vehicle that moves, are then the evidence: nothing stands that long with them.
@@ -8,12 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..flight import Span
+from ..flight import Span, Stream, subtract_spans
 from ..settings import count, number
 from .context import Context
 from .plausible_ranges import tracker_scale
+from .pose_frame import pose_frame, posed
 from .step_removal import levelled
-from .usable_rows import usable_streams
+from .usable_rows import runs, usable_streams
 
 HEIGHT_M = number("audit.airborne.height_m")
 """Above the resting height; a vehicle of 40 g stands within 1 mm and rebounds by 2-14 cm after touch-down."""
@@ -27,6 +29,12 @@ HELD_S = number("audit.airborne.held_s")
 """A vehicle at rest whose motors carry it has left the 5 cm within this time."""
 MOVED_M = number("audit.airborne.moved_m")
 """Range of a position that no vehicle at rest has: the tracker's noise is 1 mm."""
+RESTS_S = number("audit.airborne.rests_s")
+"""A vehicle that stands still on the ground for so long has landed; what follows is another flight."""
+RESTS_M = number("audit.airborne.rests_m")
+"""A vehicle at rest moves by less in that time, plus RESTS_NOISE standard deviations of its tracker's noise."""
+RESTS_NOISE = number("audit.airborne.rests_noise")
+NOISE_OF_BENDS = 0.6745 * np.sqrt(6.0)  # median |second difference| of white noise over its standard deviation
 ENDS_ROWS = count("audit.airborne.ends_rows")
 """Rows at both ends whose median height may be the resting one."""
 ABOVE_LOW_M = number("audit.airborne.above_low_m")
@@ -41,9 +49,20 @@ def resting_height_m(z: np.ndarray) -> float:
     return float(min(np.median(z[:n]), np.median(z[-n:]), np.quantile(z, LOW) + ABOVE_LOW_M))
 
 
+def _with_poses(context: Context) -> dict[str, Stream]:
+    """The usable streams, the motion capture with z up; without it where its up is not known."""
+    streams, poses = dict(context.once(usable_streams)), context.once(posed)
+    if poses is not None:
+        streams["mocap"] = poses
+    if context.once(pose_frame).world is None:
+        del streams["mocap"]
+    return streams
+
+
 def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """time_s (n,), z (n,) m of the motion capture, less its jumps, else of the estimator; None without either."""
-    streams = context.once(usable_streams)
+    """time_s (n,), z (n,) m of the motion capture, less its jumps, else of the estimator; None without either, or where
+    it is not known which axis of the motion capture points up."""
+    streams = _with_poses(context)
     for name, column in (("mocap", "pz"), ("estimator", "z")):
         if name in streams and column in streams[name].quantities:
             stream = streams[name]
@@ -56,7 +75,7 @@ def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
 
 def position_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
     """time_s (n,), position (n, 3) m of the stream of ``height_of``."""
-    streams = context.once(usable_streams)
+    streams = _with_poses(context)
     for name, columns in (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z"))):
         if name in streams and all(c in streams[name].quantities for c in columns):
             stream = streams[name]
@@ -68,26 +87,66 @@ def position_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def airborne_spans(context: Context) -> tuple[Span, ...]:
-    """One span, or none if it never left the ground or there is no height to tell.
+    """Flights in the order of time; none if it never left the ground or there is no height.
 
     A recording that starts or ends in the air is airborne from its first or to its last row. Rows that stick out
-    alone (spikes of the tracker) do not count: three in a row must be up.
+    alone (spikes of the tracker) do not count: three in a row must be up. Two flights are separated by a rest on the
+    ground; rebounds of a landing and flight close to the ground separate nothing.
     """
     height = context.once(height_of)
-    if height is None:
+    if height is None or (context.once(pose_frame).foreign_rad and set(context.flight.streams) == {"mocap"}):
         return ()
     time_s, z = height
     up = z > resting_height_m(z) + HEIGHT_M
     lasting = up.copy()
     lasting[1:-1] = (up[:-2] & up[1:-1]) | (up[1:-1] & up[2:])
     rows = np.flatnonzero(lasting)
-    crossed = Span(float(time_s[rows[0]]), float(time_s[rows[-1]])) if len(rows) > 2 else None
     whole = Span(float(time_s[0]), float(time_s[-1]))
-    if crossed is None:
+    if len(rows) <= 2:
         return (whole,) if _flies(context, whole) else ()
+    crossed = Span(float(time_s[rows[0]]), float(time_s[rows[-1]]))
     before, after = Span(whole.start_s, crossed.start_s), Span(crossed.end_s, whole.end_s)
-    return (Span(whole.start_s if _flies(context, before) else crossed.start_s,
-                 whole.end_s if _flies(context, after) else crossed.end_s),)
+    flown = Span(whole.start_s if _flies(context, before) else crossed.start_s,
+                 whole.end_s if _flies(context, after) else crossed.end_s)
+    low = [Span(float(time_s[a - 1]), float(time_s[b])) for a, b in runs(~lasting) if rows[0] < a and b <= rows[-1]]
+    return subtract_spans([flown], [*_motors_off(context), *(span for span in low if _rests(context, span))])
+
+
+def _motors_off(context: Context) -> list[Span]:
+    """Where all motors stand still for so long that the vehicle has landed, or never took off."""
+    motor = context.once(usable_streams).get("motor")
+    if motor is None or len(motor) < 2:
+        return []
+    t, off = motor.time_s, ~(np.nan_to_num(motor.values) > 0.0).any(axis=1)
+    ends = [(a, b) for a, b in runs(off) if t[b - 1] - t[a] >= RESTS_S]
+    return [Span(float(t[a]) if a else -np.inf, float(t[b - 1]) if b < len(t) else np.inf) for a, b in ends]
+
+
+def _rests(context: Context, span: Span) -> bool:
+    """Whether the vehicle stands still on the ground in most of a low stretch between two flights: it moves by no more
+    than its tracker's noise, and its motors, where they are known, do not carry it."""
+    place = context.once(position_of)
+    if span.duration_s < RESTS_S or place is None or _carried(context, span):
+        return False
+    time_s, position = place
+    there = position[span.mask(time_s)]
+    n = max(round(RESTS_S / span.duration_s * len(there)), 3)
+    if len(there) < n:
+        return False
+    noise = np.median(np.abs(np.diff(there, 2, axis=0)), axis=0) / NOISE_OF_BENDS
+    windows = np.lib.stride_tricks.sliding_window_view(there, n, axis=0)[::max(n // 10, 1)]
+    return bool((np.ptp(windows, axis=2) < RESTS_M + RESTS_NOISE * noise).all(axis=1).any())
+
+
+def _carried(context: Context, span: Span) -> bool:
+    """Whether motors run in a stretch as they do in most of the recording."""
+    motor = context.once(usable_streams).get("motor") or context.once(usable_streams).get("command")
+    if motor is None:
+        return False
+    command = np.nan_to_num(motor.values).mean(axis=1)
+    inside = command[span.mask(motor.time_s)]
+    running = command[command > 0.0]
+    return len(inside) > 0 and len(running) > 0 and bool(np.median(inside) > 0.5 * np.median(running))
 
 
 def _flies(context: Context, span: Span) -> bool:

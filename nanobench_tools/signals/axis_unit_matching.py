@@ -98,15 +98,23 @@ class AxisUnitMatch:
                     "" if self.factor == 1.0 else "unknown unit")
 
 
+def correlations(sums: LagSums) -> np.ndarray:
+    """(lags, 3, 3) of every axis of the stream with every axis of the reference; 0 where one stands still."""
+    cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
+    s = np.sqrt(np.maximum(np.diagonal(measured), 0.0))
+    r = np.sqrt(np.maximum(np.diagonal(reference, axis1=1, axis2=2), 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.nan_to_num(cross / (s[None, :, None] * r[:, None, :])))
+
+
 def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
     """None if nothing moves. ``sums`` are those of ``pair``."""
-    cross, reference, measured = (x.sum(axis=0) for x in (sums.cross, sums.reference, sums.measured))
+    reference, measured = sums.reference.sum(axis=0), sums.measured.sum(axis=0)
     s = np.sqrt(np.maximum(np.diagonal(measured), 0.0))
     r = np.sqrt(np.maximum(np.diagonal(reference, axis1=1, axis2=2), 0.0))
     if not s.max() > 0.0 or not r.max() > 0.0:
         return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        k = np.nan_to_num(cross / (s[None, :, None] * r[:, None, :]))
+    k = correlations(sums)
     axes = np.arange(3)
     straight = k[:, axes, axes]
     as_is = int(np.argmax(straight.sum(axis=1)))
@@ -117,7 +125,7 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
     swapped = (
         bool(moved)
         and strength[order].max() > strength[ORDERS[0]].max() + CLEARLY
-        and all(abs(k[at, i, order[i]]) > CLEAR and _certain(sums, at, i, order[i]) for i in moved)
+        and all(abs(k[at, i, order[i]]) > CLEAR and certain(sums, at, i, order[i]) for i in moved)
     )
     if not swapped:
         order = ORDERS[0]
@@ -126,7 +134,7 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
         if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
             at = as_is
     found = k[at, axes, order]
-    sign = tuple(int(np.sign(v)) if abs(v) > CLEAR and _certain(sums, at, i, order[i]) else 0 for i,
+    sign = tuple(int(np.sign(v)) if abs(v) > CLEAR and certain(sums, at, i, order[i]) else 0 for i,
                  v in enumerate(found))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
@@ -134,7 +142,7 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
                          swapped)
 
 
-def _certain(sums: LagSums, at: int, i: int, j: int) -> bool:
+def certain(sums: LagSums, at: int, i: int, j: int) -> bool:
     """Whether the blocks' products of axes i and j have one sign beyond chance (t of their signed shares)."""
     share = sums.cross[:, at, i, j] / np.sqrt(sums.measured[:, i, i] * sums.reference[:, at, j, j] + 1e-300)
     spread = share.std(ddof=1)

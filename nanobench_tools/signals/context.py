@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..flight import Flight
+from ..sources.lost_poses import without_placeholders
 
 T = TypeVar("T")
 LARGEST = 1e8
@@ -20,7 +21,7 @@ class Context:
     """``context.once(f)`` is ``f(context)``, kept: checks that need the same derived signal share it.
 
     ``context.flight`` has only rows whose stamps are numbers (without one, a row stands nowhere), and NaN for values
-    that are none or larger than any measurement, and for quaternions of four zeros.
+    that are none or larger than any measurement, for quaternions of four zeros and for placeholders of lost poses.
     """
 
     def __init__(self, flight: Flight) -> None:
@@ -37,6 +38,7 @@ class Context:
 
 def _placed(flight: Flight) -> Flight:
     changed = {}
+    flight = without_placeholders(flight)
     for name, stream in flight.streams.items():
         there = np.isfinite(stream.time_s)
         if not there.all():

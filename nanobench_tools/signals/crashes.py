@@ -9,7 +9,7 @@ import numpy as np
 from ..settings import number
 from .airborne import airborne_spans, height_of
 from .context import Context
-from .quaternions import orientation_of
+from .pose_frame import orientation_of, pose_frame
 from .usable_rows import runs, usable_streams
 
 TILT_RAD = number("audit.crashes.tilt_rad")
@@ -33,9 +33,9 @@ class Crash:
 
 
 def crash_of(context: Context) -> Crash | None:
-    """The first one; None if it flew and landed."""
+    """The first one; None if it flew and landed, or if the attitude is of another body than the vehicle."""
     air, oriented = context.once(airborne_spans), context.once(orientation_of)
-    if not air or oriented is None:
+    if not air or oriented is None or context.once(pose_frame).foreign_rad:
         return None
     time_s, quaternion = oriented
     tilt = np.arccos(np.clip(1.0 - 2.0 * (quaternion[:, 0] ** 2 + quaternion[:, 1] ** 2), -1.0, 1.0))

@@ -9,17 +9,21 @@ import numpy as np
 from ..settings import number
 from .context import Context
 from .packet_rows import PRINT_RESOLUTION
-from .usable_rows import usable_streams
+from .usable_rows import runs, typical_step_s, usable_streams
 
 LEAST_STEP_M = number("audit.held_poses.least_step_m")
 """A slower line cannot be told from a tracker that rests and rounds."""
+CATCHES_UP = number("audit.held_poses.catches_up")
+"""A position that was held goes on by so many usual steps at once."""
+CAUGHT_UP_M = number("audit.held_poses.caught_up_m")
+"""And by so much more."""
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True)
 class HeldPoses:
-    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before), drawn
-    (on the chord of its neighbours, moving)."""
+    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before, or a
+    position that stands until it jumps on), drawn (on the chord of its neighbours, moving)."""
 
     lost: np.ndarray
     same: np.ndarray
@@ -47,8 +51,23 @@ def held_poses(context: Context) -> HeldPoses | None:
     same = np.zeros(len(t), dtype=bool)
     same[1:] = (pose[1:] == pose[:-1]).all(axis=1)
     p = pose[:, :3]
+    same |= _stands(t, p)
     share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
     bend = np.abs(p[1:-1] - (p[:-2] + (p[2:] - p[:-2]) * share))
     drawn = np.zeros(len(t), dtype=bool)
     drawn[1:-1] = (bend <= PRINT_RESOLUTION).all(axis=1) & (np.abs(p[1:-1] - p[:-2]) > LEAST_STEP_M).any(axis=1)
     return HeldPoses(lost, same & ~lost, drawn & ~same & ~lost)
+
+
+def _stands(time_s: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """(n,) bool: rows of a position that repeats exactly and then goes on by more than usual steps, as if it had moved
+    meanwhile, whatever the rotation does. A tracker that rests and rounds goes on by one step."""
+    flags = np.zeros(len(position), dtype=bool)
+    with np.errstate(invalid="ignore"):
+        step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    usual = step[np.isfinite(step) & (step > 0.0)]
+    least = CAUGHT_UP_M + CATCHES_UP * float(np.median(usual)) if len(usual) else np.inf
+    for a, b in runs(np.concatenate(([False], step == 0.0))):
+        flags[a:b] = b - a > 1 and b < len(position) and step[b - 1] > least and (
+            time_s[b] - time_s[b - 1] < 2.0 * typical_step_s(time_s))  # over a gap any position goes on
+    return flags

@@ -13,8 +13,7 @@ from ..settings import number
 from .context import Context
 from .held_poses import held_poses
 from .plausible_ranges import tracker_scale
-from .quaternions import ORDERS, quaternion_orders
-from .usable_rows import usable_streams
+from .pose_frame import posed
 
 STEP_S = number("audit.mocap_derivatives.step_s")
 """Of the grid; the recordings' own frame time, and ten times finer than what is compared (8 Hz)."""
@@ -53,15 +52,12 @@ def derivatives_of(context: Context) -> MocapDerivatives | None:
     Derivatives are central differences over 20 ms of a cubic spline through the frames (lost frames are bridged
     without a kink): at 8 Hz their gain is 0.96 (first) and 0.98 (second), without delay.
     """
-    stream = context.once(usable_streams).get("mocap")
+    stream = context.once(posed)
     names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
     held = context.once(held_poses)
     if stream is None or held is None or not all(name in stream.quantities for name in names):
         return None
     pose = stream[names]
-    orders = context.once(quaternion_orders)
-    if "mocap" in orders:
-        pose = np.concatenate([pose[:, :3], pose[:, 3:][:, ORDERS[orders["mocap"].name]]], axis=1)
     pose = pose / np.array([*[context.once(tracker_scale)] * 3, 1.0, 1.0, 1.0, 1.0])
     keep = ~held.any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
     t, pose = stream.time_s[keep], pose[keep]

@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from ..flight import mask_of
 from ..settings import count, number, setting
 from .airborne import airborne_spans
 from .context import Context
@@ -21,6 +22,7 @@ from .crashes import crash_of
 from .dropouts import alive_until
 from .mocap_derivatives import STEP_S, MocapDerivatives, derivatives_of, widened
 from .packet_rows import packets_of
+from .pose_frame import posed
 from .usable_rows import runs, usable_streams
 
 RATE_BAND_HZ = setting("audit.paired_signals.rate_band_hz")
@@ -80,7 +82,7 @@ def flying_rows(context: Context) -> np.ndarray:
         return np.zeros(0 if truth is None else len(truth.time_s), dtype=bool)
     t, crash = truth.time_s, context.once(crash_of)
     end = spans[-1].end_s if crash is None else min(crash.start_s, spans[-1].end_s)
-    return (t >= spans[0].start_s) & (t <= end - BEFORE_LANDING_S)
+    return mask_of(spans, t) & (t <= end - BEFORE_LANDING_S)
 
 
 def on_grid(context: Context, name: str, quantities: tuple[str, ...],
@@ -88,7 +90,8 @@ def on_grid(context: Context, name: str, quantities: tuple[str, ...],
             shift_s: float = 0.0) -> tuple[np.ndarray, np.ndarray] | None:
     """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
     they are true values."""
-    truth, stream = context.once(derivatives_of), context.once(usable_streams).get(name)
+    truth = context.once(derivatives_of)
+    stream = context.once(posed) if name == "mocap" else context.once(usable_streams).get(name)
     if truth is None or stream is None or not all(q in stream.quantities for q in quantities):
         return None
     t = truth.time_s - shift_s

@@ -11,9 +11,10 @@ from .. import so3
 from ..settings import number, setting
 from ..time_offsets.mathematics.lags import LagSums, lag_sums
 from .context import Context
+from .flown_axes import ORDERS
 from .mocap_derivatives import STEP_S, body_rate
 from .paired_signals import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, Pair, against
-from .quaternions import ORDERS, quaternion_orders
+from .quaternions import quaternion_orders
 
 SHORT_REACH_S = number("audit.pairs.short_reach_s")
 """Columns of the motion capture itself are compared this far either way."""

@@ -15,11 +15,10 @@ from .. import so3
 from ..settings import number
 from .context import Context
 from .dropouts import alive_until
+from .flown_axes import ORDERS, UP, tilts
 from .usable_rows import usable_streams
 
 STREAMS = {"mocap": ("qx", "qy", "qz", "qw"), "attitude_qw": ("qx", "qy", "qz", "qw")}
-ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
-"""Name of the order in which the elements stand -> where x, y, z, w are found."""
 UPRIGHT = number("audit.quaternions.upright")
 """Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
 AGREES_RAD = number("audit.quaternions.agrees_rad")
@@ -62,10 +61,19 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
         as_read, swapped = tilts["x, y, z, w"], tilts["w, x, y, z"]
         clear = swapped > SWAPPED and (
             as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
-        )
+        ) and not (name == "mocap" and _flies_as_read(context))
         label = "w, x, y, z" if clear else "x, y, z, w"
         found[name] = Order(label, as_read, tilts[label])
     return found
+
+
+def _flies_as_read(context: Context) -> bool:
+    """Whether the vehicle flies better along another axis of the tracked body as read than along z in the other
+    order: a body with z down and one read in the wrong order both look upside down."""
+    found = context.once(tilts)
+    swapped = found["w, x, y, z"].get((UP, UP))
+    best = max((t.follows for t in found["x, y, z, w"].values() if t.flies), default=-1.0)
+    return best > (swapped.follows if swapped is not None else 0.0)
 
 
 def _up(q: np.ndarray) -> np.ndarray:
@@ -89,16 +97,3 @@ def _angle(t: np.ndarray, q: np.ndarray, other: tuple[np.ndarray, np.ndarray] | 
     picked = slice(None, None, max(len(t) // 200, 1))
     near = np.clip(np.searchsorted(other[0], t[picked]), 0, len(other[0]) - 1)
     return float(np.median(so3.geodesic_angle(q[picked], other[1][near])))
-
-
-def orientation_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """time_s (n,) and quaternions (n, 4) x, y, z, w of the motion capture, else of the estimator; order put right."""
-    orders = context.once(quaternion_orders)
-    for name, quantities in STREAMS.items():
-        if name in orders:
-            stream = context.once(usable_streams)[name]
-            keep = stream.time_s <= context.once(alive_until)[name]
-            q = stream[quantities][keep][:, ORDERS[orders[name].name]]
-            fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
-            return stream.time_s[keep][fine], q[fine]
-    return None

@@ -62,3 +62,17 @@ def tables(context: Context) -> list[tuple[str, np.ndarray]]:
         else:
             found.append((name, stream.time_s))
     return [(name, t[np.isfinite(t)]) for name, t in found]
+
+
+def coarse_tables(context: Context) -> list[tuple[str, np.ndarray]]:
+    """Those of ``tables`` in which more than half of the rows repeat the timestamp before, with other values."""
+    found = []
+    for name, t in context.once(tables):
+        same = np.flatnonzero(np.diff(t) == 0.0)
+        if 2 * len(same) <= len(t):
+            continue
+        streams = [s for s in context.flight.streams.values() if np.array_equal(s.time_s[np.isfinite(s.time_s)], t)]
+        if any((np.nan_to_num(s.values[same]) != np.nan_to_num(s.values[same + 1])).any(axis=1).mean() > 0.5
+               for s in streams):
+            found.append((name, t))
+    return found

@@ -20,6 +20,7 @@ from ..registry import load_all
 from . import cache as store
 from .base import SheetSource, Source, text_fault
 from .companions import companion
+from .lost_poses import without_placeholders
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
 from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
@@ -221,8 +222,7 @@ def read(recording: Recording, cache: bool = True) -> Flight:
         payload = unpack(stored, str(path))
         if not payload.data[:HEAD_BYTES].strip(BLANK) and not payload.data.strip(BLANK):
             raise InputError(str(path), "the file is empty", payload.broken or "take another copy")
-        flight = source.read(path, payload.data)
-        flight = _with_break(flight, payload.broken)
+        flight = without_placeholders(_with_break(source.read(path, payload.data), payload.broken))
         if cache:
             store.store(entry, flight)
     provenance = replace(flight.provenance, path=str(path), sha256=sha256, source=source.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,12 +44,13 @@ class Px4Log:
         log = _parse(whole.data, str(path))
         topics = _topics(log)
         parameters = {k: v for k, v in log.initial_parameters.items() if isinstance(v, int | float)}
+        unread: list[str] = []
         streams: dict[str, Stream] = {}
         for name, (make, candidates) in STREAMS.items():
-            made = (make(topic) for candidate in candidates for topic in topics.get(candidate, ()))
+            made = (_made(make, topic, unread) for candidate in candidates for topic in topics.get(candidate, ()))
             if (stream := next((s for s in made if s is not None), None)) is not None:
                 streams[name] = stream
-        turning = ulog_motors.motors(topics, parameters)
+        turning = ulog_motors.motors(topics, parameters, unread)
         streams |= turning.streams
         if not streams:
             logged = ", ".join(sorted({d.name for d in log.data_list})[:8])
@@ -62,6 +64,8 @@ class Px4Log:
         findings = [replace(f, start_s=f.start_s - start, end_s=f.end_s - start) for f in turning.findings]
         end = max(s.span.end_s for s in streams.values())
         findings += _damage(whole, log, topics, end)
+        findings += [text_fault("bad_cell", "", (what.partition(" ")[0],), f"topic {what}, left out", (0.0, end))
+                     for what in dict.fromkeys(unread)]
         findings += not_numbers({n: s for n, s in streams.items() if n in MEASURED})
         boot = _boot_unix_s(topics)
         return Flight(
@@ -92,6 +96,15 @@ def _parse(data: bytes, place: str) -> Any:
     except Exception as error:  # whatever damage makes of a parser
         raise InputError(place, f"cannot be read as ULog ({type(error).__name__}: {error})",
                          "take another copy of the file") from None
+
+
+def _made(make: Callable[[Topic], Stream | None], topic: Topic, unread: list[str]) -> Stream | None:
+    """``make(topic)``; a topic in a layout that nobody foresaw costs itself alone, and is named in ``unread``."""
+    try:
+        return make(topic)
+    except (ValueError, IndexError, KeyError, TypeError, ArithmeticError) as error:
+        unread.append(f"{topic.name} cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:80]})")
+        return None
 
 
 def _topics(log: Any) -> dict[str, list[Topic]]:

@@ -7,7 +7,7 @@ right, back left, front left, back right. Where the log holds the geometry (CA_R
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,16 @@ SUPPORTED = sum(bool(re.fullmatch(r"m\d+", q)) for q in STREAM_QUANTITIES["motor
 FIRST_MOTOR_FUNCTION = 101
 """Output function of motor 1 (parameters and esc_status)."""
 
+FEWEST_ROTORS = 3
+"""Of a multirotor."""
+OUTPUT_GROUPS = ("PWM_MAIN", "PWM_AUX", "UAVCAN_EC", "HIL_ACT", "SIM_GZ_EC")
+"""Groups of outputs whose functions the parameters GROUP_FUNC1 .. name."""
+
 TOPICS = ("actuator_motors", "actuator_outputs", "esc_status")
+
+
+Found = tuple[Topic, list[str], np.ndarray]
+"""Topic, fields, values (n, k)."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +47,20 @@ class Motors:
     notes: tuple[str, ...]
 
 
-def motors(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float]) -> Motors:
-    """What the log says about motors; ``topics`` holds all instances by name."""
+def motors(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float], unread: list[str]) -> Motors:
+    """What the log says about motors; ``topics`` holds all instances by name. ``unread`` gets topics in a layout that
+    nobody foresaw."""
     streams: dict[str, Stream] = {}
     findings: list[Fault] = []
     notes: list[str] = []
-    for name, found in (("motor", _commands(topics, parameters, notes)), ("rpm", _speeds(topics))):
+    makers: dict[str, Callable[[], Found | None]] = {"motor": lambda: _commands(topics, parameters, notes),
+                                                     "rpm": lambda: _speeds(topics)}
+    for name, make in makers.items():
+        try:
+            found = make()
+        except (ValueError, IndexError, KeyError, TypeError, ArithmeticError) as error:
+            unread.append(f"of {name} cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:80]})")
+            continue
         if found is None:
             continue
         topic, fields, values = found
@@ -96,27 +113,29 @@ def _order(count: int, parameters: Mapping[str, float], notes: list[str]) -> tup
 
 
 def _commands(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float],
-              notes: list[str]) -> tuple[Topic, list[str], np.ndarray] | None:
-    """(topic, fields, (n, k) in 0..1) of the motors."""
+              notes: list[str]) -> Found | None:
+    """The motors, in 0..1."""
     for topic in topics.get("actuator_motors", ()):
         fields = _rotors(topic, "control", parameters)
         values = topic.array(*fields)
-        if fields and values is not None:
+        if values is not None:
             notes.append("motor commands are PX4's control of each motor before its thrust curve, 0..1")
             return topic, fields, np.where(np.isfinite(values), values, 0.0)  # not a number: motor stopped
-    best = None
-    for topic in topics.get("actuator_outputs", ()):
-        fields = _outputs(topic, parameters)
-        values = topic.array(*fields)
-        if fields and values is not None and (best is None or len(fields) > len(best[1])):
-            best = (topic, fields, values)
-    if best is None:
+    groups = topics.get("actuator_outputs", ())
+    low, high = _pulse_range(parameters)
+    found = [(topic, fields, topic.array(*fields)) for topic in groups for fields in _outputs(topic, parameters, low)]
+    driven = [(topic, fields, values) for topic, fields, values in found
+              if values is not None and np.ptp(np.nan_to_num(values), axis=0).any()]
+    if not driven:
+        if groups or topics.get("actuator_motors"):
+            notes.append("no output ever drives a motor: the motors never started, and are not read")
         return None
-    topic, fields, values = best
+    topic, fields, values = max(driven, key=lambda group: len(group[1]))
+    if len(groups) > 1:
+        notes.append(f"of {len(groups)} groups of outputs the one with {len(fields)} motors is read")
     highest = float(np.nanmax(values))
     if highest <= 1.0:
         return topic, fields, np.clip(np.nan_to_num(values), 0.0, 1.0)
-    low, high = _pulse_range(parameters)
     if not low < highest <= 1.2 * high or float(np.nanmin(values[values > 0.0])) < 0.5 * low:
         notes.append(f"{topic.name} holds neither pulses in microseconds nor 0..1: motor commands are not read")
         return None
@@ -134,15 +153,22 @@ def _rotors(topic: Topic, field: str, parameters: Mapping[str, float]) -> list[s
     return names[: ran[-1] + 1] if ran else []
 
 
-def _outputs(topic: Topic, parameters: Mapping[str, float]) -> list[str]:
-    """Fields of actuator_outputs that drive motors: by their functions where the parameters say, else those that
-    move."""
-    functions = {i: parameters.get(f"PWM_MAIN_FUNC{i + 1}", 0) - FIRST_MOTOR_FUNCTION for i in range(16)}
-    by_motor = sorted((int(m), i) for i, m in functions.items() if 0 <= m < 12)
-    if by_motor:
-        return [f"output[{i}]" for _, i in by_motor if f"output[{i}]" in topic.fields]
+def _outputs(topic: Topic, parameters: Mapping[str, float], low: float) -> list[list[str]]:
+    """Fields of one group of actuator_outputs that may drive the motors, in their order: by the functions that the
+    parameters give the outputs of a group, else those that move and are off for a while, which a servo never is, else
+    those that move."""
+    found = []
+    for group in OUTPUT_GROUPS:
+        functions = {i: parameters.get(f"{group}_FUNC{i + 1}", 0) - FIRST_MOTOR_FUNCTION for i in range(16)}
+        by_motor = [f"output[{i}]" for _, i in sorted((int(m), i) for i, m in functions.items() if 0 <= m < 12)]
+        if by_motor:
+            found.append([name for name in by_motor if name in topic.fields])
+    if found:
+        return found
     names = [f"output[{i}]" for i in range(16) if f"output[{i}]" in topic.fields]
-    return [n for n in names if np.ptp(np.nan_to_num(topic.fields[n])) > 0.0]
+    moving = [n for n in names if np.ptp(np.nan_to_num(topic.fields[n])) > 0.0]
+    off = [n for n in moving if np.nan_to_num(topic.fields[n]).min() <= low]
+    return [off if len(off) >= FEWEST_ROTORS else moving]
 
 
 def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
@@ -151,7 +177,7 @@ def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
     return (float(low), float(high)) if 0.0 < low < high else (1000.0, 2000.0)
 
 
-def _speeds(topics: Mapping[str, Sequence[Topic]]) -> tuple[Topic, list[str], np.ndarray] | None:
+def _speeds(topics: Mapping[str, Sequence[Topic]]) -> Found | None:
     """Rotor speeds [rad/s] of esc_status, in PX4's order of rotors."""
     for topic in topics.get("esc_status", ()):
         found = []
@@ -161,7 +187,7 @@ def _speeds(topics: Mapping[str, Sequence[Topic]]) -> tuple[Topic, list[str], np
                 stated = int(function[-1]) if function is not None else 0
                 found.append((stated - FIRST_MOTOR_FUNCTION if stated >= FIRST_MOTOR_FUNCTION else i, i))
         fields = [f"esc[{i}].esc_rpm" for _, i in sorted(found)]
-        values = topic.array(*fields) if fields else None
+        values = topic.array(*fields)
         if values is not None:
             return topic, fields, np.abs(to_si(values, "rpm"))
     return None

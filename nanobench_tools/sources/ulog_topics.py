@@ -28,8 +28,8 @@ class Topic:
     lost: int = 0
 
     def array(self, *names: str) -> np.ndarray | None:
-        """(n, k), or None when a field is not there. What is no measurement becomes NaN."""
-        if any(n not in self.fields for n in names):
+        """(n, k), or None when a field is not there, or none is named. What is no measurement becomes NaN."""
+        if not names or any(n not in self.fields for n in names):
             return None
         with np.errstate(invalid="ignore"):
             values = np.stack([self.fields[n].astype(float) for n in names], axis=1)

@@ -30,7 +30,7 @@ def test_the_line_names_file_and_time_column(nanobench, recordings, tmp_path, ve
     line = err.strip().splitlines()[-1]
     assert f"{path}: " in line
     assert "the time column repeats itself" in line
-    assert "duplicate_time" in line
+    assert "coarse_time" in line
     assert line.endswith("give every row its own time")
     if distinct is not None:
         assert f"{rows - distinct} of {rows} rows" in line

@@ -3,6 +3,7 @@
 Found by the correlations of all axes of a stream with all axes of what the motion capture predicts (as in ``sign``):
 another order of axes must raise their sum by 0.5, every axis that moved must correlate by more than 0.4 with its new
 partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's away.
+Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """
@@ -12,9 +13,9 @@ from __future__ import annotations
 import math
 
 from ...flight import Fault, Flight
-from ...signals.axis_unit_matching import wrong_matches
 from ...signals.context import Context
-from ...signals.unit_sign_errors import ACC, gravity_axis
+from ...signals.stream_frames import unexplained, unexplained_gravity
+from ...signals.unit_sign_errors import ACC
 from .kind import FaultKind
 from .making import over_stream
 
@@ -24,7 +25,7 @@ KIND = "axis_swap"
 def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
     """(stream, quantities that changed places, evidence)."""
     found = []
-    for verdict in context.once(wrong_matches):
+    for verdict in context.once(unexplained):
         if verdict.swapped:
             moved = tuple(verdict.quantities[i] for i in range(3) if verdict.order[i] != i)
             seen = ", ".join(
@@ -33,7 +34,7 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
                 if verdict.order[i] != i
             )
             found.append((verdict.stream, moved, seen))
-    gravity = context.once(gravity_axis)
+    gravity = context.once(unexplained_gravity)
     if (
         gravity is not None
         and gravity.axis != 2

@@ -1,7 +1,8 @@
 """duplicate_time: two or more rows carry the same stamp.
 
 Found by equal neighbours among the stamps. Streams of one table share their stamps, and a fault of shared stamps is
-reported once, with no stream. Size: rows that repeat a stamp. Smallest found: 1 row.
+reported once, with no stream. Where most rows share theirs, it is ``coarse_time``. Size: rows that repeat a stamp.
+Smallest found: 1 row.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import numpy as np
 
 from ...flight import Fault, Flight
 from ...signals.context import Context
-from ...signals.usable_rows import runs, tables
+from ...signals.usable_rows import coarse_tables, runs, tables
 from .kind import FaultKind
 
 KIND = "duplicate_time"
@@ -19,7 +20,8 @@ KIND = "duplicate_time"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per run of repeated stamps."""
     faults = []
-    for stream, t in context.once(tables):
+    coarse = {stream for stream, _ in context.once(coarse_tables)}
+    for stream, t in (table for table in context.once(tables) if table[0] not in coarse):
         for a, b in runs(np.concatenate(([False], np.diff(t) == 0.0))):
             start, end = float(t[a - 1]), float(t[min(b, len(t) - 1)])
             faults.append(Fault(KIND, stream, ("t",), start, max(end, start), float(b - a), "rows",

@@ -61,7 +61,8 @@ class FaultKind:
     not what its sender said (a jump of an estimate is its own error and is scored), None: as ``cuts``. cuts_trim: a
     mean of the commands is no trim there, None: as ``cuts``.
 
-    What it is. whole: it is in every row of the recording. log_ended: the log of the stream stopped and its end is
+    What it is. whole: it is in every row of the recording. across: faults of it in several streams are one event.
+    log_ended: the log of the stream stopped and its end is
     that of the recording, whatever becomes of the stamps.
 
     How it is told. told: an event of it in plain words, without a full stop (``fault_events`` says what stands for
@@ -83,6 +84,7 @@ class FaultKind:
     cuts_logs: bool | None = None
     cuts_trim: bool | None = None
     whole: bool = False
+    across: bool = False
     log_ended: bool = False
     told: str = ""
     advice: str = ""
@@ -113,7 +115,7 @@ class FaultKind:
     @property
     def merges(self) -> bool:
         """Whether faults of several streams at one time are one event: a link that is silent, a clock that moves."""
-        return self.group in ("lost", "clock")
+        return self.across or self.group in ("lost", "clock")
 
     @property
     def severity(self) -> Severity:

@@ -10,6 +10,9 @@ import numpy as np
 
 from ...flight import Fault, Flight
 
+SINCE = ", since "
+"""In an evidence: what was found, and what shows it."""
+
 
 def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] | None, size: float, unit: str,
                 evidence: str, minimum_detectable: float = math.nan) -> Fault:

@@ -11,6 +11,7 @@ import numpy as np
 from ...flight import Fault, Flight
 from ...signals.airborne import HEIGHT_M, airborne_spans, height_of, resting_height_m
 from ...signals.context import Context
+from ...signals.pose_frame import pose_frame
 from ...signals.usable_rows import whole_span
 from .kind import FaultKind
 
@@ -20,7 +21,7 @@ KIND = "never_flew"
 def find(flight: Flight, context: Context) -> list[Fault]:
     """At most one fault."""
     height = context.once(height_of)
-    if height is None or context.once(airborne_spans):
+    if height is None or context.once(airborne_spans) or context.once(pose_frame).foreign_rad:
         return []
     time_s, z = height
     if time_s[-1] - time_s[0] < 1.0:

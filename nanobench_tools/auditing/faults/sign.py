@@ -13,9 +13,10 @@ Size: the correlation's sign, -1. Smallest found: any axis that moves enough for
 from __future__ import annotations
 
 from ...flight import Fault, Flight
-from ...signals.axis_unit_matching import CLEAR, wrong_matches
+from ...signals.axis_unit_matching import CLEAR
 from ...signals.context import Context
-from ...signals.unit_sign_errors import ACC, against, gravity_axis
+from ...signals.stream_frames import unexplained, unexplained_gravity
+from ...signals.unit_sign_errors import ACC, against
 from ...units import GRAVITY_M_S2
 from .kind import FaultKind
 from .making import over_stream
@@ -26,12 +27,12 @@ KIND = "sign"
 def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
     """(stream, quantity, evidence) of every negated axis."""
     found = []
-    gravity = context.once(gravity_axis)
+    gravity = context.once(unexplained_gravity)
     if gravity is not None and gravity.sign < 0:
         found.append(("imu", ACC[gravity.axis],
                       f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
                       f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}"))
-    for verdict in context.once(wrong_matches):
+    for verdict in context.once(unexplained):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
                 found.append((verdict.stream, quantity,

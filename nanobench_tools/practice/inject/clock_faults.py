@@ -68,6 +68,24 @@ def duplicate_time(flight: Flight, rng: np.random.Generator, size: float = 3, *,
     return _with_stamps(flight, t), truth("duplicate_time", "", (), span, int(size), "rows", "stamps repeated")
 
 
+def coarse_time(flight: Flight, rng: np.random.Generator, size: float = 0.1) -> tuple[Flight, Fault]:
+    """Timestamps rounded down to ``size`` s; the truth's size is the rows that then share one."""
+    t = flight["mocap"].time_s
+    coarse = np.floor(t / size) * size
+    span = float(coarse[0]), float(coarse[-1])
+    shared = float(np.median(np.unique(coarse, return_counts=True)[1]))
+    return _with_stamps(flight, coarse), truth("coarse_time", "", (), span, shared, "rows", "timestamps rounded")
+
+
+def no_common_time(flight: Flight, rng: np.random.Generator, size: float = 1.7e9, *, stream: str = "imu"
+                   ) -> tuple[Flight, Fault]:
+    """The timestamps of one stream count from a moment ``size`` s later than those of the others."""
+    moved = flight[stream]
+    span = flight.span
+    return (flight.with_streams(**{stream: replace(moved, time_s=moved.time_s - size)}),
+            truth("no_common_time", "", (), (span.start_s - size, span.end_s), size, "s", "another epoch"))
+
+
 def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *, at_s: float | None = None
                   ) -> tuple[Flight, Fault]:
     """From a row on, the stamps go on from ``size`` s before the row ahead of it."""
@@ -79,6 +97,8 @@ def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *
 
 
 DUPLICATE_TIME = Injection(duplicate_time, (1, 3, 20), "rows")
+COARSE_TIME = Injection(coarse_time, (0.05, 0.1, 1.0), "s")
+NO_COMMON_TIME = Injection(no_common_time, (300.0, 1.7e9), "s", ({}, {"stream": "motor"}))
 BACKWARD_TIME = Injection(backward_time, (0.005, 0.05, 1.0), "s")
 CLOCK_OFFSET = Injection(clock_offset, (-0.1, -0.03, 0.01, 0.05, 0.1), "s",
                          blind=(Blind(0.05, {}, True, place=5), Blind(0.1, {}, True, place=6)))

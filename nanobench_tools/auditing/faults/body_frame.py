@@ -1,0 +1,44 @@
+"""body_frame: the attitude of the motion capture belongs to other axes than the vehicle's.
+
+Found by a body of which no axis, or another one than z, points up from the first row on, without a fall before it: the
+frame of a camera or of an inertial sensor, or markers defined while the vehicle was tilted. Positions, and changes of
+the attitude, are right; the attitude itself is not that of an upright vehicle. Where the recording has streams of the
+vehicle that have to be compared with it, a body with another axis up is ``frame``.
+
+Size: tilt of the z axis in the first moment, rad. Smallest found: 30 deg.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from ...signals.flown_axes import NAMES, UP
+from ...signals.held_poses import ROTATION
+from ...signals.pose_frame import FOREIGN_RAD, pose_frame
+from .kind import FaultKind
+from .making import over_stream
+
+KIND = "body_frame"
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """At most one fault."""
+    frame = context.once(pose_frame)
+    if frame.foreign_rad:
+        what = "the attitude belongs to another body frame, such as that of a hand-held camera or of a sensor"
+        return [over_stream(KIND, context.flight, "mocap", ROTATION, frame.foreign_rad, "rad",
+                            f"{what}: {frame.evidence}", FOREIGN_RAD)]
+    if frame.world == UP and frame.body not in (None, UP) and set(context.flight.streams) == {"mocap"}:
+        what = f"the attitude belongs to a body frame with {NAMES[frame.body]} up"
+        return [over_stream(KIND, context.flight, "mocap", ROTATION, math.pi if frame.body[0] == 2 else math.pi / 2,
+                            "rad", f"{what}: {frame.evidence}", FOREIGN_RAD)]
+    return []
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="the attitude belongs to another body frame than the vehicle's (z axis tilted by {degrees} from "
+                       "the start)",
+                  advice="turn the quaternions into the vehicle's axes before attitudes are compared; positions are "
+                         "right")

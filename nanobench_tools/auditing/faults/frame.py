@@ -1,0 +1,97 @@
+"""frame: a stream is in other axes than it should be, turned as a whole (FRD for FLU, NED for z up, y up).
+
+Found by what the vehicle does. The tracked poses: a multirotor speeds up towards the side to which it tilts, and flies
+above the ground on which it stood (``signals.flown_axes``). The other streams: their correlation with what the motion
+capture predicts, and gravity, for each of the 24 rotations by quarter and half turns (``signals.stream_frames``). Gyro
+and accelerometer turn together, poses and attitude together, and an axis that does not move turns with the others. One
+negated column is ``sign``, two that changed places ``axis_swap``.
+
+Axes are named by where they point (``axes``): FRD is forward, right, down; a world ENU is one with z up.
+
+Size: angle of the turn, rad. Smallest found: a quarter turn.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...axes import name_of
+from ...flight import Fault, Flight
+from ...signals.context import Context
+from ...signals.held_poses import POSITION, ROTATION
+from ...signals.pose_frame import pose_frame
+from ...signals.stream_frames import StreamTurn, assignments, how, in_words, pose_turn, stream_turns
+from .kind import FaultKind
+from .making import SINCE, over_stream
+
+KIND = "frame"
+LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D": "down", "F": "forward", "B": "back",
+           "L": "left", "R": "right"}
+
+
+def find(flight: Flight, context: Context) -> list[Fault]:
+    """One fault per stream."""
+    turns = [turn for turn in context.once(stream_turns) if turn.stream != "mocap"]
+    return [*_poses(context), *(_stream(context, turn) for turn in turns)]
+
+
+def _stream(context: Context, found: StreamTurn) -> Fault:
+    """Of a stream other than the motion capture."""
+    flight, turn = context.flight, found.turn
+    world = flight[found.stream].frame == "world" and found.stream not in ("attitude", "attitude_qw")
+    moved = [new for names in found.vectors for new, *_ in assignments(turn, names) if new in flight[found.stream]]
+    axes = f"{name_of(turn, True)}/{name_of(turn, False)}" if found.stream in ("attitude", "attitude_qw") else (
+        name_of(turn, world))
+    return over_stream(KIND, flight, found.stream, moved, _angle(turn), "rad",
+                       f"the {found.stream} is in {_meaning(axes)}, turned by {in_words(turn)}: "
+                       f"{how(turn, found.vectors)}{SINCE}{found.why}", math.pi / 2)
+
+
+def _poses(context: Context) -> list[Fault]:
+    """At most one fault: of the motion capture."""
+    frame = context.once(pose_frame)
+    world, body, why = context.once(pose_turn)
+    alone = set(context.flight.streams) == {"mocap"}
+    if not why or frame.foreign_rad or (alone and np.array_equal(world, np.eye(3))):
+        return []
+    stream = context.flight["mocap"]
+    if frame.world is None:
+        return [over_stream(KIND, context.flight, "mocap", POSITION, math.nan, "rad",
+                            f"z is not up in the motion capture, and the poses do not show which axis is{SINCE}{why}",
+                            math.pi / 2)]
+    turned = all(q in stream for q in ROTATION)
+    told = [how(world, (POSITION,))] if not np.array_equal(world, np.eye(3)) else []
+    told += [_quaternion(world, body)] if turned else []
+    moved = [q for names, turn in ((POSITION, world), (("vx", "vy", "vz"), world), (("wx", "wy", "wz"), body))
+             if all(n in stream for n in names) for q, *_ in assignments(turn, names)]
+    axes = name_of(world, True) + (f"/{name_of(body, False)}" if turned else "")
+    return [over_stream(KIND, context.flight, "mocap", [*moved, *(q for q in ROTATION if turned)],
+                        max(_angle(world), _angle(body)), "rad",
+                        f"the motion capture is in {_meaning(axes)}: {'; '.join(told)}{SINCE}{why}", math.pi / 2)]
+
+
+def _meaning(axes: str) -> str:
+    """``FRD axes (body: forward, right, down)``, as ``frame`` of a column map takes them."""
+    parts = [", ".join(LETTERS[letter] for letter in part) for part in axes.split("/")]
+    return f"{axes} axes ({'; '.join(parts)})"
+
+
+def _quaternion(world: np.ndarray, body: np.ndarray) -> str:
+    if np.array_equal(world, body):
+        return how(world, (ROTATION[:3],))
+    turn = [f"by {in_words(t)} on the {side}" for t, side in ((world, "left"), (body.T, "right"))
+            if not np.array_equal(t, np.eye(3))]
+    return f"turn the quaternions {' and '.join(turn)}"
+
+
+def _angle(turn: np.ndarray) -> float:
+    return float(Rotation.from_matrix(turn).magnitude())
+
+
+FAULT = FaultKind(KIND, find, __doc__,
+                  told="{evidence}",
+                  advice="write these axes as the frame of the stream into the column map: nanobench columns FILE",
+                  cuts=True, cuts_trim=False, whole=True, across=True)

@@ -1,0 +1,171 @@
+"""Streams whose axes are those of the convention turned as a whole: FRD for FLU, NED for ENU, quarter and half turns.
+
+A turn is a proper rotation that all vectors of a frame share. It is accepted where it explains the stream clearly
+better than its axes as stored, and where all clear evidence agrees with it: two axes that are clearly wrong, or one
+that clearly is another. It then also decides the sign of an axis that does not move, which the data of that axis cannot
+show. What no rotation explains (one negated column, two that changed places) is left to ``sign`` and ``axis_swap``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..settings import number
+from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations, wrong_matches
+from .context import Context
+from .held_poses import POSITION, ROTATION
+from .pairs import force_pair, gyro_pair, sums_of
+from .pose_frame import pose_frame
+from .unit_sign_errors import GRAVITY_SHARE, Gravity, gravity_axis
+
+IMU = (("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z"))
+ROTATIONS = tuple(turn for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
+                  for turn in [np.eye(3)[list(order)] * np.array(signs)[:, None]] if np.linalg.det(turn) > 0.0)
+"""The 24 rotations (3, 3) of quarter and half turns, the identity first."""
+GRAVITY_WEIGHT = number("audit.stream_frames.gravity_weight")
+"""Of the direction of the mean specific force, against one correlation of an axis."""
+ALONE = number("audit.stream_frames.alone")
+"""Two rotations that explain a stream alike to within this are not told apart."""
+
+
+@dataclass(frozen=True)
+class StreamTurn:
+    """``turn`` (3, 3) takes each of ``vectors`` of a stream, as stored, to the axes of the convention; why: what shows
+    it, in words."""
+
+    stream: str
+    vectors: tuple[tuple[str, ...], ...]
+    turn: np.ndarray
+    why: str
+
+
+def stream_turns(context: Context) -> list[StreamTurn]:
+    """Every stream in turned axes, once."""
+    found = [turn for turn in [_imu(context)] if turn is not None]
+    streams: dict[str, list[AxisUnitMatch]] = {}
+    for match in wrong_matches(context):
+        if match.stream != "imu":
+            streams.setdefault(match.stream, []).append(match)
+    for stream, matches in streams.items():
+        if (turn := _shared(matches)) is not None:
+            why = ", ".join(f"{m.quantities[i]} follows {'-' * bool(m.sign[i] < 0)}{'xyz'[m.order[i]]} "
+                            f"({m.correlation[i]:+.2f})" for m in matches for i in range(3) if m.sign[i])
+            found.append(StreamTurn(stream, tuple(m.quantities for m in matches), turn, why))
+    return found
+
+
+def pose_turn(context: Context) -> tuple[np.ndarray, np.ndarray, str]:
+    """(world, body, why): the rotations (3, 3) that take the tracked poses to the convention: z up, and headings as the
+    vehicle's own streams have them where these agree with each other; why is empty where nothing is turned."""
+    frame = context.once(pose_frame)
+    turns = {turn.vectors[0]: turn for turn in context.once(stream_turns) if turn.stream == "mocap"}
+    world, body = frame.axes.world, frame.axes.body
+    heading, mark = turns.get(POSITION), turns.get(ROTATION[:3])
+    if heading is not None:
+        world = heading.turn @ world
+    if mark is not None:
+        body = mark.turn @ body
+    whys = (frame.evidence, heading and f"for the estimate and the set-point {heading.why}",
+            mark and f"for gyro and attitude {mark.why}")
+    return world, body, "; ".join(why for why in whys if why)
+
+
+def unexplained(context: Context) -> list[AxisUnitMatch]:
+    """``wrong_matches`` without what ``stream_turns`` explain; units stay."""
+    turned = {turn.stream for turn in context.once(stream_turns)}
+    return [replace(match, order=(0, 1, 2), sign=(0, 0, 0), swapped=False) if match.stream in turned else match
+            for match in context.once(wrong_matches)]
+
+
+def unexplained_gravity(context: Context) -> Gravity | None:
+    """``gravity_axis`` of an accelerometer whose frame is not turned as a whole."""
+    turned = any(turn.stream == "imu" for turn in context.once(stream_turns))
+    return None if turned else context.once(gravity_axis)
+
+
+def _shared(matches: list[AxisUnitMatch]) -> np.ndarray | None:
+    """The one rotation that all signs of the matches of a stream agree with; None where there is none, or several."""
+    orders = {match.order for match in matches if match.swapped}
+    if len(orders) > 1:
+        return None
+    order = orders.pop() if orders else (0, 1, 2)
+    fitting = [turn for turn in ROTATIONS if all(
+        turn[i, order[i]] != 0.0 and match.sign[i] in (0, turn[i, order[i]]) for match in matches for i in range(3))]
+    wrong = {(i, order[i]) for match in matches for i in range(3) if match.sign[i] < 0 or order[i] != i}
+    return fitting[0].T if len(fitting) == 1 and len(wrong) > 1 else None
+
+
+def _imu(context: Context) -> StreamTurn | None:
+    """The turn of gyro and accelerometer together."""
+    gravity = context.once(gravity_axis)
+    mean = None if gravity is None else np.array(gravity.mean) / np.linalg.norm(gravity.mean)
+    made = {make: (sums, correlations(sums)) for make in (gyro_pair, force_pair)
+            if (sums := sums_of(context, make)) is not None}
+    if gyro_pair not in made:
+        return None
+
+    def score(turn: np.ndarray) -> float:
+        told = sum(float((turn * k).sum(axis=(1, 2)).max()) * (1.0 if make is gyro_pair else 0.5)
+                   for make, (_, k) in made.items())
+        return told + (0.0 if mean is None else GRAVITY_WEIGHT * float(mean @ turn[:, 2]))
+
+    scores = np.array([score(turn) for turn in ROTATIONS])
+    first, second = np.argsort(-scores)[:2]
+    best = ROTATIONS[first]
+    if first == 0 or scores[first] < scores[0] + CLEARLY or scores[first] < scores[second] + ALONE:
+        return None
+    if mean is not None and mean @ best[:, 2] < GRAVITY_SHARE:
+        return None
+    seen: list[tuple[int, int, str]] = []
+    if mean is not None and gravity is not None and best[2, 2] < 1.0:
+        seen.append((gravity.axis, 2, f"gravity lies along {'-' * bool(gravity.sign < 0)}{IMU[1][gravity.axis]}"))
+    for make, (sums, k) in made.items():
+        at = int(np.argmax((best * k).sum(axis=(1, 2))))
+        for i in range(3):
+            j = int(np.argmax(np.abs(best[i])))
+            value = float(best[i, j] * k[at, i, j])
+            if value < -CLEAR and certain(sums, at, i, j):
+                return None
+            if value > CLEAR and certain(sums, at, i, j) and best[i, i] < 1.0:
+                name = IMU[0 if make is gyro_pair else 1][i]
+                seen.append((i, j, f"{name} follows {'-' * bool(best[i, j] < 0)}{'xyz'[j]} ({k[at, i, j]:+.2f})"))
+    if len({entry[:2] for entry in seen}) < 2 and not any(i != j for i, j, _ in seen):
+        return None
+    vectors = tuple(v for make, v in zip((gyro_pair, force_pair), IMU, strict=True) if make in made or v[0] in
+                    context.flight["imu"])
+    return StreamTurn("imu", vectors, best.T, ", ".join(text for *_, text in seen))
+
+
+def in_words(turn: np.ndarray) -> str:
+    """``180 deg about x``."""
+    vector = Rotation.from_matrix(turn).as_rotvec()
+    angle = float(np.linalg.norm(vector))
+    axis = np.round(vector / max(np.abs(vector).max(), 1e-9)).astype(int)
+    lone = np.flatnonzero(axis)
+    name = f"({', '.join(map(str, axis))})"
+    if len(lone) == 1:
+        backward = axis[lone[0]] < 0 and round(np.degrees(angle)) != 180
+        name = "-" * bool(backward) + "xyz"[lone[0]]
+    return f"{np.degrees(angle):.0f} deg about {name}"
+
+
+def assignments(turn: np.ndarray, names: tuple[str, ...]) -> list[tuple[str, int, str]]:
+    """(quantity, sign, quantity as stored) of what a turn moves in one vector, as a column map writes it."""
+    found = []
+    for i in range(3):
+        j = int(np.argmax(np.abs(turn[i])))
+        if turn[i, i] < 1.0:
+            found.append((names[i], int(turn[i, j]), names[j]))
+    return found
+
+
+def how(turn: np.ndarray, vectors: tuple[tuple[str, ...], ...]) -> str:
+    """What to change: signs where no axis moves, else which column is which."""
+    moves = [move for names in vectors for move in assignments(turn, names)]
+    if all(new == old for new, _, old in moves):
+        return f"change the sign of {', '.join(new for new, *_ in moves)}"
+    return "read " + ", ".join(f"{new} = {'-' * bool(sign < 0)}{old}" for new, sign, old in moves)
