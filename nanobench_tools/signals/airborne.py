@@ -35,6 +35,8 @@ RESTS_M = number("audit.airborne.rests_m")
 """A vehicle at rest moves by less in that time, plus RESTS_NOISE standard deviations of its tracker's noise."""
 RESTS_NOISE = number("audit.airborne.rests_noise")
 NOISE_OF_BENDS = 0.6745 * np.sqrt(6.0)  # median |second difference| of white noise over its standard deviation
+FALLS_S = number("audit.airborne.falls_s")
+"""So long after its motors stopped a vehicle may still be falling."""
 ENDS_ROWS = count("audit.airborne.ends_rows")
 """Rows at both ends whose median height may be the resting one."""
 ABOVE_LOW_M = number("audit.airborne.above_low_m")
@@ -119,7 +121,7 @@ def _motors_off(context: Context) -> list[Span]:
         return []
     t, off = motor.time_s, ~(np.nan_to_num(motor.values) > 0.0).any(axis=1)
     ends = [(a, b) for a, b in runs(off) if t[b - 1] - t[a] >= RESTS_S]
-    return [Span(float(t[a]) if a else -np.inf, float(t[b - 1]) if b < len(t) else np.inf) for a, b in ends]
+    return [Span(float(t[a]) + FALLS_S if a else -np.inf, float(t[b - 1]) if b < len(t) else np.inf) for a, b in ends]
 
 
 def _rests(context: Context, span: Span) -> bool:

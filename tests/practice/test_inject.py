@@ -37,7 +37,7 @@ def test_truth_and_change_agree(practice, kind, size, case):
         assert fault.stream in touched
         if not (kind == "gap" and fault.stream == "mocap"):
             assert touched == [fault.stream]
-    elif kind not in ("duplicate_time", "backward_time", "never_flew", "crash"):
+    elif kind not in ("duplicate_time", "coarse_time", "no_common_time", "backward_time", "never_flew", "crash"):
         assert set(touched) <= set(FIRMWARE)  # on the ground some stand still anyway
         assert {"imu", "estimator"} <= set(touched)
     if fault.stream and kind not in WHOLE and changed[fault.stream].values.shape == before[fault.stream].shape:
