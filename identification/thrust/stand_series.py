@@ -94,7 +94,7 @@ def read_stand(flight: Flight) -> Stand:
     good = np.isfinite(u) & np.isfinite(total)
     for column in (voltage, current, *(() if rotor is None else rotor.T)):
         good &= True if column is None else np.isfinite(column)
-    thrust = total / MOTORS
+    thrust = total / pwm.shape[1]
     at_zero = good & (u == 0.0) & (True if rotor is None else (rotor < SPINNING_RAD_S).all(axis=1))
     zero = float(np.median(thrust[at_zero])) if at_zero.any() else float("nan")
     thrust = thrust - zero if at_zero.any() else thrust

@@ -18,8 +18,9 @@ from .shared_options import PATH, shared_options
 def columns(options: Options, file: Path) -> int:
     """Draft a column map for a table, CSV or Parquet: which column is what, in which unit.
 
-    Meanings come from names; units from names and numbers (gravity, battery, full command, the motion capture). What
-    could not be guessed stands as a comment in the map. Check every line, then read the table with --columns MAP.toml.
+    Meanings come from names; units from names and numbers. Each unit is known, shown by the numbers, or assumed; where
+    two are possible the command asks and leaves the columns out. What could not be guessed is a comment in the map.
+    Check every line, then read the table with --columns MAP.toml.
     --out MAP.toml writes it, without overwriting; else it is printed.
     """
     from ..signals.column_draft import draft_columns
@@ -28,7 +29,9 @@ def columns(options: Options, file: Path) -> int:
         raise UsageError(f"{file} is a folder; give one file of it")
     draft = draft_columns(file)
     body = {"file": str(file), "map": draft.text, "unknown": dict(draft.unknown), "notes": list(draft.notes),
-            "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit}
+            "questions": list(draft.questions),
+            "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit,
+                         "status": draft.status[column]}
                         for (stream, quantity), (column, unit) in draft.mapped.items()]}
     target, written = "MAP.toml", options.out is not None
     if options.out is None:
@@ -44,8 +47,11 @@ def columns(options: Options, file: Path) -> int:
             raise InputError(target, f"cannot be written ({error.strerror})", "give another place") from None
         for note in draft.notes:
             options.show(one_line(note))
+        for question in draft.questions:
+            options.show(one_line(f"question: {question}"))
         for column, why in draft.unknown.items():
-            options.show(one_line(f"not guessed: {column}: {why}"))
+            if why not in "".join(draft.questions):
+                options.show(one_line(f"not guessed: {column}: {why}"))
         options.out = None
     n = len(draft.mapped)
     text = f"{n} of {n + len(draft.unknown)} columns mapped"

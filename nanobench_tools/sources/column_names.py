@@ -1,33 +1,47 @@
-"""Which column of a stranger's table is what, told from its name: the first half of a drafted column map."""
+"""Which column of a stranger's table is what: by the names of an ecosystem (``known``), else by whole words."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
+
+from .known import Ecosystem, Known, ecosystem, keys
+from .units_as_written import unit_as_written
 
 _UNIT = re.compile(r"[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
-_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|m_s|mm_s|ms|us|ns|s|m|mm|cm|rad|deg|V|mV|g|mg|N|rpm|"
-                   r"pwm)$")
+_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|s|sec|m|mm|cm|rad|deg|V|mV|g|mg|N|"
+                   r"kgf|gf|rpm|percent|pct)$")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
-UNIT_WORDS = {"m/s2": "m/s^2", "m/s²": "m/s^2", "m_s2": "m/s^2", "m_s^2": "m/s^2", "mm_s2": "mm/s^2", "rad_s": "rad/s",
-              "deg_s": "deg/s", "dps": "deg/s", "°/s": "deg/s", "°": "deg", "degrees": "deg", "m_s": "m/s",
-              "mm_s": "mm/s", "pwm": "pwm16", "sec": "s", "seconds": "s", "usec": "us", "nsec": "ns", "msec": "ms",
-              "volt": "V", "v": "V", "gram": "gram_force"}
-"""Spellings of units that a map writes otherwise."""
+_VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd"}
-_ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard"}
+_ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
 _MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth"}
 _ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
-_GYRO = {"gyro", "gyr", "g", "rate", "w", "omega", "angular"}
-_VELOCITY, _TURN = {"v", "vel", "velocity", "speed"}, {"q", "quat", "quaternion", "orientation", "rot", "att"}
-_MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u"}, {"rpm", "rotor"}
-_BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective"}
+_GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel"}
+_VELOCITY = {"v", "vel", "velocity", "speed"}
+_TURN = {"q", "quat", "quaternion", "orientation", "rot", "att", "attitude"}
+_PLACE = {"p", "pos", "position", "t", "translation", "trans"}
+_MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle"}, {"rpm", "rotor"}
+_BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective", "throttle"}
+_PLAIN = {"imu", "sensor", "body", "b", "meas", "measured", "filtered", "filt", "pose", "world", "global", "local",
+          "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
+          "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "command", "msg", "rigid",
+          "level"}
 NUMBERED = "0123"
 """Parts of a quaternion by number: ``meaning`` says q0 .. q3, since the scalar is the first with some and the last with
 others."""
-_TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds"}
+_TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed"}
+_CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
+
+
+def unit_of(column: str) -> str:
+    """The unit that a name states, as a map writes it (as found where no map knows it), or ""."""
+    for pattern, place in ((_UNIT, 1), (_ENDS, 2)):
+        if match := pattern.search(column):
+            return unit_as_written(match[place]) or match[place]
+    return ""
 
 
 def words_of(column: str) -> tuple[list[str], str]:
@@ -36,67 +50,130 @@ def words_of(column: str) -> tuple[list[str], str]:
     >>> words_of("imu.accX [m/s2]")
     (['imu', 'acc', 'x'], 'm/s^2')
     """
-    unit = ""
+    unit = unit_of(column)
     if match := _UNIT.search(column):
-        column, unit = column[:match.start()], match[1]
+        column = column[:match.start()]
     elif match := _ENDS.match(column):
-        column, unit = match[1], match[2]
+        column = match[1]
     words = [w for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
     if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (
-            _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | {"p", "pos", "position"}):
+            _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | _PLACE):
         words[-1:] = [glued[1], glued[2]]
-    return words, UNIT_WORDS.get(unit.lower() if unit.lower() in UNIT_WORDS else unit, unit)
+    return words, unit
 
 
-def meaning(column: str) -> tuple[str, str] | None:
-    """(stream, quantity) of a column by its name, ("", "time") for stamps, or None."""
-    words, _ = words_of(column)
+def meaning(column: str) -> tuple[str, str] | str:
+    """(stream, quantity) of a column by the words of its name, ("", "time") for stamps, or why it is none of them."""
+    words, unit = words_of(column)
     while len(words) > 1 and words[-1] in _WANTED | _ESTIMATED | _MEASURED:  # x_ekf, roll_ref
         words = [words[-1], *words[:-1]]
     if not words:
-        return None
+        return "it has no name"
     last, before = words[-1], set(words[:-1])
     wanted, estimated = bool(before & _WANTED), bool(before & _ESTIMATED)
+    known = _WANTED | _ESTIMATED | _MEASURED | _ACC | _GYRO | _VELOCITY | _TURN | _PLACE | _MOTOR | _SPEED | _BATTERY
+    if strange := [w for w in words[:-1] if w not in known | _PLAIN | _THRUST | _TIME and not _VEHICLE.fullmatch(w)]:
+        return f"{strange[0]!r} is no word that is known"
+    if before & {"ang", "angular"} and before & _ACC:
+        return "an angular acceleration, which no task uses"
+    if words[0] in ("b", "bias") and before & (_ACC | _GYRO):
+        return "a bias, which no task uses"
+    turning = bool(before & {"ang", "angular"} and before & (_VELOCITY | _GYRO)) or bool(before & _GYRO)
     if last in NUMBERED and before & _TURN and not wanted:
         return "attitude_qw" if estimated else "mocap", f"q{last}"
-    if last in _TIME:
-        return None if before & (_ACC | _GYRO | _MOTOR) else ("", "time")
-    if last in _BATTERY or (last == "v" and before & _BATTERY):
+    if last in _TIME and not before & (_ACC | _GYRO | _MOTOR) - {"t"}:
+        return "", "time"
+    if (last in _CHARGE and before & _BATTERY) or (last in _BATTERY and unit == "%"):
+        return "a battery level as a percentage, which is no voltage"
+    if last in _BATTERY or (last in ("v", "volt", "volts") and before & _BATTERY):
         return "battery", "vbat"
     if last in _THRUST:
         return "command", "thrust"
     if last in ("roll", "pitch", "yaw"):
         if before & _GYRO:
-            return None
-        return ("setpoint", "yaw") if wanted and last == "yaw" else None if wanted else ("attitude", last)
+            return "a rate of an angle"
+        if wanted:
+            return ("setpoint", "yaw") if last == "yaw" else "an attitude set-point, which no task uses"
+        return "attitude", last
     if last.isdigit() and before & (_SPEED | _MOTOR):
-        return ("rpm" if before & _SPEED else "motor", f"m{last}") if "1" <= last <= "8" else None
+        return ("rpm" if before & _SPEED else "motor", f"m{last}") if "0" <= last <= "8" else "no motor has this number"
+    if last == "rpm" and (match := re.fullmatch(r"m?(\d)", words[-2] if len(words) > 1 else "")):
+        return "rpm", f"m{match[1]}"
     if last not in ("w", "x", "y", "z"):
-        return None
+        return f"{last!r} is no word that is known"
     if before & _TURN and not before & _ACC:
-        return None if wanted else ("attitude_qw" if estimated else "mocap", f"q{last}")
-    if last == "w" or (wanted and before & (_ACC | _GYRO | _VELOCITY)):
-        return None
-    if before & _GYRO:
+        return "an attitude set-point" if wanted else ("attitude_qw" if estimated else "mocap", f"q{last}")
+    if last == "w" or (wanted and (turning or before & (_ACC | _VELOCITY))):
+        return "a set-point that no task uses" if wanted else "'w' alone"
+    if turning:
         return "imu", f"gyro_{last}"
     if before & _ACC:
         return ("estimator_acc", f"a{last}") if estimated else ("imu", f"acc_{last}")
     stream = "setpoint" if wanted else "estimator" if estimated else "mocap"
     if before & _VELOCITY:
-        return stream, f"v{last}"
+        return (stream, f"v{last}") if not before & {"body", "b"} else "a velocity in the body frame"
     return stream, last if stream != "mocap" else f"p{last}"
 
 
-def guessed(columns: Iterable[str]) -> tuple[dict[tuple[str, str], str], dict[str, str]]:
-    """{(stream, quantity): column}, and {column: why it was not guessed}."""
+def bare(column: str) -> str:
+    """A name without the unit in brackets behind it and without ``field.`` before it."""
+    return _UNIT.sub("", column).strip().removeprefix("field.") or column
+
+
+def topic_in(stem: str) -> str:
+    """The topic of PX4 that a file of ``ulog2csv`` names (``LOG_TOPIC_INSTANCE``), or ""."""
+    name = re.sub(r"_\d+$", "", stem)
+    topics = sorted({k.topic for k in ecosystem("px4").names if k.topic}, key=len, reverse=True)
+    return next((t for t in topics if name == t or name.endswith(f"_{t}")), "")
+
+
+def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
+    """Ecosystems whose names these columns are: one that only it has, or most of all columns spelled alike.
+
+    ``topic``: of PX4, whose names are common words."""
+    there = {bare(c) for c in columns}
+    found = []
+    for key in keys():
+        system = ecosystem(key)
+        if key == "px4":
+            names = tuple(k for k in system.names if k.topic in ("", topic)) if topic else tuple(
+                k for k in system.names if not k.topic or not k.plain)
+            system = Ecosystem(key, f"{system.title} {topic}".strip(), system.origin, names)
+        own = {k.name for k in system.names if not k.plain}
+        all_names = {k.name for k in system.names}
+        if there & own or (2 * len(there & all_names) >= len(there) and len(there & all_names) > 2):
+            found.append(system)
+    return found
+
+
+def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[str, tuple[Known, str]]:
+    """Column -> what its ecosystem says it is, and the title of that; a quantity goes to the best column for it."""
+    of_bare = {bare(c): c for c in columns}
+    found: dict[str, tuple[Known, str]] = {}
+    for system in systems:
+        for quantities in system.assign(of_bare).values():
+            for known in quantities.values():
+                found.setdefault(of_bare[known.name], (known, system.title))
+        for known in system.names:
+            if not known.stream and known.name in of_bare:
+                found.setdefault(of_bare[known.name], (known, system.title))
+            elif known.name in of_bare and of_bare[known.name] not in found:
+                again = Known(known.name, what=f"{known.stream} {known.quantity} once more")
+                found[of_bare[known.name]] = (again, system.title)
+    return found
+
+
+def guessed(columns: Iterable[str],
+            taken: Container[tuple[str, str]] = ()) -> tuple[dict[tuple[str, str], str], dict[str, str]]:
+    """{(stream, quantity): column} by words, and {column: why it was not guessed}; ``taken``: what others are."""
     found: dict[tuple[str, str], str] = {}
     why: dict[str, str] = {}
     for column in columns:
         what = meaning(column)
-        if what is None:
-            why[column] = "the name says nothing that is known"
-        elif what in found:
-            why[column] = f"{' '.join(filter(None, what))} is {found[what]!r} already"
+        if isinstance(what, str):
+            why[column] = what
+        elif what in found or what in taken:
+            why[column] = f"{' '.join(filter(None, what))} is {found.get(what, 'another column')!r} already"
         else:
             found[what] = column
     return found, why

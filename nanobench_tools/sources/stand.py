@@ -7,81 +7,84 @@ carried in newton as found, its zero included: nothing is subtracted. The rows h
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
 from ..flight import Flight, Provenance, Stream, make_stream
-from ..units import SI_FACTOR
+from ..units import to_si
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
 from .header import header_of
 from .names import listed, quantity_of
 from .sheets import Sheet
+from .units_as_written import unit_as_written
 
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+_UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
-_BASES = {
-    "pwm": ("motor", "m"),
-    "rpm": ("rpm", "m"),
-    "vbat": ("battery", "vbat"),
-    "weight": ("stand", "thrust"),
-    "thrust": ("stand", "thrust"),
-    "i": ("stand", "current"),
-    "current": ("stand", "current"),
+_NAMES = {
+    "pwm": ("pwm", "pwm16"),
+    "rpm": ("rpm", "rpm"),
+    "vbat": ("vbat", "V"), "voltage": ("vbat", "V"), "battery_voltage": ("vbat", "V"),
+    "weight": ("thrust", "gram_force"), "thrust": ("thrust", "gram_force"),
+    "i": ("current", "A"), "current": ("current", "A"),
+    "esc": ("esc", ""), "esc_signal": ("esc", ""), "throttle": ("esc", ""),
+    "motor_optical_speed": ("one_rpm", "rpm"), "motor_speed": ("one_rpm", "rpm"),
 }
-_DEFAULT_UNIT = {
-    "pwm": "pwm16",
-    "rpm": "rpm",
-    "vbat": "V",
-    "weight": "gram_force",
-    "thrust": "gram_force",
-    "i": "A",
-    "current": "A",
-}
-_SPELLINGS = {
-    "g": "gram_force",
-    "gram": "gram_force",
-    "grams": "gram_force",
-    "gf": "gram_force",
-    "kg": "kg_force",
-    "rpm": "rpm",
-    "pwm": "pwm16",
-    "": "",
-}
+"""Name in lower case -> what it is, and its unit where none is stated. The last ones are those of stands with one
+motor, as RCbenchmark and Tyto write them; their electrical speed needs the number of poles and is kept as found."""
+_PLACES = {"pwm": ("motor", "m"), "esc": ("motor", "m1"), "rpm": ("rpm", "m"), "one_rpm": ("rpm", "m1"),
+           "vbat": ("battery", "vbat"), "thrust": ("stand", "thrust"), "current": ("stand", "current")}
+_FORCES = {"g": "gram_force", "kg": "kgf"}
 _ALLOWED = {
-    "motor": ("pwm16", "1"),
+    "motor": ("pwm16", "1", "%", "pulse_us"),
     "rpm": ("rpm", "rad/s"),
     "vbat": ("V", "mV"),
-    "thrust": ("gram_force", "kg_force", "N"),
+    "thrust": ("gram_force", "kgf", "N", "lbf"),
     "current": ("A", "mA"),
 }
-_FACTORS = {**SI_FACTOR, "kg_force": 1e3 * SI_FACTOR["gram_force"], "mA": 1e-3}
+FULL_SHARE, FULL_PERCENT = 1.0, 100.0
+PULSES = (900.0, 2100.0)
+"""What may be the length of a pulse in us (1000 to 2000, and trims)."""
 
 
 @dataclass(frozen=True)
 class Heading:
-    """One recognised column: base is the name without number and unit, motor 0 means all four."""
+    """One recognised column: base is the name without number and unit, motor 0 means all four; unit empty where the
+    numbers have to show it; ``stated``: the file says the unit."""
 
     column: str
     base: str
     motor: int
     unit: str
+    stated: bool = False
 
 
 def heading(column: str) -> Heading | None:
-    """``rpm3`` -> rpm of motor 3, ``weight[g]`` -> thrust; None for a column of another meaning."""
+    """``rpm3`` -> rpm of motor 3, ``weight[g]`` -> thrust, ``ESC signal (us)`` -> the command of one motor; None for a
+    column of another meaning."""
     match = _HEADER.fullmatch(column)
     if match is None:
         return None
     name, unit = match[1].lower().replace(" ", "_"), (match[2] or "").strip()
     numbered = re.fullmatch(r"(pwm|rpm)_?(?:m|motor)?_?([1-4])", name)
     base, number = numbered.groups() if numbered else (name, "")
-    if base not in _BASES or (base == "rpm" and not number):
+    if base not in _NAMES and not unit and (behind := _UNIT_BEHIND.fullmatch(base)):
+        base, unit = behind.groups()
+    if base not in _NAMES or (base == "rpm" and not number):
         return None
-    return Heading(column, base, int(number or 0), _SPELLINGS.get(unit.lower(), unit) or _DEFAULT_UNIT[base])
+    what, default = _NAMES[base]
+    written = unit_as_written(unit) or unit
+    if what == "thrust" and unit.lower() in _FORCES:
+        written = _FORCES[unit.lower()]
+    if what in ("esc", "pwm") and written in ("us", "%"):
+        what, written = "esc", {"us": "pulse_us"}.get(written, written)
+    if unit.lower() == "pwm":
+        written = "pwm16"
+    return Heading(column, what, int(number or 0), written or default, bool(unit))
 
 
 class ThrustStand:
@@ -107,7 +110,7 @@ class ThrustStand:
         row = np.arange(n, dtype=float)
         silent = [h.column
                   for h in known
-                  if h.base not in ("pwm", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()]
+                  if h.base not in ("pwm", "esc", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()]
         for column in silent:  # zero from the first row to the last: the sensor was not connected
             del grid.columns[column]
         streams, taken = _streams(grid, known, row, str(path))
@@ -136,19 +139,25 @@ class ThrustStand:
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
         notes = (*grid.notes, "rows have no time: their numbers stand in for seconds",
-                 "thrust is what the load cell shows, zero offset included")
+                 "thrust is what the load cell shows, zero offset included, of "
+                 + ("one motor" if len(streams["motor"].quantities) == 1 else "all motors together"))
         return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
                       Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
 
 
 def _like_a_stand(names: list[str]) -> bool:
     bases = {h.base for h in map(heading, names) if h}
-    return "pwm" in bases and bool(bases & {"rpm", "weight", "thrust"})
+    return bool(bases & {"pwm", "esc"}) and bool(bases & {"rpm", "thrust"})
 
 
 def _of_a_flight(names: list[str]) -> list[str]:
-    """Columns of time and pose: a log of a flight may well hold PWM and rotor speed."""
-    return [n for n in names if (match := _HEADER.fullmatch(n)) and quantity_of(match[1])[0] is not None]
+    """Columns of time and pose: a log of a flight may well hold PWM and rotor speed. A time beside the command of one
+    motor and a force with its unit is a stand's."""
+    flown = [(n, quantity_of(match[1])[0]) for n in names
+             if (match := _HEADER.fullmatch(n)) and quantity_of(match[1])[0] is not None]
+    known = {h.base: h for h in map(heading, names) if h}
+    ramp = "esc" in known and "thrust" in known and known["thrust"].stated
+    return [n for n, quantity in flown if not (ramp and quantity == "time")]
 
 
 def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> tuple[dict[str, Stream], set[str]]:
@@ -157,8 +166,10 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
     for head in known:
         if head.column not in grid.columns:
             continue
-        stream, quantity = _BASES[head.base]
+        stream, quantity = _PLACES[head.base]
         allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
+        if not head.unit:
+            head = replace(head, unit=_share(grid.columns[head.column], head.column, place))
         if head.unit not in allowed:
             raise InputError(f"{place}: column {head.column}", f"unit {head.unit!r}",
                              f"known here: {', '.join(allowed)}")
@@ -167,10 +178,23 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
             chosen.setdefault(stream, {}).setdefault(f"m{motor}" if quantity == "m" else quantity, head)
     streams = {}
     for stream, heads in chosen.items():
-        values = np.stack([grid.columns[h.column] * _FACTORS[h.unit] for h in heads.values()], axis=1)
+        values = np.stack([to_si(grid.columns[h.column], h.unit) for h in heads.values()], axis=1)
         streams[stream] = make_stream(stream, row, values, tuple(heads), [h.column for h in heads.values()],
                                       samples=len(row))
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
+
+
+def _share(values: np.ndarray, column: str, place: str) -> str:
+    """The unit of a throttle that states none: a share, per cent, or pulses."""
+    top, low = float(np.nanmax(values)), float(np.nanmin(values))
+    if low >= 0.0 and top <= FULL_SHARE:
+        return "1"
+    if low >= 0.0 and FULL_SHARE < top <= FULL_PERCENT:
+        return "%"
+    if low >= PULSES[0] and top <= PULSES[1]:
+        return "pulse_us"
+    raise InputError(f"{place}: column {column}", f"values from {low:g} to {top:g}: a share, per cent or pulses?",
+                     f"write its unit behind the name: {column} (%), (us) or (1)")
 
 
 def _extra(grid: Grid, taken: set[str], row: np.ndarray) -> dict[str, Stream]:

@@ -1,0 +1,128 @@
+"""What the numbers of a table show about their units: a vector against the rate of another, noise, plausible sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from ..settings import number, setting
+
+AGREES = number("audit.column_evidence.agrees")
+"""Correlation from which on two signals are the same up to a factor."""
+SAME = number("audit.column_evidence.same")
+"""Factor within which two amplitudes are the same."""
+SMALLEST_FLIGHT_M = number("audit.column_evidence.smallest_flight_m")
+"""A flight spans at least this much along one axis."""
+LARGEST_FLIGHT_M = number("audit.column_evidence.largest_flight_m")
+"""And at most this much."""
+FASTEST_RAD_S = number("audit.column_evidence.fastest_rad_s")
+"""Full scale of the gyros that small vehicles carry (2000 deg/s)."""
+SLOWEST_PEAK_RAD_S = number("audit.column_evidence.slowest_peak_rad_s")
+"""A vehicle in flight turns faster than this at times."""
+MOST_M_S2 = number("audit.column_evidence.most_m_s2")
+"""Largest acceleration of a path that a vehicle flies for long."""
+CELLS_V = setting("audit.column_evidence.cells_v")
+"""Batteries from one cell under load to six cells."""
+NOISE_APART = number("audit.column_evidence.noise_apart")
+"""Axes of one sensor differ less in their noise."""
+WINDOW = 5
+"""Rows a derivative is taken over."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Amplitude of one signal over another's, by axis that moves, nan elsewhere; sign of their correlation."""
+
+    size: tuple[float, ...]
+    sign: tuple[int, ...]
+
+    @property
+    def known(self) -> list[float]:
+        return [r for r in self.size if np.isfinite(r)]
+
+    def agrees(self, factor: float) -> bool:
+        """Whether every axis that moves has this ratio."""
+        return bool(self.known) and all(abs(np.log(r / factor)) < np.log(SAME) for r in self.known)
+
+
+def rate_of(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n, k) derivative of (n, k) on (n,) s, smoothed over ``WINDOW`` rows; nan where there is no number."""
+    step = float(np.median(np.diff(time_s)))
+    if len(values) <= WINDOW or not step > 0.0:
+        return np.full(values.shape, np.nan)
+    return np.asarray(savgol_filter(values, WINDOW, 2, deriv=1, delta=step, axis=0))
+
+
+def smooth(values: np.ndarray) -> np.ndarray:
+    """(n, k) as ``rate_of`` smooths."""
+    return values if len(values) <= WINDOW else np.asarray(savgol_filter(values, WINDOW, 2, axis=0))
+
+
+def ratio(signal: np.ndarray, reference: np.ndarray) -> Ratio:
+    """``signal`` (n, k) over ``reference`` (n, k), axis by axis where they correlate."""
+    sizes, signs = [], []
+    for a, b in zip(signal.T, reference.T, strict=True):
+        there = np.isfinite(a) & np.isfinite(b)
+        x, y = (v[there] - np.mean(v[there]) if there.any() else v[:0] for v in (a, b))
+        size = float(np.sqrt((x @ x) * (y @ y)))
+        r = float(x @ y) / size if size > 0.0 and len(x) > WINDOW else 0.0
+        sizes.append(float(np.sqrt((x @ x) / (y @ y))) if abs(r) > AGREES else float("nan"))
+        signs.append(int(np.sign(r)) if abs(r) > AGREES else 0)
+    return Ratio(tuple(sizes), tuple(signs))
+
+
+def spans(values: np.ndarray) -> np.ndarray:
+    """(k,) between the 1 % and the 99 % quantile."""
+    low, high = np.nanquantile(values, (0.01, 0.99), axis=0)
+    return np.asarray(high - low)
+
+
+def noise(values: np.ndarray) -> np.ndarray:
+    """(k,) standard deviation of white noise in (n, k); nan where an axis holds none that differences agree on."""
+    found = []
+    for column in values.T:
+        good = column[np.isfinite(column)]
+        if len(good) < 8 * WINDOW:
+            found.append(float("nan"))
+            continue
+        second, fourth = (float(np.median(np.abs(np.diff(good, n)))) * 1.4826 / np.sqrt(variance)
+                          for n, variance in ((2, 6.0), (4, 70.0)))
+        white = fourth > 0.0 and abs(np.log(second / fourth)) < 0.5 * np.log(SAME) if second > 0.0 else False
+        found.append(fourth if white else float("nan"))
+    return np.array(found)
+
+
+def one_unit(values: np.ndarray) -> bool:
+    """False where axes of (n, k) values of one sensor carry noise of different sizes: they are not in one unit."""
+    sizes = noise(values)
+    sizes = sizes[np.isfinite(sizes)]
+    return len(sizes) < 2 or float(sizes.max()) < NOISE_APART * float(sizes.min())
+
+
+def lengths_that_fit(values: np.ndarray, time_s: np.ndarray, factors: dict[str, float]) -> list[str]:
+    """Units in which (n, k) positions are a flight: large enough, in reach, not faster than vehicles fly."""
+    span = float(np.max(spans(values)))
+    rates = rate_of(time_s, rate_of(time_s, smooth(smooth(values))))
+    pull = float(np.nanquantile(np.linalg.norm(rates, axis=1), 0.9)) if np.isfinite(rates).any() else 0.0
+    return [u for u, f in factors.items()
+            if SMALLEST_FLIGHT_M <= f * span <= LARGEST_FLIGHT_M and f * pull < MOST_M_S2]
+
+
+def rates_that_fit(values: np.ndarray, factors: dict[str, float]) -> list[str]:
+    """Units in which (n, k) turning rates are those of a flight."""
+    peak = float(np.nanquantile(np.abs(values), 0.999))
+    return [u for u, f in factors.items() if SLOWEST_PEAK_RAD_S <= f * peak <= FASTEST_RAD_S]
+
+
+def falls_in_flight(height: np.ndarray) -> bool:
+    """Whether a height begins and ends level and only falls in between: its axis points down."""
+    good = height[np.isfinite(height)]
+    if len(good) < 4 * WINDOW:
+        return False
+    ends = np.array([np.median(good[:WINDOW]), np.median(good[-WINDOW:])])
+    low, high = np.quantile(good, (0.02, 0.98))
+    travel = high - low
+    return bool(travel > 0.0 and abs(ends[1] - ends[0]) < 0.1 * travel and np.max(ends) > high - 0.1 * travel
+                and np.median(good) < high - 0.2 * travel)

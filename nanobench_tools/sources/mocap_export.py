@@ -1,0 +1,223 @@
+"""Exports of motion capture programs: OptiTrack Motive (CSV), Vicon Tracker and Nexus (CSV), Qualisys (6D, TSV).
+
+Each begins with a preamble that names bodies, units, rate and kind of rotation. Empty cells and rows of zeros are an
+occlusion. Motive's y-up world is turned. A file with several rigid bodies is refused with their names.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..axes import frame_of, in_our_axes
+from ..errors import InputError
+from ..flight import Flight, Provenance, make_stream
+from ..units import factor
+from .cells import parse_number
+from .dialect import normalise_text
+from .sheets import Sheet
+from .units_as_written import unit_as_written
+
+POSITION, QUATERNION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
+LINES_SEEN = 40
+"""Lines of a preamble, at most."""
+QUALISYS = ("NO_OF_FRAMES", "FREQUENCY")
+VICON = ("Objects", "Segments", "Global Angle (deg)")
+ROTATION_MATRIX = 9
+
+
+@dataclass(frozen=True)
+class Export:
+    """program, body; columns of position (3,) and attitude (4, 9, 3 or none) by place, ``turn`` one of quaternion,
+    matrix, euler; length: m per unit; time: place of seconds, else of frames, with their rate; first: row of data."""
+
+    program: str
+    bodies: tuple[str, ...]
+    position: tuple[int, ...]
+    attitude: tuple[int, ...]
+    turn: str
+    length: float
+    time: int
+    rate_hz: float | None
+    first: int
+    frame: str = ""
+    note: str = ""
+
+
+class MocapExport:
+    """Source ``mocap_export``: one stream, ``mocap``."""
+
+    name = "mocap_export"
+    version = 1
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return _program(head) != ""
+
+    def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
+        place = str(path)
+        rows = _rows(data)
+        export = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}[_program(data)](rows, place)
+        if len(export.bodies) != 1:
+            raise InputError(place, f"an export of {export.program} with {len(export.bodies)} rigid bodies "
+                             f"({', '.join(export.bodies)})", "export one of them to a file of its own")
+        decimal = "," if any("," in cell for row in rows[export.first:export.first + 20] for cell in row) else "."
+        wanted = (export.time, *export.position, *export.attitude)
+        cells = np.array([[parse_number(row[k].strip(), decimal) if k < len(row) else np.nan for k in wanted]
+                          for row in rows[export.first:] if any(row)])
+        kept = np.isfinite(cells[:, 0]) if len(cells) else np.zeros(0, dtype=bool)
+        if not kept.any():
+            raise InputError(place, f"an export of {export.program} without a row of numbers", "export it again")
+        cells = cells[kept]
+        stamps = cells[:, 0] / export.rate_hz if export.rate_hz else cells[:, 0]
+        position = cells[:, 1:4] * export.length
+        quaternion = _quaternion(cells[:, 4:], export)
+        hidden = ~np.isfinite(position).all(axis=1) | ~position.any(axis=1)
+        values = position if quaternion is None else np.hstack([position, quaternion])
+        values[hidden] = np.nan
+        names = POSITION if quaternion is None else (*POSITION, *QUATERNION)
+        time_s = stamps - stamps[0]
+        duration = float(time_s[-1])
+        made = make_stream("mocap", time_s, values, names, samples=int((~hidden).sum()),
+                           rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"))
+        if export.frame:
+            made = in_our_axes(made, frame_of(export.frame))
+        notes = (f"an export of {export.program}, body {export.bodies[0]}", *([export.note] if export.note else []))
+        return Flight(path.name, {"mocap": made}, {"family": None, "speed": None, "reference_speed_m_s": None},
+                      Provenance(place, "", self.name, notes=notes), epoch_s=float(stamps[0]))
+
+
+def _program(head: bytes) -> str:
+    """Motive, Qualisys, Vicon, or "" by the first lines."""
+    if b"\x00" in head[:512] and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return ""
+    text = normalise_text(head[:4096]).decode("utf-8", errors="replace")
+    first = text.lstrip().split("\n", 1)[0].replace('"', "")
+    if first.startswith("Format Version") and ("Take Name" in first or "Capture Frame Rate" in first):
+        return "Motive"
+    if all(any(line.startswith(word) for line in text.split("\n")) for word in QUALISYS):
+        return "Qualisys"
+    return "Vicon" if first.strip(",; \t") in VICON and "TX" in text else ""
+
+
+def _rows(data: bytes) -> list[list[str]]:
+    text = normalise_text(data)
+    try:
+        lines = text.decode("utf-8").split("\n")
+    except UnicodeDecodeError:
+        lines = text.decode("cp1252", errors="replace").split("\n")
+    sample = "\n".join(lines[:LINES_SEEN])
+    delimiter = max("\t;,", key=sample.count)
+    return list(csv.reader(lines, delimiter=delimiter))
+
+
+def _at(rows: list[list[str]], test: str, place: str, program: str) -> int:
+    """The row that begins with a word."""
+    found = next((k for k, row in enumerate(rows[:LINES_SEEN]) if row and row[0].strip() == test), None)
+    if found is None:
+        raise InputError(place, f"an export of {program} without its line of names ({test} ...)", "export it again")
+    return found
+
+
+def _motive(rows: list[list[str]], place: str) -> Export:
+    about = {k.strip(): v.strip() for k, v in zip(rows[0][::2], rows[0][1::2], strict=False)}
+    names = _at(rows, "Frame", place, "Motive")
+    above = [row + [""] * (len(rows[names]) - len(row)) for row in rows[1:names] if any(c.strip() for c in row)]
+    kinds = next((r for r in above if any(c.strip() in ("Rigid Body", "Marker", "Bone") for c in r)), [])
+    groups = next((r for r in above if any(c.strip() in ("Position", "Rotation") for c in r)), [])
+    bodies_row = above[above.index(kinds) + 1] if kinds and above.index(kinds) + 1 < len(above) else []
+    if not kinds or not groups or not bodies_row:
+        raise InputError(place, "a Motive export without the lines above its names (type, name, Rotation, Position)",
+                         "export rigid bodies with the full header")
+    at: dict[str, dict[str, dict[str, int]]] = {}
+    for k, (kind, body, group, axis) in enumerate(zip(kinds, bodies_row, groups, rows[names], strict=False)):
+        if kind.strip() == "Rigid Body" and axis.strip() in ("X", "Y", "Z", "W"):
+            at.setdefault(body.strip(), {}).setdefault(group.strip(), {})[axis.strip()] = k
+    if not at:
+        raise InputError(place, "a Motive export without a rigid body", "export rigid bodies, not markers alone")
+    first = next(iter(at.values()))
+    if not {"X", "Y", "Z"} <= set(first.get("Position", {})):
+        raise InputError(place, "a Motive export without the position of its body", "export positions, too")
+    turn = first.get("Rotation", {})
+    kind = about.get("Rotation Type", "Quaternion")
+    whole = kind.lower().startswith("quat") and {"X", "Y", "Z", "W"} <= set(turn)
+    note = "" if whole else f"the rotation ({kind}) is not read: export quaternions"
+    unit = _length(about.get("Length Units", ""), place)
+    seconds = next((k for k, n in enumerate(rows[names]) if n.strip().startswith("Time")), None)
+    rate = None if seconds is not None else _rate(about.get("Export Frame Rate", ""), place)
+    return Export("Motive", tuple(at), tuple(first["Position"][a] for a in "XYZ"),
+                  tuple(turn[a] for a in "XYZW") if whole else (), "quaternion" if whole else "", unit,
+                  0 if seconds is None else seconds, rate, names + 1, "EUS/FUR", note)
+
+
+def _qualisys(rows: list[list[str]], place: str) -> Export:
+    about = {row[0].strip(): [c.strip() for c in row[1:]] for row in rows[:LINES_SEEN] if row}
+    bodies = tuple(b for b in about.get("BODY_NAMES", []) if b)
+    names = next((k for k, row in enumerate(rows[:LINES_SEEN])
+                  if [c.split()[-1] for c in row if c.strip()].count("X") and any(c.strip() == "Y" for c in row)), None)
+    if names is None:
+        raise InputError(place, "a Qualisys export without a line of names (X Y Z Roll ...)", "export 6D data")
+    header = [c.strip() for c in rows[names]]
+    x = next(k for k, c in enumerate(header) if c.split() and c.split()[-1] == "X")
+    axes = [c.split()[-1] if c else "" for c in header]
+    matrix = tuple(k for k, c in enumerate(header) if c.startswith("Rot[") or "Rot[" in c)[:ROTATION_MATRIX]
+    euler = tuple(axes.index(n) for n in ("Roll", "Pitch", "Yaw")) if "Roll" in axes else ()
+    seconds = header.index("Time") if "Time" in header else None
+    frame = header.index("Frame") if "Frame" in header else 0
+    if seconds is None and "Frame" not in header:
+        raise InputError(place, "a Qualisys export without time and frame columns", "export them, too")
+    turn, attitude = ("matrix", matrix) if len(matrix) == ROTATION_MATRIX else ("euler", euler) if euler else ("", ())
+    note = "Roll, Pitch, Yaw are read as turns about x, y, z, as Qualisys defines them by default" * (turn == "euler")
+    return Export("Qualisys", bodies or ("body",), (x, x + 1, x + 2), attitude, turn, factor("mm"),
+                  frame if seconds is None else seconds,
+                  None if seconds is not None else _rate(about.get("FREQUENCY", [""])[0], place), names + 1, "", note)
+
+
+def _vicon(rows: list[list[str]], place: str) -> Export:
+    names = _at(rows, "Frame", place, "Vicon")
+    rate = _rate(next((r[0] for r in rows[1:names] if r and parse_number(r[0].strip()) > 0.0), ""), place)
+    header = [c.strip() for c in rows[names]]
+    bodies = tuple(c.strip() for c in rows[names - 1] if c.strip())
+    if not all(n in header for n in ("TX", "TY", "TZ")):
+        raise InputError(place, "a Vicon export without TX, TY, TZ", "export the segments of the object")
+    units = [c.strip() for c in rows[names + 1]] if names + 1 < len(rows) else []
+    at = header.index("TX")
+    whole = all(n in header for n in ("RX", "RY", "RZ", "RW"))
+    note = "" if whole else "RX, RY, RZ are not read: Euler angles or a rotation vector, the file does not say which"
+    return Export("Vicon", bodies, tuple(header.index(n) for n in ("TX", "TY", "TZ")),
+                  tuple(header.index(n) for n in ("RX", "RY", "RZ", "RW")) if whole else (),
+                  "quaternion" if whole else "", _length(units[at] if at < len(units) else "", place),
+                  header.index("Frame"), rate, names + 2, "", note)
+
+
+def _length(text: str, place: str) -> float:
+    unit = unit_as_written(text)
+    if unit not in ("m", "cm", "mm"):
+        raise InputError(place, f"lengths are in {text!r}", "export in millimeters or meters")
+    return factor(unit)
+
+
+def _rate(text: str, place: str) -> float:
+    rate = parse_number(text.strip())
+    if not rate > 0.0:
+        raise InputError(place, f"the frame rate is {text!r}", "export the time of each frame")
+    return rate
+
+
+def _quaternion(cells: np.ndarray, export: Export) -> np.ndarray | None:
+    """(n, 4) x, y, z, w; nan rows where there is no rotation; None where the file holds none that is known."""
+    if not export.attitude:
+        return None
+    found = np.full((len(cells), 4), np.nan)
+    there = np.isfinite(cells).all(axis=1) & (cells.any(axis=1) if export.turn != "euler" else True)
+    if export.turn == "quaternion":
+        found[there] = cells[there]
+    elif export.turn == "matrix":  # column by column
+        found[there] = Rotation.from_matrix(cells[there].reshape(-1, 3, 3).swapaxes(1, 2)).as_quat()
+    else:
+        found[there] = Rotation.from_euler("XYZ", cells[there], degrees=True).as_quat()
+    return found
+
