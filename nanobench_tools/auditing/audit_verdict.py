@@ -88,6 +88,7 @@ def entry_of(flight: Flight, audit: Audit) -> dict[str, Any]:
     return {"flight": audit.flight, "verdict": verdict.sentence, "severity": verdict.severity,
             "advice": verdict.advice, "usable": [[s.start_s, s.end_s] for s in verdict.usable],
             "unfit": list(verdict.unfit), "can": can(flight, audit), **audit.to_json(),
+            "assumptions": [vars(a) for a in flight.provenance.assumptions],
             "events": [{"kind": e.kind, "streams": list(e.streams), "spans": [[s.start_s, s.end_s] for s in e.spans],
                         "sentence": e.sentence, "advice": e.advice, "faults": e.faults, "seconds_cut": e.seconds_cut}
                        for e in verdict.events]}

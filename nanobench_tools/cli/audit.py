@@ -41,8 +41,24 @@ def audit(options: Options, verbose: bool) -> int:
     audits, copies = options.audit(flights)
     body = audit_body(flights, audits, copies)
     show_audits(options, audits, copies, verbose)
+    for line in assumed(flights):
+        options.show(line)
     _close(options, body["flights"])
     return options.finish("audit", body)
+
+
+def assumed(flights: Sequence[Flight]) -> list[str]:
+    """Units that nothing shows, each set of them once, in a line."""
+    lines: dict[str, int] = {}
+    for flight in flights:
+        units: dict[str, list[str]] = {}
+        for a in flight.provenance.assumptions:
+            units.setdefault(a.unit, []).append(a.column)
+        if units:
+            told = "; ".join(f"{', '.join(columns)} in {unit}" for unit, columns in units.items())
+            lines[told] = lines.get(told, 0) + 1
+    return [one_line(f"assumed, not shown by name or numbers: {told}" + (f" ({n} recordings)" if n > 1 else ""))
+            for told, n in lines.items()]
 
 
 def audit_body(flights: Sequence[Flight], audits: Mapping[str, Audit], copies: Sequence[Sequence[str]]
