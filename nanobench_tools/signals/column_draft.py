@@ -26,6 +26,7 @@ from ..sources.dialect import normalise_text
 from ..sources.header import find_header, is_number
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC
+from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE, factor, to_si
 from . import column_evidence as evidence
 from .plausible_ranges import SLOWEST_STEP_S
@@ -230,8 +231,12 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         return np.arange(len(stamps), dtype=float)
     step = float(np.median(steps))
     unit = time.unit
-    if time.status != "known" or step * factor(unit) > SLOWEST_STEP_S:
-        unit = next((u for u in ("s", "ms", "us", "ns") if step * factor(u) <= SLOWEST_STEP_S), unit)
+    fits = [u for u in ("s", "ms", "us", "ns") if evidence.FASTEST_STEP_S <= step * factor(u) <= SLOWEST_STEP_S]
+    if not fits:
+        raise InputError(f"{place}: column {time.column}", f"rows are {step:g} apart: in no unit a recording's time",
+                         "write its unit in the map, or name another column t")
+    if unit not in fits or time.status != "known":
+        unit = fits[0]
     if unit != time.unit or time.status == "assumed":
         draft.notes.append(f"{time.column}: rows are {step:g} apart, so it is in {unit}")
         draft.mapped[TIME] = replace(time, unit=unit, status="shown", why=f"rows are {step:g} apart")
@@ -266,7 +271,7 @@ def _check_turn(stream: str, draft: Draft, values: Mapping[str, np.ndarray]) -> 
     if not turn:
         return
     length = float(np.nanmedian(np.linalg.norm(np.stack([values[c] for c in turn], axis=1), axis=1)))
-    if len(turn) == len(QUATERNION) and np.isfinite(length) and round(length) == 1:
+    if len(turn) == len(QUATERNION) and abs(length - 1.0) < NORM_TOLERANCE:
         draft.notes.append(f"{', '.join(turn)} have length {length:.3f}: a quaternion")
         return
     for key in draft.columns(stream, QUATERNION):
@@ -283,6 +288,11 @@ def _si(draft: Draft, keys: Sequence[Key], values: Mapping[str, np.ndarray]) -> 
 
 def _judge(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
     """Units that the numbers show, contradictions, and questions."""
+    for stream, names in VECTORS:
+        keys = draft.columns(stream, names)
+        if len(keys) > 1 and stream != "attitude" and not evidence.one_unit(
+                _si(draft, keys, values), stream in ("imu", "mocap") and not names[0].startswith("v")):
+            draft.ask(keys, "their noise differs: are they all in one unit? write the unit of each")
     _battery(draft, values)
     _motors(draft, values)
     _gravity(draft, values)
@@ -354,6 +364,10 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
             _set(draft, keys, "rpm", "the name says so", "known")
             continue
         cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
+        tops = np.nanquantile(cells, 0.99, axis=0)
+        if tops.min() > 0.0 and tops.max() > 2.0 * evidence.SAME * tops.min():
+            draft.ask(keys, "they are of different size: are they all in one unit? write the unit of each")
+            continue
         top, bottom = float(np.nanquantile(cells, 0.99)), float(np.nanmin(cells))
         if top <= 1.2 and bottom >= -1.0:
             draft.mapped.update({k: replace(draft.mapped[k], why=f"between {bottom:g} and {top:.3g}") for k in keys})
@@ -417,12 +431,15 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
     if len(moving) and still:
         fits = evidence.lengths_that_fit(cells, time_s, factors)
         alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
-        if not evidence.one_unit(cells) or not set.intersection(*map(set, alone)):
+        if not set.intersection(*map(set, alone)):
             draft.ask(keys, "they are not of one size: are they all in one unit? write the unit of each")
         elif len(fits) > 1:
             draft.ask(keys, f"{' or '.join(fits)}? both are possible; write unit = \"{fits[-1]}\", or another, at each")
         elif fits and fits != ["m"]:
             _set(draft, still, fits[0], f"they span {moving.max():.4g}")
+        elif not fits and moving.max() > evidence.SMALLEST_FLIGHT_M:
+            draft.ask(keys, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
+                      "write the unit of each")
     elif len(moving) and scaled.max() > 20.0 * evidence.LARGEST_FLIGHT_M:
         draft.ask(keys, f"they span {scaled.max():.4g} m: no flight; which unit is it?")
 
@@ -436,6 +453,8 @@ def _confirm(draft: Draft, keys: Sequence[Key], why: str) -> None:
 def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     keys = draft.columns("attitude", ("roll", "pitch", "yaw"))
     still = _open(draft, keys)
+    if keys and not still and float(np.nanquantile(np.abs(_si(draft, keys, values)), 0.999)) > 4.0 * np.pi:
+        draft.ask(keys, "angles of more than two turns; which unit is it? write the unit of each")
     if not still:
         return
     cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
@@ -467,9 +486,6 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
     cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
     turning = _turning(draft, values, time_s)
     unit = draft.mapped[keys[0]].unit
-    if not evidence.one_unit(cells):
-        draft.ask(keys, "their noise differs: are they all in one unit? write the unit of each")
-        return
     if turning is not None:
         axes = ["xyz".index(k[1][-1]) for k in keys]
         found = evidence.ratio(evidence.smooth(_si(draft, keys, values)), turning[:, axes])

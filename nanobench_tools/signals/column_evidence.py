@@ -25,8 +25,12 @@ MOST_M_S2 = number("audit.column_evidence.most_m_s2")
 """Largest acceleration of a path that a vehicle flies for long."""
 CELLS_V = setting("audit.column_evidence.cells_v")
 """Batteries from one cell under load to six cells."""
+FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
+"""Rows of a table are at least this far apart: the fastest gyros give 32 kHz."""
 NOISE_APART = number("audit.column_evidence.noise_apart")
-"""Axes of one sensor differ less in their noise."""
+"""Axes of an estimate differ less in their noise."""
+SENSOR_NOISE_APART = number("audit.column_evidence.sensor_noise_apart")
+"""Axes of a sensor or of a tracker differ less in their noise."""
 WINDOW = 5
 """Rows a derivative is taken over."""
 
@@ -94,20 +98,25 @@ def noise(values: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def one_unit(values: np.ndarray) -> bool:
-    """False where axes of (n, k) values of one sensor carry noise of different sizes: they are not in one unit."""
+def one_unit(values: np.ndarray, measured: bool) -> bool:
+    """False where axes of (n, k) values carry noise of different sizes: they are not in one unit. ``measured``: by a
+    sensor or a tracker, rather than estimated."""
     sizes = noise(values)
     sizes = sizes[np.isfinite(sizes)]
-    return len(sizes) < 2 or float(sizes.max()) < NOISE_APART * float(sizes.min())
+    return len(sizes) < 2 or bool(sizes.max() < (SENSOR_NOISE_APART if measured else NOISE_APART) * sizes.min())
 
 
 def lengths_that_fit(values: np.ndarray, time_s: np.ndarray, factors: dict[str, float]) -> list[str]:
     """Units in which (n, k) positions are a flight: large enough, in reach, not faster than vehicles fly."""
-    span = float(np.max(spans(values)))
-    rates = rate_of(time_s, rate_of(time_s, smooth(smooth(values))))
-    pull = float(np.nanquantile(np.linalg.norm(rates, axis=1), 0.9)) if np.isfinite(rates).any() else 0.0
+    span, pull = float(np.max(spans(values))), pull_of(values, time_s)
     return [u for u, f in factors.items()
             if SMALLEST_FLIGHT_M <= f * span <= LARGEST_FLIGHT_M and f * pull < MOST_M_S2]
+
+
+def pull_of(values: np.ndarray, time_s: np.ndarray) -> float:
+    """Size of the second derivative of (n, k) positions, exceeded in a tenth of the rows."""
+    rates = rate_of(time_s, rate_of(time_s, smooth(smooth(values))))
+    return float(np.nanquantile(np.linalg.norm(rates, axis=1), 0.9)) if np.isfinite(rates).any() else 0.0
 
 
 def rates_that_fit(values: np.ndarray, factors: dict[str, float]) -> list[str]:
