@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
-from .half_precision import halved
+from .halved_values import halved
 from .interpolation import count_changes
 from .known import Known, ecosystem
 from .sheets import Sheet

@@ -45,6 +45,8 @@ def test_a_command_exists_with_its_options(command):
             assert (ROOT / place).exists(), place
     elif program.startswith(".venv/bin/"):
         assert Path(program).name in {"pre-commit"}
+    elif program == ".ci/run":
+        assert (ROOT / program).is_file()
     else:
         assert program.startswith(ELSEWHERE), program
 

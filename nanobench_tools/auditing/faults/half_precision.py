@@ -1,6 +1,6 @@
 """half_precision: values of 16 bits just below 0.5, 2, 8 ... that the firmware halved when it logged them.
 
-Found and doubled by the reader of uSD logs (``sources.half_precision``), in variables that were logged with half
+Found and doubled by the reader of uSD logs (``sources.halved_values``), in variables that were logged with half
 precision before firmware 2026.08. Size: values. Smallest found: one value.
 """
 
