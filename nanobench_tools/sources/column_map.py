@@ -73,7 +73,8 @@ class Entry:
 
     @property
     def topic(self) -> str | None:
-        """Of a column ``/topic.field.path`` of a ROS bag; None for a column of a table."""
+        """Of a column ``/topic.field.path`` of a ROS bag (``/topic:body`` for one body of a list of poses); None for a
+        column of a table."""
         topic, _, field = self.column.partition(".")
         return topic if field and topic.startswith("/") else None
 
@@ -97,6 +98,8 @@ class ColumnMap:
     time_rest: Entry | None = None
     rate_hz: float | None = None
     frames: Mapping[str, Frame] = field(default_factory=dict)
+    chosen: Mapping[str, str] = field(default_factory=dict)
+    """Stream -> topic of a bag that is read as its type is meant."""
 
     @property
     def times(self) -> tuple[Entry, ...]:
@@ -178,13 +181,18 @@ def read_column_map(path: str | Path) -> ColumnMap:
         raise reader.fail("streams", "the map names no stream", "give at least one [streams.NAME]")
     entries: list[Entry] = []
     frames: dict[str, Frame] = {}
+    chosen: dict[str, str] = {}
     for stream, quantities in streams.items():
         known = STREAM_QUANTITIES.get(stream)
         if known is None:
             raise reader.fail(f"streams.{stream}", "unknown stream",
                               f"{did_you_mean(stream, STREAM_QUANTITIES)}known: {', '.join(STREAM_QUANTITIES)}")
+        if isinstance(quantities, str) and quantities.startswith("/"):
+            chosen[stream] = quantities
+            continue
         if not isinstance(quantities, Mapping):
-            raise reader.fail(f"streams.{stream}", "a stream is a table of quantities", "see docs/recordings.md")
+            raise reader.fail(f"streams.{stream}", "a stream is a table of quantities, or the topic of a bag",
+                              "see docs/recordings.md")
         for quantity, what in quantities.items():
             key = f"streams.{stream}.{quantity}"
             if quantity == "frame":
@@ -194,7 +202,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
                 raise reader.fail(key, "unknown quantity",
                                   f"{did_you_mean(quantity, known)}{stream} has {', '.join(known)}, frame")
             entries.append(_entry(reader, key, stream, quantity, what, known[quantity][0]))
-    if not entries:
+    if not entries and not chosen:
         raise reader.fail("streams", "the map names no quantity", "give at least one, such as px")
     _check_once(reader, entries)
     if "time" not in content and not all(e.topic for e in entries):
@@ -203,7 +211,8 @@ def read_column_map(path: str | Path) -> ColumnMap:
     vehicle = content.get("vehicle", {})
     if not isinstance(vehicle, Mapping):
         raise reader.fail("vehicle", "vehicle is a table", "write [vehicle]")
-    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest(), rest, rate_hz, frames)
+    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest(), rest, rate_hz, frames,
+                     chosen)
 
 
 def _frame(reader: _Reader, key: str, what: object) -> Frame:

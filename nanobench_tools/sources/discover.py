@@ -42,6 +42,8 @@ class Recording:
     name: str
     sheets: tuple[Sheet, ...] = ()
     columns: Path | None = None
+    vehicle: str = ""
+    """The one of several vehicles in the file."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +141,20 @@ def find_recordings(paths: Sequence[Path | str],
         raise InputError(", ".join(map(str, places)) or "no path", "no recording in it",
                          "give a folder with recordings")
     names = _labels([path for path, _, _ in found])
-    return [Recording(path, source, label, _candidates(known[source], sheets, path, start), columns)
-            for (path, source, start), label in zip(found, names, strict=True)], failed
+    return [Recording(path, source, f"{label}.{vehicle}" if vehicle else label,
+                      _candidates(known[source], sheets, path, start), columns, vehicle)
+            for (path, source, start), label in zip(found, names, strict=True)
+            for vehicle in _vehicles(known[source], path)], failed
+
+
+def _vehicles(source: Source, path: Path) -> tuple[str, ...]:
+    """Labels of the vehicles in a file; one empty label where there is one, or the file cannot be read."""
+    if not isinstance(source, RosBag):
+        return ("",)
+    try:
+        return source.vehicles(path, [unpack(read_file(path), str(path)).data])
+    except NanobenchError:
+        return ("",)  # said again when it is read
 
 
 def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -> None:
@@ -214,6 +228,8 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     """The flight of a recording. Raises InputError that names the file."""
     path = recording.path
     source = sources(recording.columns)[recording.source]
+    if recording.vehicle and isinstance(source, RosBag):
+        source = source.of(recording.vehicle)
     stored = read_file(path)
     sha256 = digest(stored)
     entry = store.entry_path(sha256, source.name, source.version)

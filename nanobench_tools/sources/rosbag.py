@@ -1,14 +1,16 @@
 """ROS 1 and ROS 2 bags (.bag, .db3, .mcap), read through rosbags (extra ``rosbag``).
 
-With a column map a quantity is ``/topic.field.path`` (a topic's name has no dot), lists by ``index``. Without one the
-common types are read as they are meant: poses and transforms are motion capture, Odometry the vehicle's own estimate,
-Imu and BatteryState what they say. ROS has our axes (x forward, y left, z up; specific force +9.81 at rest).
+Without a column map the common types are read by what their topics are for (``bag_choice``): the pose of a tracker is
+motion capture, a pose or Odometry of the vehicle its own estimate, a set-point never either. Several vehicles are
+several flights. With a map a quantity is ``/topic.field.path`` (a topic's name has no dot), lists by ``index``, one
+body of a list of poses ``/topic:body.field.path``; or a stream is a topic: ``[streams] mocap = "/topic"``.
+ROS has our axes (x forward, y left, z up; specific force +9.81 at rest).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,10 @@ import numpy as np
 from .. import so3
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .bag_messages import Bag, read_bag, suffix_of
+from .bag_choice import IMU, KNOWN, POSES, Choice, Vehicle, choose, vehicles_in
+from .bag_clocks import clocks_of
+from .bag_messages import LIST, Bag, read_bags, suffix_of
+from .bag_topics import Topic
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
 from .column_map import ColumnMap, Entry, in_units, read_column_map
@@ -29,72 +34,77 @@ def _paths(quantities: str, prefix: str, fields: str = "x y z w") -> dict[str, s
     return {q: f"{prefix}.{f}" for q, f in zip(quantities.split(), fields.split(), strict=False)}
 
 
-def _pose(position: str, orientation: str) -> dict[str, dict[str, str]]:
-    return {"mocap": {**_paths("px py pz", position), **_paths("qx qy qz qw", orientation)}}
-
-
-MEANT: dict[str, dict[str, dict[str, str]]] = {
-    "geometry_msgs/msg/PoseStamped": _pose("pose.position", "pose.orientation"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _pose("pose.pose.position", "pose.pose.orientation"),
-    "geometry_msgs/msg/TransformStamped": _pose("transform.translation", "transform.rotation"),
-    "nav_msgs/msg/Odometry": {
-        "estimator": {**_paths("x y z", "pose.pose.position"), **_paths("vx vy vz", "twist.twist.linear")},
-        "attitude_qw": _paths("qx qy qz qw", "pose.pose.orientation"),
-    },
-    "sensor_msgs/msg/Imu": {
-        "imu": {
-            **_paths("acc_x acc_y acc_z", "linear_acceleration"),
-            **_paths("gyro_x gyro_y gyro_z", "angular_velocity"),
-        }
-    },
-    "sensor_msgs/msg/BatteryState": {"battery": {"vbat": "voltage"}},
-}
-"""Message type -> stream -> quantity -> field, without a column map. Odometry's twist is in the body and is turned."""
+WHERE = {"geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+         "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+         "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
+         "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+         "geometry_msgs/msg/PointStamped": ("point", "")}
+"""Type of a topic of poses -> its fields of position and rotation."""
+VELOCITY = {"nav_msgs/msg/Odometry": "twist.twist.linear"}
+"""In the body, and turned into the world."""
+SENSORS = {IMU: {**_paths("acc_x acc_y acc_z", "linear_acceleration"),
+                 **_paths("gyro_x gyro_y gyro_z", "angular_velocity")},
+           "sensor_msgs/msg/BatteryState": {"vbat": "voltage"}}
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """One stream: the topic and entries it comes from."""
+    """One stream: the topic and entries it comes from; ``turned``: its velocity stands in the body."""
 
     stream: str
     topic: str
     entries: tuple[Entry, ...]
+    turned: bool = False
 
 
 class RosBag:
-    """Source ``rosbag``. Raises InputError for a bad map."""
+    """Source ``rosbag``; ``vehicle``: the one of several whose flight is read. Raises InputError for a bad map."""
 
     name = "rosbag"
 
-    def __init__(self, columns: str | Path | ColumnMap | None = None) -> None:
+    def __init__(self, columns: str | Path | ColumnMap | None = None, vehicle: str = "") -> None:
         self.map = columns if columns is None or isinstance(columns, ColumnMap) else read_column_map(columns)
-        if self.map is not None and not self.map.topics:
+        if self.map is not None and not self.map.topics and not self.map.chosen:
             self.map = None  # a map of tables only
-        self.version = "1" if self.map is None else f"1-{self.map.digest[:16]}"
+        self.vehicle = vehicle
+        digest = "" if self.map is None else f"-{self.map.digest[:16]}"
+        self.version = f"2{digest}" + (f"-{vehicle}" if vehicle else "")
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return suffix_of(head) is not None
 
+    def vehicles(self, path: Path, parts: Sequence[bytes]) -> tuple[str, ...]:
+        """Labels of the vehicles in the files of one recording; one empty label where there is one vehicle."""
+        bag = self._bag(path, parts)
+        return tuple(v.label for v in _vehicles(bag, self.map))
+
+    def of(self, vehicle: str) -> RosBag:
+        """The source of one vehicle's flight."""
+        return RosBag(self.map, vehicle)
+
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
+        return self.read_parts(path, [data])
+
+    def read_parts(self, path: Path, parts: Sequence[bytes]) -> Flight:
+        """The flight in the files of one recording, in the order of time."""
         place = str(path)
-        topics = set() if self.map is None else set(self.map.topics)
-        bag = read_bag(data, place, lambda topic, kind: topic in topics if topics else kind in MEANT)
-        plans = _meant(bag) if self.map is None else _mapped(self.map)
+        bag = self._bag(path, parts)
+        vehicles = _vehicles(bag, self.map)
+        vehicle = next((v for v in vehicles if v.label == self.vehicle), vehicles[0])
+        plans, choice = _plans(bag, vehicle, self.map, place)
+        times, moved = clocks_of({plan.topic: bag.messages.get(plan.topic, []) for plan in plans})
         made: dict[str, tuple[np.ndarray, Stream]] = {}
         faults: list[Fault] = []
         for plan in plans:
-            if (stream := _stream(plan, bag, faults, self.map is None)) is not None:
-                made[plan.stream] = stream if self.map is None else (stream[0], self.map.turned(plan.stream, stream[1]))
+            if (stream := _stream(plan, bag, faults)) is not None:
+                made[plan.stream] = times[plan.topic], stream if self.map is None else self.map.turned(
+                    plan.stream, stream)
         if not made:
-            known = ", ".join(f"{t} ({k})" for t, k in list(bag.types.items())[:8]) or "no topic"
-            advice = "name its topics in a column map"
-            raise InputError(place, f"no message for any stream; the bag holds {known}", advice)
+            raise InputError(place, *_nothing(bag))
         start = min(int(ns.min()) for ns, _ in made.values())
         streams = {n: _placed(ns, s, start) for n, (ns, s) in sorted(made.items())}
         end = max(s.span.end_s for s in streams.values())
-        faults = [*faults, *_lost(bag, end), *not_numbers(streams)]
-        used = {plan.topic for plan in plans if plan.stream in streams}
-        notes = [f"topic {t} ({k}) is not read" for t, k in bag.types.items() if t not in used]
+        topics = {plan.stream: plan.topic for plan in plans if plan.stream in streams}
         return Flight(path.name,
                       streams,
                       {
@@ -102,26 +112,65 @@ class RosBag:
                           "speed": None,
                           "reference_speed_m_s": None,
                           "vehicle": {} if self.map is None else dict(self.map.vehicle),
+                          "topics": topics,
                       },
-                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes),
+                      Provenance(place, "", self.name, findings=(*faults, *_lost(bag, end), *not_numbers(streams)),
+                                 notes=(*moved, *choice.left, *_undefined(bag)),
                                  assumptions=() if self.map is None else self.map.assumptions),
                       epoch_s=start * 1e-9)
 
+    def _bag(self, path: Path, parts: Sequence[bytes]) -> Bag:
+        mapped = set() if self.map is None else {t.partition(":")[0] for t in self.map.topics}
 
-def _meant(bag: Bag) -> list[_Plan]:
-    """Each stream from the topic with most messages that is meant for it."""
-    best: dict[str, str] = {}
-    for topic, messages in sorted(bag.messages.items(), key=lambda item: (-len(item[1]), item[0])):
-        for stream in MEANT[bag.types[topic]] if messages else ():
-            best.setdefault(stream, topic)
-    return [
-        _Plan(stream, topic,
-              tuple(Entry(stream, q, f"{topic}.{p}") for q, p in MEANT[bag.types[topic]][stream].items()))
-        for stream, topic in best.items()
-    ]
+        def wanted(topic: str, kind: str) -> bool:
+            known = kind in KNOWN or (kind == LIST and not topic.endswith("tf_static"))
+            return topic in mapped or (known and (not mapped or bool(self.map and self.map.chosen)))
+
+        return read_bags(parts, str(path), wanted)
 
 
-def _mapped(column_map: ColumnMap) -> list[_Plan]:
+def _vehicles(bag: Bag, column_map: ColumnMap | None) -> list[Vehicle]:
+    """The vehicles of a bag; those of a column map that names no body are the bodies of its lists."""
+    if column_map is not None and column_map.topics:
+        lists = [t for t in column_map.topics if t in bag.listed]
+        bodies = sorted({t.body for t in bag.topics.values() if t.body and t.name.partition(":")[0] in lists})
+        return [Vehicle(body if len(bodies) > 1 else "", frozenset({body, ""})) for body in bodies] or [
+            Vehicle("", frozenset({""}))]
+    if column_map is not None and column_map.chosen:
+        return [Vehicle("", frozenset({"", *(t.vehicle for t in bag.topics.values())}))]
+    topics = [t for t in bag.topics.values() if t.name not in bag.listed]
+    return vehicles_in(topics, bag.moved_m())
+
+
+def _plans(bag: Bag, vehicle: Vehicle, column_map: ColumnMap | None, place: str) -> tuple[list[_Plan], Choice]:
+    if column_map is not None and column_map.topics:
+        return _mapped(column_map, bag, vehicle), Choice(left=tuple(
+            f"topic {t.name} ({t.kind}) is not read" for t in bag.topics.values()
+            if t.name not in column_map.topics and not t.body))
+    topics = [t for t in bag.topics.values() if t.name not in bag.listed and t.name not in bag.undefined]
+    choice = choose(topics, vehicle, {} if column_map is None else column_map.chosen, place)
+    plans: dict[str, _Plan] = {}
+    for stream, topic in choice.streams.items():
+        for name, quantities in _meant(stream, topic).items():
+            entries = tuple(Entry(name, q, f"{topic.name}.{p}") for q, p in quantities.items())
+            plans.setdefault(name, _Plan(name, topic.name, entries, topic.kind in VELOCITY))
+    return list(plans.values()), choice
+
+
+def _meant(stream: str, topic: Topic) -> dict[str, dict[str, str]]:
+    """stream -> quantity -> field of what one topic says."""
+    if topic.kind not in POSES:
+        return {stream: SENSORS[topic.kind]}
+    position, rotation = WHERE[topic.kind]
+    velocity = _paths("vx vy vz", VELOCITY[topic.kind]) if topic.kind in VELOCITY and stream != "setpoint" else {}
+    turn = _paths("qx qy qz qw", rotation) if rotation else {}
+    if stream == "mocap":
+        return {stream: {**_paths("px py pz", position), **turn, **velocity}}
+    found = {stream: {**_paths("x y z", position), **velocity}}
+    return {**found, "attitude_qw": turn} if stream == "estimator" and turn else found
+
+
+def _mapped(column_map: ColumnMap, bag: Bag, vehicle: Vehicle) -> list[_Plan]:
     plans = []
     for stream in dict.fromkeys(e.stream for e in column_map.entries):
         entries = tuple(e for e in column_map.entries if e.stream == stream)
@@ -130,16 +179,43 @@ def _mapped(column_map: ColumnMap) -> list[_Plan]:
             raise InputError(f"{column_map.path}: streams.{stream}",
                              f"comes from {len(topics)} topics ({', '.join(sorted(map(str, topics)))})",
                              "a stream has one clock: give it one topic")
-        plans.append(_Plan(stream, entries[0].topic or entries[0].column, entries))
+        topic = entries[0].topic or entries[0].column
+        if (listing := bag.listed.get(topic)) is not None:  # the body of this flight; fields of the list's element
+            body = next((t.name for t in bag.topics.values() if t.body and t.name.partition(":")[0] == topic
+                         and t.body in vehicle.names), topic)
+            entries = tuple(replace(e, column=f"{body}.{e.field.removeprefix(f'{listing.field}.')}") for e in entries)
+            topic = body
+        elif topic in bag.topics and bag.topics[topic].vehicle not in {*vehicle.names, ""} and vehicle.label:
+            continue  # of another vehicle
+        plans.append(_Plan(stream, topic, entries))
     return plans
 
 
-def _stream(plan: _Plan, bag: Bag, faults: list[Fault], meant: bool) -> tuple[np.ndarray, Stream] | None:
-    """Unix stamps (n,) [ns] and the stream, its times still zero."""
-    messages = bag.messages.get(plan.topic, [])
+def _nothing(bag: Bag) -> tuple[str, str]:
+    """What a bag holds of which no stream could be made, and what to do."""
+    known = ", ".join(f"{t.name} ({t.kind})" for t in list(bag.topics.values())[:8]) or "no topic"
+    if bag.undefined:
+        kinds = ", ".join(dict.fromkeys(bag.undefined.values()))
+        return (f"the bag holds no definition of {kinds}, the message type of {', '.join(bag.undefined)} (ROS 2 wrote "
+                f"none before Iron); it holds {known}",
+                "convert it to MCAP, which holds definitions, where the package of that type is installed: ros2 bag "
+                "convert")
+    return f"no message for any stream; the bag holds {known}", "name its topics in a column map"
+
+
+def _undefined(bag: Bag) -> list[str]:
+    unread = [f"topic {topic} is not read: the bag holds no definition of {kind}; convert it to MCAP where the package "
+              "of that type is installed (ros2 bag convert)" for topic, kind in bag.undefined.items()]
+    return unread + [f"topic {topic}: the bag holds no definition of {kind}; it is assumed to be that of the released "
+                     "package; an MCAP file would hold it" for topic, kind in bag.assumed.items()]
+
+
+def _stream(plan: _Plan, bag: Bag, faults: list[Fault]) -> Stream | None:
+    """The stream of a plan, its times still zero."""
+    messages = [m for _, m in bag.messages.get(plan.topic, [])]
     entries, columns = [], []
     for entry in plan.entries:
-        values = _values([m for _, m in messages], entry)
+        values = _values(messages, entry)
         if values is not None and np.isfinite(values).any():
             entries.append(entry)
             columns.append(entry.to_si(values))
@@ -154,11 +230,10 @@ def _stream(plan: _Plan, bag: Bag, faults: list[Fault], meant: bool) -> tuple[np
         return None
     block = np.stack(columns, axis=1)
     quantities = tuple(e.quantity for e in entries)
-    if meant and plan.stream == "estimator":
-        block = _turned(block, quantities, [m for _, m in messages])
+    if plan.turned:
+        block = _turned(block, quantities, messages)
     names = [e.column if e.index is None else f"{e.column}[{e.index}]" for e in entries]
-    made = make_stream(plan.stream, np.zeros(len(block)), block, quantities, names)
-    return _stamps(messages), in_units(made, entries)
+    return in_units(make_stream(plan.stream, np.zeros(len(block)), block, quantities, names), entries)
 
 
 def _values(messages: Iterable[Any], entry: Entry) -> np.ndarray | None:
@@ -185,13 +260,6 @@ def _turned(block: np.ndarray, quantities: tuple[str, ...], messages: list[Any])
     if len(columns) == 3:
         block[:, columns] = so3.rotate(quaternion, block[:, columns])
     return block
-
-
-def _stamps(messages: list[tuple[int, Any]]) -> np.ndarray:
-    """(n,) ns: the sender's stamps where every message has one, else when it was received."""
-    headers = [getattr(getattr(m, "header", None), "stamp", None) for _, m in messages]
-    sent = [0 if s is None else int(s.sec) * 10**9 + int(s.nanosec) for s in headers]
-    return np.array(sent if all(s > 0 for s in sent) else [ns for ns, _ in messages], dtype=np.int64)
 
 
 def _placed(stamps: np.ndarray, stream: Stream, start: int) -> Stream:

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from ..time_offsets.moving.time_offset import TimeOffset
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
+SAID_OF_BAGS = ("received", "is taken for", "bear no names", "no definition", "not read; choose")
+"""Notes on a bag that are printed."""
+MOST_TOPICS = 8
+"""Lines about topics of bags that are printed; audit.json has all."""
 Case = TypeVar("Case")
 """One recording as a protocol uses it."""
 
@@ -115,6 +119,9 @@ class Options:
         elapsed = time.perf_counter() - before
         self.say(f"{_kinds(flights)} from {where} in {elapsed:.1f} s"
                  + (f", {len(failed)} files failed" if failed else ""))
+        of_bags = [line for flight in flights if flight.metadata.get("topics") for line in _topics(flight)]
+        for line in of_bags[:MOST_TOPICS]:
+            self.say(line)
         return flights
 
     def run(self, items: Sequence[Item], title: str) -> RunResult:
@@ -254,6 +261,13 @@ class Options:
             sys.stdout.flush()
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _topics(flight: Flight) -> list[str]:
+    """The topics of a bag that make a flight, and what of its clocks had to be moved."""
+    topics = ", ".join(f"{stream} = {topic}" for stream, topic in flight.metadata["topics"].items())
+    return [f"{flight.name}: {topics}", *(f"{flight.name}: {note}" for note in flight.provenance.notes
+                                          if any(word in note for word in SAID_OF_BAGS))]
 
 
 def _kinds(flights: Sequence[Flight]) -> str:
