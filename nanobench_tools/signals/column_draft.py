@@ -108,6 +108,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     draft = Draft()
     _name(draft, table, path)
     time_s = _time(draft, table, place)
+    _whose(draft)
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped):
         _order_turn(stream, draft, table.values)
         _check_turn(stream, draft, table.values)
@@ -197,6 +198,18 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
         draft.mapped[key] = Drafted(column, unit if known_unit else allowed[0],
                                     "known" if known_unit or len(allowed) == 1 else "assumed",
                                     "stated" if known_unit else "")
+
+
+def _whose(draft: Draft) -> None:
+    """Plain names beside those of an ecosystem: an axis that the estimate lacks is asked about; the sign of a pitch."""
+    for plain, known in (("p", ""), ("v", "v")):
+        lacking = [("mocap", plain + a) for a in "xyz" if ("mocap", plain + a) in draft.mapped
+                   and ("estimator", known + a) not in draft.mapped]
+        if lacking and any(("estimator", known + a) in draft.mapped for a in "xyz"):
+            draft.ask(lacking, "the estimate's missing axis, or the motion capture's? write it in its stream")
+    pitch = draft.mapped.get(("attitude", "pitch"))
+    if pitch is not None and pitch.why in ("", "stated"):
+        draft.notes.append(f"{pitch.column}: taken as positive nose down; write sign = -1 if it is positive nose up")
 
 
 def _like_px4(table: Table) -> bool:

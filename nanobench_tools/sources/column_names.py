@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Sequence
 from .known import Ecosystem, Known, ecosystem, keys
 from .units_as_written import unit_as_written
 
-_UNIT = re.compile(r"[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
+_UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
 _ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|s|sec|m|mm|cm|rad|deg|V|mV|g|mg|N|"
                    r"kgf|gf|rpm|percent|pct)$")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")

@@ -221,3 +221,30 @@ def test_an_audit_repeats_what_was_assumed(nanobench, tmp_path):
     code, out, _ = nanobench("audit", path, "--columns", tmp_path / "m.toml", "--jobs", 1)
     assert code == 0
     assert "assumed, not shown by name or numbers: x, y, z in m" in out
+
+
+@pytest.mark.parametrize(("file", "columns", "frame", "becomes"), [
+    ("log_vehicle_attitude_0.csv", [f"q[{k}]" for k in range(4)], "NED/FRD", ("attitude_qw", "qw")),
+    ("log_sensor_combined_0.csv", [f"{n}[{k}]" for n in ("gyro_rad", "accelerometer_m_s2") for k in range(3)], "FRD",
+     ("imu", "gyro_x")),
+    ("log_vehicle_angular_velocity_0.csv", [f"xyz[{k}]" for k in range(3)], "FRD", ("imu", "gyro_x")),
+    ("log_vehicle_visual_odometry_0.csv", [f"position[{k}]" for k in range(3)], "NED/FRD", ("mocap", "px"))])
+def test_topics_of_px4_are_turned(tmp_path, file, columns, frame, becomes):
+    values = {c: 0.3 * np.sin((k + 1) * T) for k, c in enumerate(columns)}
+    if columns[0] == "q[0]":
+        values = {"q[0]": np.cos(0.3 * T), "q[1]": 0 * T, "q[2]": 0 * T, "q[3]": np.sin(0.3 * T)}
+    if "accelerometer_m_s2[2]" in values:
+        values["accelerometer_m_s2[2]"] = values["accelerometer_m_s2[2]"] - 9.81
+    path = write(tmp_path / file, {"timestamp": 5e6 + 1e6 * T, **values})
+    draft = draft_columns(path)
+    assert draft.mapped[becomes][0] == columns[0]
+    assert f'frame = "{frame}"' in draft.text
+    assert read(path, tmp_path)[becomes[0]].samples
+
+
+def test_a_plain_axis_beside_an_estimate_is_asked_about(tmp_path):
+    p = flown()
+    columns = {"Timestamp": 1e3 * T, "stateEstimate.x": p["x"], "stateEstimate.y": p["y"], "z": p["z"]}
+    draft = draft_columns(write(tmp_path / "log.csv", columns))
+    assert any(q.startswith("z: ") for q in draft.questions)
+    assert ("mocap", "pz") not in draft.mapped
