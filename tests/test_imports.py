@@ -21,6 +21,7 @@ PATH_OF_A_RECORDING = ("sources", "signals", "time_offsets.constant", "time_offs
 
 BESIDE: dict[str, set[str]] = {
     "time_offsets.mathematics": set(), "metrics": set(), "noise": set(), "physics": set(), "firmware": set(),
+    "tables": set(),
     "practice": {"firmware", "sources", "signals", "time_offsets.moving", "auditing.faults"}}
 """What is used from several places of the path, and what each may import above the ground."""
 SURFACE = ("steps", "cli", "api")

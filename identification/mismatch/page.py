@@ -13,11 +13,11 @@ from nanobench_tools.flight import Fault
 from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
-from nanobench_tools.pages.quantities import DASH
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.result import to_json
 from nanobench_tools.result_files import write_bytes
+from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 
 from .drawings import drawings

@@ -9,10 +9,10 @@ from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.figure import Axis, Colour, Drawing, Figure, Mark, Panel, styled
 from nanobench_tools.pages.packed import Even, compressed
 from nanobench_tools.pages.plotly_json import spec
-from nanobench_tools.pages.quantities import DASH
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.compare import verdict
 from nanobench_tools.protocols.sessions import interval_note
+from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 
 from .motor_parts import LagTimes, MotorResult, RotationRow

@@ -21,9 +21,9 @@ from nanobench_tools.pages.figure import (
 )
 from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
-from nanobench_tools.pages.quantities import DASH
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.sessions import interval_note
+from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 
 from .error_rows import ErrorRow, InverseTable, Points

@@ -3,22 +3,65 @@
 from __future__ import annotations
 
 import shlex
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from ..steps.options import Options, one_line
+from ..steps.options import Options, one_line, screen_height, screen_width, write_lines
+from ..tables.table import Table
+from ..tables.terminal import folded, lines_of
 
 WORDS = "nanobench.words"
 """Where the context keeps the words of the command line."""
+PROMPT = 1
+"""Lines of a terminal for the prompt that follows."""
+SHORTEST = 9
+"""Lines of a table that is cut to fit: its headings and a few rows."""
+LONGEST_COMMAND = 320
+"""Characters of a next command: four lines of a narrow terminal."""
 
 
-def close(options: Options, result: str, why: str = "", *command: object) -> None:
-    """Shows ``result`` and, where there is one, the next ``command`` (its words) and what it is for."""
-    if result:
-        options.show(one_line(result))
+def close(options: Options, result: str, why: str = "", *command: object, screen: Sequence[Table | str] = (),
+          detail: Sequence[Table | str] = (), lines: int = 0) -> None:
+    """Shows the ``screen`` as far as it fits the terminal (or ``lines``) beside what follows, with ``--verbose`` all of
+    ``detail`` instead; then ``result`` and, where there is one, the next ``command`` (its words) and what it is for."""
+    if options.silent:
+        return
+    width = screen_width()
+    tail = folded(one_line(result), width) if result else []
     if command:
-        options.show(f"Next, {one_line(why)}: {one_line(shlex.join(map(str, command)))}", fold=False)
+        text = f"Next, {one_line(why)}: {one_line(shlex.join(map(str, command)))}"
+        if len(text) > LONGEST_COMMAND and len(options.data) > 1:
+            text = f"Next, {one_line(why)}: nanobench {command[1]}, with the same paths"
+        tail.append(text)  # one line, so that it can be copied; a terminal folds it
+    if options.verbose:
+        for part in detail or screen:
+            options.show(part)
+    else:
+        height = sum(-(-len(line) // width) or 1 for line in tail)
+        if sys.stderr.isatty():
+            height += sum(len(folded(text, width)) for text in options.said)
+        _show_within(options, screen, max(screen_height(), lines) - PROMPT - height)
+    write_lines(tail)
+
+
+def _show_within(options: Options, parts: Sequence[Table | str], lines: int) -> None:
+    """The parts on ``lines``: rows of the longest tables are left out and counted where they do not fit."""
+    width = screen_width()
+    sizes = [len(lines_of(part, width) if isinstance(part, Table) else folded(part, width)) for part in parts]
+    cut = [i for i, part in enumerate(parts) if isinstance(part, Table)]
+    limits = list(sizes)
+    while sum(limits) > lines and (longer := [i for i in cut if limits[i] > SHORTEST]):
+        limits[max(longer, key=lambda i: limits[i])] -= 1
+    for part, size, limit in zip(parts, sizes, limits, strict=True):
+        options.show(part, limit if limit < size else None)
+
+
+def shortened(text: str, characters: int = 600) -> str:
+    """The first sentences of a text."""
+    return text if len(text) <= characters else f"{text[:characters].rpartition('. ')[0]}. More: --verbose"
 
 
 def again(*more: object) -> list[object]:
@@ -37,12 +80,15 @@ def shown_page(path: Path) -> tuple[str, ...]:
     return ("python", "-m", "webbrowser", str(path.absolute()))
 
 
-def close_scores(options: Options, result: str, kind: str) -> None:
+def close_scores(options: Options, result: str, kind: str, screen: Sequence[Table | str] = (),
+                 detail: Sequence[Table | str] = ()) -> None:
     """Of a verb that scores methods: its page where results were written, else a method of one's own."""
     if options.out is not None:
-        close(options, result, "as a page with pictures", "nanobench", "report", options.out, *_recordings(options))
+        close(options, result, "as a page with pictures", "nanobench", "report", options.out, *_recordings(options),
+              screen=screen, detail=detail)
     else:
-        close(options, result, f"a {kind} of your own beside these", "nanobench", "new", kind, f"my_{kind}")
+        close(options, result, f"your own {kind} beside these", "nanobench", "new", kind, f"my_{kind}",
+              screen=screen, detail=detail)
 
 
 def _recordings(options: Options) -> list[object]:

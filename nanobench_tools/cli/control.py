@@ -13,7 +13,8 @@ from ..errors import InputError, UsageError, unknown_name
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import ControlBody
 from ..steps.sentences import controlled
-from ..steps.show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out
+from ..steps.show import ALL_FAILED, data_word, interval_text, score_table, score_text, sessions_text, show_left_out
+from ..tables.table import Table
 from ..time_offsets.moving.votes import evidence_of
 from .closing import close_scores
 from .shared_options import PATH, FiniteRange, shared_options
@@ -125,8 +126,45 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
         flown, lessons = learned_rows(options, flights, audits, chosen, paths, members, body.gate.summary, dagger,
                                       gains)
         body = replace(body, rows=[*body.rows, *flown], learned=lessons)
-    close_scores(options, controlled(body), "controller")
+    close_scores(options, controlled(body), "controller", control_screen(options, body))
     return options.finish("control", body)
+
+
+def control_screen(options: Options, body: ControlBody) -> list[Table | str]:
+    """Logged flights by path and controller, the gate, and every simulated controller over all references."""
+    from ..protocols.sessions import short_note
+    from ..protocols.simulated import SimulatedRow
+    from ..protocols.task2 import TrackingRow
+    from ..steps.control_tables import together
+
+    word, parts = data_word(options), list[Table | str]()
+    real = [row for row in body.rows if isinstance(row, TrackingRow)]
+    for protocol in dict.fromkeys(row.protocol for row in real):
+        mine = [row for row in real if row.protocol == protocol]
+        most = sorted(mine, key=lambda row: (row.published is None, -row.n))
+        parts.append(Table.plain(
+            f"Task 2, {protocol}, {word} data: RMSE m, mean ± SD over n flights",
+            ("reference", "speed", "controller", "n", "RMSE m", "95 %", "lag removed m"),
+            [(row.reference, row.speed or "-", row.controller, str(row.n),
+              score_text(row.statistics.get("rmse_m"), 1.0, 4), interval_text(row.statistics.get("rmse_m"), 1.0, 4),
+              score_text(row.statistics.get("rmse_lag_removed_m"), 1.0, 4)) for row in most], short_note(mine)))
+    if body.gate.gate:
+        parts.append(Table.plain(
+            f"Gate: {word} held-out flights flown again on the plant",
+            ("flight", "RMSE recorded m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"),
+            [(row.flight, f"{row.rmse_real_m:.3f}", f"{row.rmse_sim_m:.3f}", f"{row.ratio:.3f}",
+              f"{1e3 * row.lag_diff_s:+.0f}", f"{100.0 * row.path_gap_m:.1f}", "yes" if row.passed else "no")
+             for row in body.gate.gate]))
+    elif body.gate.gate_note:
+        parts.append(body.gate.gate_note)
+    flown = [row for row in body.rows if isinstance(row, SimulatedRow)]
+    if flown:
+        parts.append(Table.plain(
+            "SIMULATED flights, all references together: medians over plants",
+            ("controller", "given", "references", "RMSE m", "worst decile m", "lost %"),
+            [(one.controller, one.information, str(one.references), f"{one.rmse_m:.3f}", f"{one.worst_decile_m:.3f}",
+              f"{one.lost_percent:.1f}") for one in together(flown)]))
+    return parts
 
 
 def _real(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], protocols: tuple[str, ...],
@@ -200,9 +238,9 @@ def _show(options: Options, rows: Sequence[TrackingRow]) -> None:
             lines.append((head, row.published.published))
     title = (f"Task 2, onboard controllers as flown: {data_word(options)} data, clock {options.clock}, mean ± SD over "
              "n flights and 95 % interval of the mean RMSE")
-    options.show(score_table(title, ("reference", "speed", "controller", "n", "sessions"), COLUMNS, lines))
-    options.show(interval_note(rows, [name for name, *_ in COLUMNS]))
+    options.detail(score_table(title, ("reference", "speed", "controller", "n", "sessions"), COLUMNS, lines))
+    options.detail(interval_note(rows, [name for name, *_ in COLUMNS]))
     dropped = dict.fromkeys(name for row in rows for name in row.dropped)
     if dropped:
-        options.show(one_line("Left out of the published rows because RMSE > 1 m, as was published: "
+        options.detail(one_line("Left out of the published rows because RMSE > 1 m, as was published: "
                               f"{', '.join(dropped)}"))

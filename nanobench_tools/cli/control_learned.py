@@ -165,7 +165,7 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
     show_simulated(options, rows, bar, 0.0, 0.0, 0.0)
     for row in rows:
         kept = row.statistics["kept_s"].median
-        options.show(f"{one_line(row.controller)}, {row.reference}: within {LOST_M:g} m of its path for "
+        options.detail(f"{one_line(row.controller)}, {row.reference}: within {LOST_M:g} m of its path for "
                      f"{kept:.1f} s (median of {row.n} plants), {row.metrics['lost_percent']:.0f} % lost")
     return rows
 
@@ -190,5 +190,5 @@ def _show(options: Options, rows: Sequence[LearnedRow]) -> None:
         for reference, n, found in lines:
             table.add_row(one_line(reference), row.controller, n,
                           *(score_text(found[m], 1.0, digits) if m in found else "" for m, _, digits in COLUMNS))
-    options.show(table)
-    options.show(interval_note(rows))
+    options.detail(table)
+    options.detail(interval_note(rows))

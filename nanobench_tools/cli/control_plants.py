@@ -199,8 +199,8 @@ def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[s
     found = compare.gates(body.gate, recorded, options.sessions.by_name(flights), options.seed)
     if found:
         passed = [sum(row.passed for row in rows) for rows in (recorded, body.gate)]
-        options.show(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} {passed[1]} "
-                     f"of {len(body.gate)}. Over the same {found['path_gap_m'].paired.n} flights: "
+        options.detail(f"As recorded {passed[0]} of {len(recorded)} flights pass, with clock {options.clock} "
+                     f"{passed[1]} of {len(body.gate)}. Over the same {found['path_gap_m'].paired.n} flights: "
                      + "; ".join(_change(name, one) for name, one in found.items() if one.paired.ratio is not None)
                      + ".")
     return replace(body, gate_compared=found)
@@ -253,19 +253,19 @@ def _show_gate(options: Options, rows: Sequence[GateRow], found: Mapping[str, Ga
         table.add_row(one_line(row.flight), row.controller, f"{row.rmse_real_m:.3f}",
                       f"{row.rmse_sim_m:.3f}", f"{row.ratio:.3f}", f"{1e3 * row.lag_diff_s:+.0f}",
                       f"{100.0 * row.path_gap_m:.1f}", "yes" if row.passed else "no")
-    options.show(table)
+    options.detail(table)
     for row in rows:
         if row.reason:
-            options.show(one_line(f"{row.flight}: {row.reason}"))
+            options.detail(one_line(f"{row.flight}: {row.reason}"))
     for name, s in found.items():
         ends = s.statistics["pass_share"].ci95
         interval = f" (95 % {100.0 * ends[0]:.0f} to {100.0 * ends[1]:.0f})" if ends else ""
-        options.show(f"{name}: {s.n} flights, {100.0 * s.pass_share:.0f} % pass in everything{interval}; ratio "
+        options.detail(f"{name}: {s.n} flights, {100.0 * s.pass_share:.0f} % pass in everything{interval}; ratio "
                      f"{100.0 * s.ratio_share:.0f} %, lag {100.0 * s.lag_share:.0f} %, gap "
                      f"{100.0 * s.gap_share:.0f} %; medians: ratio {s.ratio_median:.3f}, lag "
                      f"{1e3 * s.lag_diff_median_s:+.0f} ms, gap {100.0 * s.path_gap_median_m:.1f} cm")
     if "all" in found:
-        options.show(interval_note([found["all"]], ["pass_share", "lag_real_s"]))
+        options.detail(interval_note([found["all"]], ["pass_share", "lag_real_s"]))
 
 
 def simulated_rows(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec], members: int,

@@ -22,7 +22,8 @@ from ..steps.diagnosing import (
 )
 from ..steps.options import Options
 from ..steps.show import data_word
-from .closing import again, close
+from ..tables.table import Table as Grid
+from .closing import again, close, shortened, shown_page
 from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
@@ -88,6 +89,8 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     too. Terms are fitted to what it gives (simulator_equivalent.toml), and how well they reproduce it is said; where
     they do not, nothing is named. More: nanobench_tools/physics/adapters/given.py.
     """
+    from identification.mismatch.headline import headline
+
     from ..physics.simulator import read_simulator, write_simulator
     from .convert import export_simulators
 
@@ -137,16 +140,17 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         assert believes is not None  # a callable without an equivalent has no moments
         body["bound"] = flexible(options, verdict, judged.recordings, believes)
     _show(options, body, verdict)
-    if body.get("refit"):
-        options.show(body["refit"]["sentence"] + "\n")
-    if body.get("bound"):
-        options.show(body["bound"].sentence + "\n")
     _write_page(options, verdict, judged.recordings)
-    if options.out is None:
-        close(options, "", "a page, and the corrected simulator where there is one", *again("--out", "diagnosis"))
-    elif verdict.corrected is not None:
-        close(options, "", "fly the corrected vehicle, simulated", "nanobench", "simulate", "--serve",
-              "udp://127.0.0.1:19850", "--simulator", options.out / CORRECTED)
+    why, command = ("a page, and the corrected simulator where there is one", again("--out", "diagnosis"))
+    if options.out is not None:
+        why, command = ("see it", list[object](shown_page(options.out / "report.html")))
+        if verdict.corrected is not None:
+            why, command = ("fly the corrected vehicle, simulated", [
+                "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850", "--simulator", options.out / CORRECTED])
+    further = [body[key] if isinstance(body[key], str) else body[key]["sentence"] if isinstance(body[key], dict)
+               else body[key].sentence for key in ("refit", "bound") if body.get(key)]
+    close(options, "" if options.verbose else headline(body), why, *command, screen=[
+        *([] if options.verbose else verdict_screen(options, body)), *further])
     return options.finish("verdict", body)
 
 
@@ -209,6 +213,26 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
     options.say(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
 
 
+def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str]:
+    """The outcome, what the simulator is good for, what was found with its interval, predictions of flights left out;
+    without a finding the paragraph."""
+    from identification.mismatch.headline import uses
+
+    word, found = data_word(options), body.get("improvement") or {}
+    rows = [(entry["term"], f"{entry['confidence']:.2f}", name.partition(".")[2], f"{p['believed']:.4g}",
+             f"{p['value']:.4g}", f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"])
+            for entry in body["findings"] for name, p in entry["parameters"].items()]
+    steps = [(h, *(_step(found[h]["before"][q], found[h]["after"][q]) for q in found[h]["before"]))
+             for h in ("1", "10", "50") if h in found]
+    return [f"{word} data, {body['outcome'].upper().replace('_', ' ')}. "
+            + (uses(body["good_for"]) if body.get("good_for") else ""),
+            Grid.plain("What the simulator leaves out", ("term", "confidence", "parameter", "simulator", "flights",
+                                                         "95 %", "unit"), rows),
+            Grid.plain(f"Prediction of {len(found.get('held_out') or [])} flights left out",
+                       ("steps of 10 ms", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
+            "" if rows else shortened(body["paragraph"])]
+
+
 def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
     """The paragraph, and tables of findings and predictions."""
     from rich.table import Table
@@ -216,13 +240,13 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
     from identification.mismatch.headline import RULES, headline, uses
 
     word = data_word(options)
-    options.show(f"\n{word} data, {body['outcome'].upper().replace('_', ' ')}. {headline(body)}")
+    options.detail(f"\n{word} data, {body['outcome'].upper().replace('_', ' ')}. {headline(body)}")
     if body.get("good_for"):
-        options.show(uses(body["good_for"]))
+        options.detail(uses(body["good_for"]))
         if body.get("good_for_corrected"):
-            options.show(f"Corrected: {uses(body['good_for_corrected'])}")
-        options.show("Rule: " + "; ".join(f"{use}: {rule}" for use, rule in RULES.items()) + ".")
-    options.show(f"\n{body['paragraph']}\n")
+            options.detail(f"Corrected: {uses(body['good_for_corrected'])}")
+        options.detail("Rule: " + "; ".join(f"{use}: {rule}" for use, rule in RULES.items()) + ".")
+    options.detail(f"\n{body['paragraph']}\n")
     if body["findings"]:
         table = Table(title=f"What the simulator leaves out, {word}", title_justify="left")
         for column in ("term", "or", "confidence", "parameter", "simulator", "flights say", "95 %", "unit"):
@@ -232,7 +256,7 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
                 lead = (entry["term"], ", ".join(entry["equivalent"]), f"{entry['confidence']:.2f}")
                 table.add_row(*(lead if i == 0 else ("", "", "")), name.partition(".")[2], f"{p['believed']:.5g}",
                               f"{p['value']:.5g}", f"{p['ci95'][0]:.5g} .. {p['ci95'][1]:.5g}", p["unit"])
-        options.show(table)
+        options.detail(table)
         table = Table(title=f"Prediction of flights left out of the fit, n = {len(body['improvement']['held_out'])} "
                             f"flights, {word}", title_justify="left")
         for column in ("steps of 10 ms", "position m", "velocity m/s", "attitude rad", "rate rad/s"):
@@ -240,7 +264,7 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
         for h in ("1", "10", "50"):
             entry = body["improvement"][h]
             table.add_row(h, *(_step(entry["before"][q], entry["after"][q]) for q in entry["before"]))
-        options.show(table)
+        options.detail(table)
 
 
 def _step(before: float | None, after: float | None) -> str:

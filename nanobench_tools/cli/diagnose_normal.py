@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from ..steps.options import Options
 from ..steps.show import data_word
+from ..tables.table import Table
+from .closing import again, close, shortened, shown_page
 from .real_folders import copies_between
 
 if TYPE_CHECKING:
@@ -54,10 +56,9 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
         if better is not None:
             write_simulator(better, options.out / CORRECTED)
             verdict["corrected_simulator"] = str(options.out / CORRECTED)
-    _show(options, verdict)
     if options.out is not None:
         write_steady_page({"Verdict": verdict}, options.out / "report.html", options.synthetic)
-        options.say(str(options.out / "report.html"))
+    _close(options, verdict)
     return options.finish("verdict", verdict)
 
 
@@ -87,7 +88,7 @@ def diagnose_trim(options: Options, simulator: Model) -> int | None:
             write_simulator(better, options.out / CORRECTED)
             verdict["corrected_simulator"] = str(options.out / CORRECTED)
         write_steady_page({"Verdict": verdict}, options.out / "report.html", options.synthetic)
-    _show(options, verdict)
+    _close(options, verdict)
     return options.finish("verdict", verdict)
 
 
@@ -110,35 +111,27 @@ def _values(options: Options, flights: Sequence[Flight], copies: Mapping[str, st
             **{name: {"why": why} for name, why in copies.items()}}
 
 
-def _show(options: Options, verdict: Mapping[str, Any]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    options.show(f"\n{verdict['outcome'].upper().replace('_', ' ')}. {verdict['paragraph']}\n")
-    trim = verdict.get("trim")
-    if trim is None:
-        return
+def _close(options: Options, verdict: Mapping[str, Any]) -> None:
+    """The verdict on one screen, with ``--verbose`` whole."""
+    why, command = ("the verdict as a page", again("--out", "diagnosis")) if options.out is None else (
+        "see it", list[object](shown_page(options.out / "report.html")))
+    result = f"{verdict['outcome'].upper().replace('_', ' ')}. {verdict['paragraph']}"
+    trim, found = verdict.get("trim"), verdict["findings"]
+    rows = [] if trim is None else [
+        (row["flight"], *(f"{c:+.1f}" for c in row["change_percent"]),
+         "-" if row["battery_V"] is None else f"{row['battery_V']:.2f}") for row in trim["flights"]]
+    if trim is not None:
+        mean = [("mean", *(f"{c:+.1f}" for c in trim["change_percent"]), "-"),
+                ("sd of the mean", *([f"{trim['sd_percent']:.1f}"] * 4), "-")]
+        rows = [*mean, *rows]
+    usual = "the simulator" if trim is None or not trim["normal"] else f"{len(trim['normal'])} normal flights"
+    causes = [(" or ".join(f["causes"]), ", ".join(map(str, f["motors"])), f"{f['confidence']:.2f}", name,
+               *(("", "", "") if p is None else (f"{p['value']:.3g}", f"{p['ci95'][0]:.3g} .. {p['ci95'][1]:.3g}",
+                                                 p["unit"])))
+              for f in found for name, p in list(f["parameters"].items()) or [("", None)]]
     word = data_word(options)
-    usual = f"{len(trim['normal'])} normal flights" if trim["normal"] else "the simulator"
-    table = Table(title=f"Thrust commanded of each motor against {usual}, %, {word}",
-                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("flight", "motor 1", "motor 2", "motor 3", "motor 4", "battery V"):
-        table.add_column(head)
-    for row in trim["flights"]:
-        volts = "-" if row["battery_V"] is None else f"{row['battery_V']:.2f}"
-        table.add_row(row["flight"], *(f"{c:+.1f}" for c in row["change_percent"]), volts)
-    table.add_row("mean", *(f"{c:+.1f}" for c in trim["change_percent"]), "")
-    table.add_row("sd of the mean", *([f"{trim['sd_percent']:.1f}"] * 4), "")
-    options.show(table)
-    if verdict["findings"]:
-        table = Table(title=f"What changed, {word}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-        for head in ("cause", "motors", "confidence", "size", "flights say", "95 %", "unit"):
-            table.add_column(head)
-        for f in verdict["findings"]:
-            rows = list(f["parameters"].items()) or [("", None)]
-            for i, (name, p) in enumerate(rows):
-                lead = (" or ".join(f["causes"]), ", ".join(map(str, f["motors"])), f"{f['confidence']:.2f}")
-                sizes = ("", "", "") if p is None else (
-                    f"{p['value']:.3g}", f"{p['ci95'][0]:.3g} .. {p['ci95'][1]:.3g}", p["unit"])
-                table.add_row(*(lead if i == 0 else ("", "", "")), name, *sizes)
-        options.show(table)
+    close(options, result if options.verbose else shortened(result), why, *command, screen=[
+        Table.plain(f"What changed, {word}", ("cause", "motors", "confidence", "size", "flights", "95 %", "unit"),
+                    causes),
+        Table.plain(f"Thrust commanded of each motor against {usual}, %, {word}",
+                    ("flight", "motor 1", "motor 2", "motor 3", "motor 4", "battery V"), rows)])

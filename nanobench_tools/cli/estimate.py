@@ -8,10 +8,13 @@ from pathlib import Path
 import click
 
 from ..errors import UsageError
+from ..pages.task3_tables import task3, task3_attribution, task3_screen, task3_windows
+from ..result import to_json
 from ..steps.estimate_pictures import attribution
-from ..steps.estimating import estimate_body, see, trajectory_files
+from ..steps.estimating import estimate_body, ranked_by_clock, see, trajectory_files
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
+from ..steps.result_bodies import EstimateBody
 from ..steps.sentences import estimated
 from ..time_offsets.moving.votes import AS_RECORDED
 from .closing import close_scores
@@ -24,7 +27,8 @@ from .shared_options import PATH, FiniteRange, shared_options
               help="as-published, as-published-corrected, clean, aided, blackout or whole-flight; may repeat. Default: "
                    "the first three.")
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
-              help="Estimator to score instead of the default ones; may repeat.")
+              help="Estimator to score beside the default ones of the protocol; may repeat.")
+@click.option("--only", is_flag=True, help="Score the estimators of --method alone.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
               help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
 @click.option("--imu-noise", "noise_file", type=PATH, metavar="FILE",
@@ -40,8 +44,8 @@ from .shared_options import PATH, FiniteRange, shared_options
 @click.option("--attribution", "explained", is_flag=True,
               help="Also say what the onboard filter's error comes from: its logged estimate by clock, and the filter "
                    "run again with one thing changed at a time.")
-def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], folders: tuple[Path, ...],
-             rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
+def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], only: bool,
+             folders: tuple[Path, ...], rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
              losses: tuple[float, ...], noise_file: Path | None, explained: bool) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
@@ -57,27 +61,41 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
         check_protocol(name)
     if (rates or delays or noises or losses) and AIDED not in protocols:
         raise UsageError("--pose-rate, --pose-delay, --pose-noise and --pose-loss go with --protocol aided")
-    scored = load_methods("estimators", methods) if methods else None
+    if only and not methods:
+        raise UsageError("--only goes with --method")
+    further = load_methods("estimators", methods)
+    scored = further if only else None
     if noise_file is not None:
         from estimators.imu_noise import read_imu_noise, reckon_with
 
-        if not scored:
+        if not further:
             raise UsageError("--imu-noise goes with --method")
-        for method in scored:
+        for method in further:
             reckon_with(method, read_imu_noise(noise_file))
     files = trajectory_files(folders)
     flights = options.load()
     audits, _ = options.audit(flights)
     if folders:
-        scored, protocols = scored or [], protocols or ("clean",)
+        protocols = protocols or ("clean",)
     if options.clock != AS_RECORDED:
         if set(protocols) & set(PUBLISHED):
             raise UsageError(f"--clock {options.clock} goes with --protocol clean, aided, blackout and whole-flight "
                              "only: the published table was made as recorded")
-        protocols = protocols or ("clean",)
-    body = estimate_body(options, see(options, flights, audits), protocols, scored, files,
-                         aidings=grid(rates, delays, noises, losses))
+        scored, protocols = further, protocols or ("clean",)
+    aidings = grid(rates, delays, noises, losses)
+    body = estimate_body(options, see(options, flights, audits), protocols, scored, files, aidings=aidings,
+                         further=further)
+    body = replace(body, rankings=ranked_by_clock(options, flights, audits, body, scored, aidings, further) or None)
     if explained:
         body = replace(body, attribution=attribution(options, flights, audits))
-    close_scores(options, estimated(body.rows), "estimator")
+    close_estimates(options, body)
     return options.finish("estimate", body)
+
+
+def close_estimates(options: Options, body: EstimateBody) -> None:
+    """The screen of the result, and what ``--verbose`` adds."""
+    content = to_json(body)
+    parts = task3_attribution(content["attribution"]) if body.attribution is not None else []
+    close_scores(options, estimated(body.rows, body.rankings or ()), "estimator",
+                 [*parts, *task3_screen(content, options.synthetic)],
+                 [*parts, *task3(content, options.synthetic), task3_windows(content)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from ..physics.vehicle import BOUNDS
 from ..result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
+from ..tables.table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, no_paths_beside, shared_options
 
@@ -68,11 +70,33 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     result = (f"motor lag {1e3 * lag.tau_up_s:.1f} ms up, {1e3 * lag.tau_down_s:.1f} ms down, delay "
               f"{1e3 * lag.delay_s:.1f} ms; speed from PWM by {found.speed.best or 'no map'}")
     if simulator is None:
-        close(options, result, "as simulator.toml", *again("--out", "motors"))
+        close(options, result, "as simulator.toml", *again("--out", "motors"), screen=motors_screen(options, found))
     else:
         close(options, result, "for another simulator", "nanobench", "convert", simulator, "--to", "rotorpy", "--out",
-              Path(simulator).parent / "rotorpy")
+              Path(simulator).parent / "rotorpy", screen=motors_screen(options, found))
     return options.finish("motors", to_json(replace(found, simulator=simulator)))
+
+
+def motors_screen(options: Options, found: MotorResult) -> list[Grid | str]:
+    """Lag, speed, thrust and rotation: what was fitted, with intervals."""
+    both, force = found.lag.fit, found.force
+    times = [(name, f"{1e3 * value:.1f}", _ends(both.ci95.get(key), 1e3, 1), "ms") for name, key, value in (
+        ("lag up", "tau_up_s", both.tau_up_s), ("lag down", "tau_down_s", both.tau_down_s),
+        ("delay", "delay_s", both.delay_s))]
+    value, unit = (force.k_f, "N s²/rad²") if force.k_f is not None else (force.k_f_per_kg, "N s²/rad² per kg")
+    times.append(("thrust over squared speed", f"{value:.4g}",
+                  "-" if force.ci95 is None else f"{force.ci95[0]:.4g} .. {force.ci95[1]:.4g}", unit))
+    moments = found.moments
+    if moments.explained["x"].median is not None:
+        times += [(f"J_{axis}", f"{moments.inertia_kg_m2[axis]:.3g}", "-", "kg m²") for axis in "xy"]
+    title = f"Motors: {data_word(options)} data, {len(found.test)} flights held out"
+    rows = [(row.input, *(f"{row.metrics[metric]['10']:.3f}" for metric, _ in SHOWN)) for row in found.rows]
+    return [Grid.plain(title, ("", "fitted", "95 %", "unit"), times, found.ci_why),
+            Grid.plain("Rotation predicted ten steps ahead, mean error", ("input", *(h for _, h in SHOWN)), rows)]
+
+
+def _ends(ci95: Sequence[float] | None, factor: float, digits: int) -> str:
+    return "-" if ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in ci95)
 
 
 def _write(options: Options, study: Study, found: MotorResult) -> str | None:
@@ -103,7 +127,7 @@ def _show(options: Options, found: MotorResult) -> None:
     _show_speed(options, found.speed, found.force)
     _show_moments(options, found.moments)
     _show_rotation(options, found)
-    options.show(interval_note([{"sessions": found.sessions, "ci_why": found.ci_why, "n": len(found.test)}]))
+    options.detail(interval_note([{"sessions": found.sessions, "ci_why": found.ci_why, "n": len(found.test)}]))
 
 
 def _table(title: str, heads: list[str]) -> Table:
@@ -124,14 +148,14 @@ def _show_lag(options: Options, part: LagPart, held_out: int) -> None:
         name = row.model + (" *" if row.model == part.best else "")
         table.add_row(name + (" (no result)" if row.trouble else ""), *(f"{1e3 * t:.1f}" for t in (
             row.times.tau_up_s, row.times.tau_down_s, row.times.delay_s)), f"{row.rms_rad_s:.2f}", interval)
-    options.show(table)
+    options.detail(table)
     both, text = part.fit, []
     for name, key, time_s in (("up", "tau_up_s", both.tau_up_s), ("down", "tau_down_s", both.tau_down_s),
                               ("delay", "delay_s", both.delay_s)):
         ends = both.ci95.get(key)
         text.append(f"{name} {1e3 * time_s:.1f}" + (f" ({1e3 * ends[0]:.1f} .. {1e3 * ends[1]:.1f})" if ends else "")
                     + " ms")
-    options.show(f"Fitted with both: {', '.join(text)}. The delay is also that of the speed measurement.")
+    options.detail(f"Fitted with both: {', '.join(text)}. The delay is also that of the speed measurement.")
 
 
 def _show_speed(options: Options, part: SpeedPart, force: ForcePart) -> None:
@@ -140,15 +164,15 @@ def _show_speed(options: Options, part: SpeedPart, force: ForcePart) -> None:
     for row in part.ranked:
         table.add_row(row.model + (" *" if row.model == part.best else ""), f"{row.rms_rad_s:.2f}",
                       one_line(row.equation), one_line(row.trouble))
-    options.show(table)
+    options.detail(table)
     if part.best is None:
-        options.show("No map is a result: none predicts flights held out better than a constant, or only one trains.")
-    options.show(f"Speeds vary by {part.spread_rad_s:.1f} rad/s (SD). Slope of thrust over motor voltage: "
+        options.detail("No map is a result: none predicts flights held out better than a constant, or only one trains.")
+    options.detail(f"Speeds vary by {part.spread_rad_s:.1f} rad/s (SD). Slope of thrust over motor voltage: "
                  f"{part.slope_fast_N_per_V:.4f} N/V from changes within a second, "
                  f"{part.slope_slow_N_per_V:.4f} N/V from this map.")
     value, unit = (force.k_f, "N s²/rad²") if force.k_f is not None else (force.k_f_per_kg, "N s²/rad² per kg")
     ends = "" if force.ci95 is None else f" ({force.ci95[0]:.4g} .. {force.ci95[1]:.4g})"
-    options.show(f"Thrust per squared speed: {value:.4g} {unit}{ends}; {force.identified}. Body-z specific force on "
+    options.detail(f"Thrust per squared speed: {value:.4g} {unit}{ends}; {force.identified}. Body-z specific force on "
                  "held-out flights: " + ", ".join(f"from {r.source} {r.rms_m_s2:.3f} m/s²" for r in force.rows
                                                   if not math.isnan(r.rms_m_s2)) + ".")
 
@@ -157,7 +181,7 @@ def _show_moments(options: Options, part: MomentPart) -> None:
     if part.explained["x"].median is not None:
         shares = ", ".join(f"{n} {100 * found.median:.0f} %" for n, found in part.explained.items()
                            if found.median is not None)
-        options.show(f"Moments from rotor speed: J_x {part.inertia_kg_m2['x']:.3g}, J_y "
+        options.detail(f"Moments from rotor speed: J_x {part.inertia_kg_m2['x']:.3g}, J_y "
                      f"{part.inertia_kg_m2['y']:.3g} kg m² ({part.identified}); share of angular acceleration "
                      f"explained (3 to 30 Hz): {shares}.")
 
@@ -167,7 +191,7 @@ def _show_rotation(options: Options, found: MotorResult) -> None:
 
     rows = found.rows
     if not rows:
-        options.show("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
+        options.detail("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
         return
     step_ms = 1e3 * found.step_s
     table = _table(f"Rotation predicted on held-out flights: {data_word(options)} data, mean error after 1, 10, 50 "
@@ -180,10 +204,10 @@ def _show_rotation(options: Options, found: MotorResult) -> None:
             cells.append(" ".join(f"{row.metrics[metric][h]:.3f}" for h in ("1", "10", "50"))
                          + (f" \\[{ends[0]:.3f}, {ends[1]:.3f}]" if ends else ""))
         table.add_row(row.input, *cells)
-    options.show(table)
+    options.detail(table)
     for row in rows:
-        options.show(f"  {row.input}: {row.words}" + (f" ({one_line(row.trouble)})" if row.trouble else ""))
+        options.detail(f"  {row.input}: {row.words}" + (f" ({one_line(row.trouble)})" if row.trouble else ""))
     for gain in found.gains:
         if gain.metric == SHOWN[0][0] and gain.h == 10:
-            options.show(f"{gain.input}: error of roll and pitch rate after {10 * step_ms:.0f} ms against the radio "
+            options.detail(f"{gain.input}: error of roll and pitch rate after {10 * step_ms:.0f} ms against the radio "
                          f"stream's: {verdict(*gain.ratio)}")

@@ -13,6 +13,7 @@ from ..errors import InputError, MissingExtraError, UsageError
 from ..result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
+from ..tables.table import Table as Grid
 from .closing import again, close, shown_page
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .shared_options import PATH, shared_options
@@ -107,8 +108,11 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof
     verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed, options.out)
     found = proof_of(sealed, open_and_score(sealed, verdicts, options.out))
     show_proof(options, found, "SYNTHETIC")
-    options.show(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
-    _close(options, found.summary.right, found.summary.cases, found.summary.false_names)
+    options.detail(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
+    _close(options, found.summary.right, found.summary.cases, found.summary.false_names, [Grid.plain(
+        f"Blind proof, SYNTHETIC data, {found.summary.cases} cases [exact 95 %]",
+        ("kind", "cases", "right", "false names"), [(kind, str(row.n), share_text(row), share_text(row.false_names))
+         for kind, row in found.summary.by_kind.items()])])
     return found
 
 
@@ -137,7 +141,11 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProo
     scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
     found = RealProof(tuple(scored), summarise(scored), power_by_term(scored), tuple(train))
     show_real(options, found)
-    _close(options, found.summary.right, found.summary.cases, found.summary.false_names)
+    _close(options, found.summary.right, found.summary.cases, found.summary.false_names, [Grid.plain(
+        f"Knowledge taken from a fitted simulator, {data_word(options)} data [exact 95 %]",
+        ("taken away", "cases", "named", "false names"),
+        [(kind, str(row.n), share_text(row), str(row.false_names.right))
+         for kind, row in found.summary.by_kind.items()])])
     return found
 
 
@@ -164,25 +172,28 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
     known = read_labels(labels)
     found = score_folders(judged, known, elsewhere)
     show_folders(options, found)
+    screen: list[Grid | str] = [] if options.verbose else [
+        Grid.plain(f"Folders diagnosed blind, {data_word(options)} data", HEADS[:5], [row[:5] for row in rows(found)]),
+        *sentences(found)[:8]]
     if options.out is not None:
         write_steady_page({**judged.verdicts, **{LEAVE_ONE_OUT + n: v for n, v in judged.alarms.items()}},
                           options.out / "report.html", options.synthetic, sentences(found), (HEADS, rows(found)),
                           to_json(found.summary.dose.all_motors))
-        close(options, "", "see the verdicts", *shown_page(options.out / "report.html"))
+        close(options, "", "see the verdicts", *shown_page(options.out / "report.html"), screen=screen)
     else:
-        close(options, "", "the verdicts as a page", *again("--out", "proof"))
+        close(options, "", "the verdicts as a page", *again("--out", "proof"), screen=screen)
     return found
 
 
-def _close(options: Options, right: int, cases: int, false_names: int) -> None:
+def _close(options: Options, right: int, cases: int, false_names: int, screen: Sequence[Grid]) -> None:
     close(options, f"{right} of {cases} cases right, false names in {false_names}",
-          "other cases", *again("--seed", options.seed + 1))
+          "other cases", *again("--seed", options.seed + 1), screen=[] if options.verbose else screen)
 
 
 def show_proof(options: Options, found: Proof, word: str) -> None:
     """Tables for a person: kinds, sizes, terms, what was said of what, confidence."""
     summary, details = found.summary, found.summary.details
-    kinds = _table(f"Blind proof: {word} data, {summary.cases} cases \\[exact 95 % intervals]",
+    kinds = _table(f"Blind proof: {word} data, {summary.cases} cases [exact 95 % intervals]",
                    ("kind", "cases", "right", "false names", "outcomes"))
     for kind, row in summary.by_kind.items():
         kinds.add_row(kind, str(row.n), share_text(row), share_text(row.false_names),
@@ -190,7 +201,7 @@ def show_proof(options: Options, found: Proof, word: str) -> None:
     for engine, flown in summary.by_engine.items():
         kinds.add_row(f"flown by {engine}", str(flown.n), share_text(flown), share_text(flown.false_names), "")
     kinds.add_row("all", str(summary.cases), "", share_text(details.false_name_rate), "")
-    options.show(kinds)
+    options.detail(kinds)
     figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))
     for size, recall in details.recall_by_size.items():
         quiet = f", {recall.below_power} of them rightly below the stated size" if recall.below_power else ""
@@ -206,13 +217,13 @@ def show_proof(options: Options, found: Proof, word: str) -> None:
         if spread.n:
             figures.add_row(name, f"{spread.median:.{digits}f} ({spread.p10:.{digits}f} .. {spread.p90:.{digits}f} "
                                   "from 10 to 90 % of cases)", str(spread.n))
-    options.show(figures)
-    options.show(_power_table(found.power, word))
+    options.detail(figures)
+    options.detail(_power_table(found.power, word))
     _show_confusion(options, summary.confusion, word)
     _show_calibration(options, summary.calibration, word)
     for case in found.cases:
         if case.false_name:
-            options.show(f"false name in {case.case} ({case.kind}): {one_line(', '.join(case.truth)) or 'nothing'}"
+            options.detail(f"false name in {case.case} ({case.kind}): {one_line(', '.join(case.truth)) or 'nothing'}"
                          f" was there, {one_line(', '.join(case.named))} was named")
 
 
@@ -220,7 +231,7 @@ def show_real(options: Options, found: RealProof) -> None:
     """One row per kind of ignorance, then the cases."""
     word = data_word(options)
     table = _table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(found.train)} flights train, "
-                   "others are diagnosed \\[exact 95 % intervals]",
+                   "others are diagnosed [exact 95 % intervals]",
                    ("taken away", "cases", "named", "false names beside", "verdicts"))
     for kind, row in found.summary.by_kind.items():
         mine = [c for c in found.cases if c.kind == kind]
@@ -230,7 +241,7 @@ def show_real(options: Options, found: RealProof) -> None:
         table.add_row(kind, str(row.n), "-" if kind == "control" else share_text(row),
                       f"{row.false_names.right} ({beside} not in the control)" if kind != "control" else
                       str(row.false_names.right), one_line(said))
-    options.show(table)
+    options.detail(table)
     _show_confusion(options, found.summary.confusion, word)
 
 
@@ -250,7 +261,7 @@ def _show_confusion(options: Options, confusion: Mapping[str, Mapping[str, int]]
     table = _table(f"Concealed and named ({word})", ("truth", "verdict"))
     for there, said in confusion.items():
         table.add_row(there, ", ".join(f"{one_line(name)} {count}" for name, count in said.items()))
-    options.show(table)
+    options.detail(table)
 
 
 def _show_calibration(options: Options, calibration: Sequence[Sequence[float]], word: str) -> None:
@@ -259,7 +270,7 @@ def _show_calibration(options: Options, calibration: Sequence[Sequence[float]], 
     table = _table(f"Confidence ({word})", ("stated", "right", "findings"))
     for stated, right, n in calibration:
         table.add_row(f"{stated:.0%}", f"{right:.0%}", str(n))
-    options.show(table)
+    options.detail(table)
 
 
 def share_text(found: Share) -> str:
@@ -267,7 +278,7 @@ def share_text(found: Share) -> str:
     if found.ci95 is None:
         return "-"
     low, high = found.ci95
-    return f"{found.right} of {found.n}, {found.share:.0%} \\[{100 * low:.0f}, {100 * high:.0f}]"
+    return f"{found.right} of {found.n}, {found.share:.0%} [{100 * low:.0f}, {100 * high:.0f}]"
 
 
 def _table(title: str, heads: Sequence[str]) -> Table:

@@ -70,9 +70,9 @@ def show_folders(options: Options, found: FolderProof) -> None:
         table.add_column(head, no_wrap=head == "folder")
     for row in rows(found):
         table.add_row(*row)
-    options.show(table)
+    options.detail(table)
     for line in sentences(found):
-        options.show(line)
+        options.detail(line)
 
 
 HEADS = ("folder", "truth", "verdict", "motors", "right", "thrust commanded of motors 1..4, %", "sd %", "found at it")

@@ -11,14 +11,18 @@ from typing import Any
 import click
 
 from ..errors import NanobenchError
+from ..protocols.compare import rankings
 from ..result import Result
 from ..steps.options import Options
+from ..tables.table import Table
 from ..time_offsets.moving.votes import CLOCKS
-from .audit import audit_body, show_audits
+from .audit import audit_body, audit_screen, audit_sentence
 from .closing import close, shown_page
 from .shared_options import shared_options
 
 OUT = Path("results")
+LONGEST = 60
+"""Lines of the screen of the main job."""
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 """Practice flights when there are no recordings: every family at three speeds, twice with other vehicles."""
 
@@ -37,17 +41,21 @@ def run(options: Options, clock_name: str | None, practice: bool) -> int:
     everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was. --json holds
     all result files in one: audit, estimate, control, sysid.
     """
-    results = main_job(options, practice, clock_name)
+    screens: list[Table | str] = []
+    results = main_job(options, practice, clock_name, screens)
     page = (options.out or OUT) / "report.html"
     close(options, f"{page}, tables as CSV and LaTeX and all results as JSON in {page.parent}", "see it",
-          *shown_page(page))
+          *shown_page(page), screen=screens, lines=LONGEST)
     if options.json is not None:
         options.write_json(options.envelope("run", results))
     return options.exit_code()
 
 
-def main_job(options: Options, practice: bool = False, clock: str | None = None) -> dict[str, dict[str, Any]]:
+def main_job(options: Options, practice: bool = False, clock: str | None = None,
+             screens: list[Table | str] | None = None) -> dict[str, dict[str, Any]]:
     """Does it all and gives the content of the result files by name; ``options.out`` is ./results if not set.
+
+    screens: gets what a terminal shows of each task.
 
     clock: that of the clean rows; None: see ``Recordings``. A task for which the recordings do not suffice is listed in
     ``options.failed``; the others go on.
@@ -71,14 +79,16 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
     options.say(f"[2/{steps}] audit")
     moved = {flight.name for flight in distinct(flights)[0]} if clock is None else set()
     audits, copies = options.audit(flights, COMPARED_CLOCKS, moved)
-    show_audits(options, audits, copies, verbose=False)
     results: dict[str, dict[str, Any]] = {}
+    found = audit_body(flights, audits, copies)
+    shown: list[Table | str] = [] if screens is None else screens
+    shown += [*audit_screen(options, audits, copies)[:1], f"Audit: {audit_sentence(found)}"]
 
     def keep(name: str, body: Result | Mapping[str, object], failed: list[dict[str, str]]) -> None:
         results[name] = options.envelope(name, body, failed)
         write_json(out / f"{name}.json", results[name])
 
-    keep("audit", audit_body(flights, audits, copies), list(options.failed))
+    keep("audit", found, list(options.failed))
     given = Recordings(options, [flight for flight in flights if flight.name in audits], audits, clock)
     for step, (name, body_of) in enumerate(stages.items(), start=3):
         options.say(f"[{step}/{steps}] {name}")
@@ -89,9 +99,29 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None)
             options.failed.append({"item": name, "file": getattr(error, "place", ""), "error": str(error)})
             body = {"rows": []}
         keep(name, body, options.failed[before:])
+        shown += _screen_of(options, body, results[name])
     options.say(f"[{steps}/{steps}] report")
     write_report(out, results, flights, audits, options.synthetic)
     return results
+
+
+def _screen_of(options: Options, body: Result | Mapping[str, object], content: Mapping[str, Any]) -> list[Table | str]:
+    """One task on a terminal, its result in a sentence last."""
+    from ..pages.task1_tables import task1_screen
+    from ..pages.task3_tables import task3_screen
+    from ..steps.result_bodies import ControlBody, EstimateBody, SysidBody
+    from ..steps.sentences import controlled, estimated, predicted
+    from .control import control_screen
+
+    if isinstance(body, EstimateBody):
+        recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == "as-recorded"]}
+        return [*task3_screen(recorded, options.synthetic), f"Task 3. {estimated(body.rows, rankings(body.rows))}"]
+    if isinstance(body, ControlBody):
+        return [*control_screen(options, body), f"Task 2. {controlled(body)}"]
+    if isinstance(body, SysidBody):
+        recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == content["clock"]]}
+        return [task1_screen(recorded, options.synthetic)[0], f"Task 1. {predicted(body)}"]
+    return []
 
 
 def simulate(options: Options, folder: Path) -> Path:

@@ -47,6 +47,8 @@ OPTIONS: dict[str, Callable[..., Any]] = {
                                "moving one by streams that are not judged (retimed), or by the logged position too "
                                "(joint). Uses the motion capture of the whole flight; rows say which streams voted."),
     "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
+    "verbose": click.option("--verbose/--no-verbose", default=False,
+                            help="Everything that was found, beyond one screen."),
     "quiet": click.option("--quiet", is_flag=True, help="Nothing but errors."),
 }
 

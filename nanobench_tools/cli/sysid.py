@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
+from ..pages.task1_tables import task1_screen
 from ..physics.vehicle import BOUNDS
+from ..result import to_json
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
@@ -39,6 +41,7 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
 @shared_options()
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
               help="Predictor to score beside the default ones; may repeat.")
+@click.option("--only", is_flag=True, help="Score the predictors of --method alone, beside what --fit fits.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH", help="Train on these recordings (with --test).")
 @click.option("--test", multiple=True, type=PATH, metavar="PATH", help="Test on these recordings (with --train).")
 @click.option("--fit", "wanted", type=click.Choice(["all", "short", "none"]), default="all", show_default=True,
@@ -52,8 +55,8 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Of the published networks.")
 @click.option("--train-trajectory", "train_family", metavar="NAME",
               help="Train on the recordings of this trajectory, test on all others.")
-def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], test: tuple[Path, ...], wanted: str,
-          mass_kg: float, learned: str | None, epochs: int, train_family: str | None) -> int:
+def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[Path, ...], test: tuple[Path, ...],
+          wanted: str, mass_kg: float, learned: str | None, epochs: int, train_family: str | None) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
 
     Windows start every 10 rows of clean flight. The default split trains on the earliest flight of each trajectory of
@@ -73,9 +76,11 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    if only and not methods:
+        raise UsageError("--only goes with --method")
     from ..protocols.task1 import JUDGED
 
-    predictors = load_methods("predictors", (*DEFAULT_METHODS, *methods))
+    predictors = load_methods("predictors", (*(() if only else DEFAULT_METHODS), *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
     recorded = None if options.clock == AS_RECORDED else flights
@@ -91,12 +96,13 @@ def sysid(options: Options, methods: tuple[str, ...], train: tuple[Path, ...], t
         parts = family_parts(flights, train_family)
     body = sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded)
+    screen = task1_screen(to_json(body), options.synthetic)
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
-              "--simulator", body.models.simulator)
+              "--simulator", body.models.simulator, screen=screen)
     else:
-        close_scores(options, predicted(body), "predictor")
+        close_scores(options, predicted(body), "predictor", screen)
     return options.finish("sysid", body)
 
 
@@ -153,7 +159,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     _show_fits(options, fits, choice)
     note = parameters_note(options.sessions.labels(case.flight for case in chosen.train)) if fits else ""
     if note:
-        options.show(note)
+        options.detail(note)
     models = ClockModels(
         choice.best, choice.chosen_on([p.name for p in learned if p.information == "state"]),
         {p.name: p.parameters for p in predictors if hasattr(p, "parameters") and p.name != SIMULATOR
@@ -172,15 +178,15 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
     best = choice.best
     for name, (_, value) in fits.items():
         if trouble := value.result.trouble:
-            options.show(f"{name} is no result: {escape(trouble)}")
+            options.detail(f"{name} is no result: {escape(trouble)}")
     if best is not None:
-        options.show(f"Best of class state: {escape(best)}" + (f" ({fits[best][1].uses})" if best in fits else "")
+        options.detail(f"Best of class state: {escape(best)}" + (f" ({fits[best][1].uses})" if best in fits else "")
                      + f". Chosen on {escape(choice.chosen_on().how)}.")
     if best is not None and best in fits:
-        options.show(escape(fits[best][1].summary))
+        options.detail(escape(fits[best][1].summary))
     if choice.exported is not None:
-        options.show(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, read "
-                                                   "back and judged by itself.",
+        options.detail(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, "
+                                                   "read back and judged by itself.",
                                                    fits[choice.exported][1].simulator_note)))))
 
 
@@ -208,12 +214,12 @@ def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> Non
         if row.published is not None:
             table.add_row(escape(row.model), "", "", "", "(published)", "", "", "",
                           *(_cell(row.published.published[m], {}) for m, _ in SHOWN))
-    options.show(table)
-    options.show(interval_note(rows))
+    options.detail(table)
+    options.detail(interval_note(rows))
     show_ratios(options, [(f"{row.model}, {row.truth}", row.ratios) for row in rows if row.group == "all"],
                 [(metric, heading, 1.0, 2) for metric, heading in SHOWN], "sum")
-    options.show(STARTS_SENTENCE)
-    options.show(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
+    options.detail(STARTS_SENTENCE)
+    options.detail(f"Split: {chosen.note}. {len(chosen.train)} flights train, {len(chosen.test)} test.")
 
 
 def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
@@ -239,7 +245,7 @@ def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
         cells = [f"{one.after_s[SHOWN_S].answer:+.4f} x {one.ratio:.3f}" + " WRONG" * (one.sign == "wrong")
                  for one in (getattr(answer, name) for name in MIX)]
         table.add_row(escape(model), *cells, answer.vehicle or "signs are right")
-    options.show(table)
+    options.detail(table)
 
 
 def _cell(found: Mapping[str, float], ci95: Mapping[str, Any]) -> str:

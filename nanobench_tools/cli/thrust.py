@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, UsageError
+from ..protocols.sessions import short_note
 from ..result import to_json
 from ..steps.options import Options, one_line
+from ..steps.sentences import interval
 from ..steps.show import data_word
+from ..tables.table import Table
 from .closing import again, close, shown_page
 from .shared_options import PATH, no_paths_beside, shared_options
 
 if TYPE_CHECKING:
+    from identification.thrust.error_rows import ErrorRow
     from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult
 
     from ..auditing.recording_audit import Audit
@@ -55,27 +59,32 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
-    found = thrust_result(options, flights, parts, mass_kg)
+    found, kinds = thrust_result(options, flights, parts, mass_kg)
     if options.out is not None:
         _write(options, options.out, found)
-    part = found.flight or found.stand
-    _, factor, digits = UNITS["flight" if found.flight is not None else "stand"]
-    unit = UNITS["flight" if found.flight is not None else "stand"][0]
-    result = "no map is a result" if found.best is None or part is None else (
-        f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on training "
-        "files held out in turn")
-    if options.out is None:
-        close(options, result, "as files", *again("--out", "thrust"))
-    else:
-        close(options, result, "see it", *shown_page(options.out / "thrust.html"))
+    why, command = ("see it", shown_page(options.out / "thrust.html")) if options.out is not None else (
+        "as files", tuple(again("--out", "thrust")))
+    close(options, thrust_sentence(found), why, *command,
+          screen=[p for part in kinds for p in maps_screen(options, part)],
+          detail=[p for part in kinds for p in maps_detail(options, part)])
     return options.finish("thrust", to_json(found))
+
+
+def thrust_sentence(found: ThrustResult) -> str:
+    """The chosen map, and how far off it is on files it was not fitted to."""
+    part, kind = (found.flight, "flight") if found.flight is not None else (found.stand, "stand")
+    if found.best is None or part is None:
+        return "no map is a result"
+    unit, factor, digits = UNITS[kind]
+    return (f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on "
+            "training files held out in turn")
 
 
 def thrust_result(options: Options, flights: Sequence[Flight],
                   given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
-                  mass_kg: float = 0.04085) -> ThrustResult:
-    """What was found, with the tables shown; ``given`` (train, test) replaces the splits. InputError when nothing can
-    be fitted."""
+                  mass_kg: float = 0.04085) -> tuple[ThrustResult, list[Part]]:
+    """What was found, and its parts with the fits; ``given`` (train, test) replaces the splits. InputError when nothing
+    can be fitted."""
     from identification.thrust.thrust_result import whole
     from identification.thrust.thrust_rows import sort_out
 
@@ -91,9 +100,7 @@ def thrust_result(options: Options, flights: Sequence[Flight],
         reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")
         more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
         raise InputError(place, f"nothing to fit: {reason}{more}")
-    for part in found:
-        _show(options, part)
-    return whole(found, left)
+    return whole(found, left), found
 
 
 def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
@@ -200,79 +207,95 @@ def _given(part: Part) -> dict[str, str]:
     return {given: ", ".join(names) for given, names in found.items()}
 
 
-def _show(options: Options, part: Part) -> None:
-    from rich import box
-    from rich.table import Table
+def maps_screen(options: Options, part: Part) -> list[Table | str]:
+    """Every map on rows held out, then the formula of the chosen one."""
+    unit = UNITS[part.kind][0]
+    rows = [row for row in part.rows if row.split == "test"] or part.rows
+    width = {True: "in 95 % interval", False: ""}[any(row.coverage95 is not None for row in rows)]
+    heads = ("map", f"RMS {unit}", "95 %", "files", *filter(None, [width]), "status")
+    table = Table.plain(
+        f"Thrust from {part.kind}s, {data_word(options)} data, rows of files that were "
+        + ("held out" if rows[0].split == "test" else "fitted to"), heads,
+        [tuple(cell for cell, head in zip(_cells(row, part), ("map", heads[1], "95 %", "files", width, "status"),
+                                          strict=True) if head) for row in rows], short_note(rows))
+    return [table, formula(part)]
 
+
+def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
+    _, factor, digits = UNITS[part.kind]
+    return (row.model + (" *" if row.model == part.result.best else ""), f"{factor * row.rms:.{digits}f}",
+            "-" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95), str(row.files),
+            "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %", row.status)
+
+
+def formula(part: Part) -> str:
+    """The chosen map as a formula with its coefficients, units and intervals."""
+    result = part.result
+    if result.best is None:
+        return "No map is a result: none predicts held-out rows better than a constant" + "".join(
+            f"; {name}: {why}" for name, why in result.no_result.items())
+    candidate: Any = part.found.candidates[result.best]
+    equation = getattr(candidate, "map", candidate).equation
+    parameters = "; ".join(f"{name} = {p.value:.5g} {p.unit}{interval(p.ci95)}"
+                           for name, p in result.parameters[result.best].items())
+    return f"{result.best}: {equation} [N per motor; u = PWM / 65535, V in volts]; {parameters}"
+
+
+def maps_detail(options: Options, part: Part) -> list[Table | str]:
+    """Every map on training and held-out rows, of flights as recorded, too; what the chosen one is, and the firmware's
+    beside it."""
     from identification.thrust.thrust_result import FlightResult
 
     from ..protocols.sessions import interval_note
 
     flown = part.result if isinstance(part.result, FlightResult) else None
     as_recorded = flown.as_recorded.rows if flown is not None and flown.as_recorded is not None else ()
-    unit, factor, digits = UNITS[part.kind]
+    unit = UNITS[part.kind][0]
     what = "thrust per motor on rows that spin" if flown is None else "body-z specific force, 3 Hz low-pass"
-    title = f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, {part.result.split}"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    heads = ["model", *([] if flown is None else ["clock"]), "split", f"RMS {unit}", "95 %", "n", "files",
-             "in 95 % interval", "status"]
-    for head in heads:
-        table.add_column(head, no_wrap=head not in ("status", "in 95 % interval"),
-                         justify="right" if head[:3] in ("RMS", "95 ", "n", "fil", "in ") else "left")
+    heads = ("map", "clock", "split", f"RMS {unit}", "95 %", "n", "files", "in 95 % interval", "status")
+    rows = []
     for row in [*as_recorded, *part.rows]:
-        name = row.model + (" *" if row.model == part.result.best else "")
-        interval = "-" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95)
-        cells = [name, *([] if flown is None else [row.clock]), row.split, f"{factor * row.rms:.{digits}f}", interval,
-                 str(row.n), str(row.files), "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %",
-                 one_line(row.status)]
-        table.add_row(*cells)
-    options.show(table)
-    options.show(interval_note(part.rows))
-    _show_chosen(options, part)
-    _show_firmware(options, part.result)
+        name, *numbers, files, inside, status = _cells(row, part)
+        rows.append((name, row.clock, row.split, *numbers, str(row.n), files, inside, status))
+    table = Table.plain(f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, "
+                        f"{part.result.split}", heads, rows, interval_note(part.rows))
+    return [table, formula(part), *_of_chosen(part), *_against_firmware(part.result)]
 
 
-def _show_chosen(options: Options, part: Part) -> None:
-    """The chosen map, what it was given, its parameters."""
+def _of_chosen(part: Part) -> list[str]:
+    """How the map was chosen, what it was given, how its intervals were drawn."""
     from identification.thrust.thrust_result import FlightResult
 
     result = part.result
     if result.best is None or result.chosen is None:
-        options.show("No map is a result: none predicts held-out rows better than a constant"
-                     + "".join(f"; {n}: {t}" for n, t in result.no_result.items()))
-        return
+        return []
     unit, factor, digits = UNITS[part.kind]
     held = result.held_out_coverage95.get(result.best) if isinstance(result, FlightResult) else None
-    options.show(f"* {result.best}: chosen by training files held out in turn "
-                 f"({factor * result.held_out_rms[result.best]:.{digits}f} {unit}); "
-                 f"95 % of a row of a new file within ± {factor * result.chosen.interval_half_width:.{digits}f} {unit}"
-                 + ("." if held is None else f" (holds {100 * held:.0f} % of training rows held out in turn)."))
-    for given, names in _given(part).items():
-        options.show(f"  given {given}: {names}")
-    parameters = result.parameters[result.best]
     files, why = len(part.found.train), part.found.why
     kind = "training flights in sessions" if part.found.flown else "stand series"
-    drawn = f" (95 % interval of {files} {kind} drawn" + (f"; {why})" if why else ")")
-    options.show("  its parameters" + (drawn if any(found.ci95 for found in parameters.values())
-                                       else f", without interval: {why or 'refits to drawn files fail'}"))
-    for name, found in parameters.items():
-        options.show(f"  {name} = {found.value:.5g} {found.unit}"
-                     + (f"  ({found.ci95[0]:.4g} .. {found.ci95[1]:.4g})" if found.ci95 else ""))
+    drawn = f"95 % intervals of {files} {kind} drawn" + (f"; {why}" if why else "")
+    return [f"{result.best} was chosen by training files held out in turn "
+            f"({factor * result.held_out_rms[result.best]:.{digits}f} {unit}); "
+            f"95 % of a row of a new file within ± {factor * result.chosen.interval_half_width:.{digits}f} {unit}"
+            + ("." if held is None else f" (contains {100 * held:.0f} % of training rows held out in turn)."),
+            *(f"given {given}: {names}" for given, names in _given(part).items()),
+            drawn if any(p.ci95 for p in result.parameters[result.best].values())
+            else f"no intervals: {why or 'refits to drawn files fail'}"]
 
 
-def _show_firmware(options: Options, result: StandResult | FlightResult) -> None:
+def _against_firmware(result: StandResult | FlightResult) -> list[str]:
     """The chosen map beside the firmware's on held-out files; of every stand series what it was predicted from."""
     from identification.thrust.thrust_result import StandResult
 
     pairs = result.against_firmware
     if not pairs or result.best is None:
-        return
+        return []
     scaled = [p.scaled_beaten for p in pairs if p.scaled_beaten is not None]
-    options.show(f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} of "
-                 f"{len(pairs)} held-out files, than the closer of these scaled as it is on {sum(scaled)} of "
-                 f"{len(scaled)}.")
+    lines = [f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} of "
+             f"{len(pairs)} held-out files, than the closer of these scaled as it is on {sum(scaled)} of "
+             f"{len(scaled)}."]
     if not isinstance(result, StandResult):
-        return
+        return lines
     unit, factor, digits = UNITS["stand"]
     for p in pairs:
         how = (result.held_out or {}).get(p.file)
@@ -281,9 +304,9 @@ def _show_firmware(options: Options, result: StandResult | FlightResult) -> None
             to += ", the only other one of its propeller"
         basis = "" if how is None else f" ({how.best} fitted to {to}" + (
             "" if how.same_propeller is not False else ": none of its own propeller") + ")"
-        options.show(f"  {one_line(p.file)}: {factor * p.rms:.{digits}f} against "
-                     f"{factor * p.firmware:.{digits}f} {unit}{one_line(basis)}")
+        lines.append(f"{p.file}: {factor * p.rms:.{digits}f} against {factor * p.firmware:.{digits}f} {unit}{basis}")
         own = how.own_bands if how and how.fitted_to else None
         if own and own.rms_N and own.firmware_N:
-            options.show(f"    from its own other PWM bands: {factor * own.rms_N:.{digits}f} against "
+            lines.append(f"  from its own other PWM bands: {factor * own.rms_N:.{digits}f} against "
                          f"{factor * own.firmware_N:.{digits}f} {unit} ({own.best})")
+    return lines

@@ -14,6 +14,7 @@ from ..errors import UsageError
 from ..harness.progress import Progress, Task
 from ..result import OPTIONAL, Result, to_json
 from ..steps.options import Options, one_line
+from ..tables.table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, FiniteRange, shared_options
 
@@ -193,23 +194,27 @@ def _show(options: Options, controller: str, judged: Sequence[PathSpec], before:
         speed = spec.params.get("speed_mps")
         table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
                       f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
-    options.show(table)
+    options.detail(table)
     if report.as_they_were:
-        options.show(f"{one_line(controller)}: {report.trials} trials found no gains that are better on plants not "
-                     "searched on; they stay as they are")
-        _close(options, controller, report)
-        return
-    word = "better" if found.better else "not shown to be better"
-    options.show(f"{one_line(controller)} tuned is {word}: RMSE {found.ratio:.3f} times what it was (95 % "
-                 f"{found.ci95[0]:.3f} to {found.ci95[1]:.3f}), {found.lost_before} of "
-                 f"{found.paths * found.plants} flights lost before, {found.lost_after} after; "
-                 f"{report.trials} trials")
-    _close(options, controller, report)
-
-
-def _close(options: Options, controller: str, report: Report) -> None:
-    if report.file is None:
-        close(options, "", "keep the gains", *again("--out", "tuned"))
+        result = (f"{controller}: {report.trials} trials found no gains that are better on plants not searched on; "
+                  "they stay as they are")
     else:
-        close(options, f"gains: {report.file}", "against the gains as they are", "nanobench", "control", "--plant",
-              "simulated", "--controller", controller, "--gains", report.file)
+        word = "better" if found.better else "not shown to be better"
+        result = (f"{controller} tuned is {word}: RMSE {found.ratio:.3f} times what it was (95 % "
+                  f"{found.ci95[0]:.3f} to {found.ci95[1]:.3f}), "
+                  f"{found.lost_before} of {found.paths * found.plants} flights lost before, "
+                  f"{found.lost_after} after; {report.trials} trials")
+    rows = [(spec.family, f"{np.median(np.array(before.rmse_m[k], float)):.3f}",
+             f"{np.median(np.array(after.rmse_m[k], float)):.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
+            for k, spec in enumerate(judged)]
+    _close(options, controller, report, result, [Grid.plain(
+        f"{controller} tuned: SIMULATED flights of {found.plants} plants and of families not searched on",
+        ("reference", "RMSE before m", "after m", "lost before", "after"), rows)])
+
+
+def _close(options: Options, controller: str, report: Report, result: str, screen: Sequence[Grid]) -> None:
+    if report.file is None:
+        close(options, result, "keep the gains", *again("--out", "tuned"), screen=screen)
+    else:
+        close(options, f"{result}; gains: {report.file}", "against the gains as they are", "nanobench", "control",
+              "--plant", "simulated", "--controller", controller, "--gains", report.file, screen=screen)

@@ -1,6 +1,6 @@
 """One self-contained page, CSV and LaTeX from the JSON results."""
 
+from ..tables.table import write_tables
 from .report_page import write_report
-from .tables import write_tables
 
 __all__ = ["write_report", "write_tables"]

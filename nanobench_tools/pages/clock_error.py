@@ -13,10 +13,10 @@ import numpy as np
 from ..flight import Flight, Span, mask_of
 from ..metrics.timing import MINIMUM_SPEED_M_S
 from ..metrics.trajectory import rms
+from ..tables.quantities import number
 from .audit_entry import cut_spans, total
 from .figure import Axis, Figure, Mark, Panel
 from .packed import Steps, envelope
-from .quantities import number
 
 BUCKETS = 450
 """Pairs of points per curve: a saw-tooth of a quarter of a second is seen as one."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..tables.quantities import number
 from .figure import Axis, Choice, Drawing, Figure, Mark, Panel, intervals, styled
 from .overview_pictures import curves
 from .packed import Even, Steps
-from .quantities import number
 
 EVERY = 2
 """Every so many samples of a simulated flight (20 Hz) are drawn."""

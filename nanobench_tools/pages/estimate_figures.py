@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..tables.table import Score
 from .figure import Axis, Choice, Drawing, Figure, Mark, Panel
 from .packed import Steps
 from .row_cells import AS_RECORDED, clock_of
-from .tables import Score
 
 ELLIPSES = 12
 LEAST_MM = 1.0

@@ -14,12 +14,12 @@ import numpy as np
 from .. import so3
 from ..auditing.faults.kinds import cutting, group_of
 from ..flight import Flight, Span, Stream, mask_of
+from ..tables.quantities import DASH, format_number, number
 from .audit_entry import clock_points, cut_spans, share_valid, span_of, streams_of, total
 from .clock_error import SD_95
 from .figure import COLOURS, DASHES, Axis, Colour, Figure, Mark, Panel
 from .packed import Even, Steps, envelope, on_grid
 from .plotly_json import spec
-from .quantities import DASH, format_number, number
 
 PATH_RATE_HZ, PATH_POINTS = 8.0, 900
 """A path has so many points a second, and so many at most."""

@@ -15,6 +15,8 @@ from markupsafe import Markup, escape
 from ..auditing.audit_verdict import entry_of
 from ..auditing.recording_audit import Audit
 from ..flight import Flight
+from ..tables.quantities import DASH, number
+from ..tables.table import Column, Score, Table, score_text, write_tables
 from ..version import __version__
 from . import control_pictures, estimate_figures, overview_pictures, recording, words
 from .audit_entry import total
@@ -23,10 +25,8 @@ from .environment import environment
 from .figure import Drawing, Figure
 from .packed import compressed
 from .plotly_json import spec
-from .quantities import DASH, number
 from .result_tables import tables_of
 from .row_cells import AS_RECORDED, clock_of
-from .tables import Column, Score, Table, score_text, write_tables
 from .task3_tables import logged_method
 from .tiles import tiles
 

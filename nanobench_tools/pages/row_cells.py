@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from ..protocols.sessions import interval_note
-from .quantities import shown
-from .tables import Cell, Column, Score, Table
+from ..tables.quantities import shown
+from ..tables.table import Cell, Column, Score, Table
 
 PUBLISHED = "as-published"
 SPEEDS = ("slow", "medium", "fast")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from .quantities import shown
+from ..protocols.sessions import short_note
+from ..tables.quantities import shown
+from ..tables.table import Cell, Column, Score, Table
 from .row_cells import (
     AS_RECORDED,
     CLOCK,
@@ -29,7 +31,6 @@ from .row_cells import (
     session_cells,
     text_of,
 )
-from .tables import Cell, Column, Score, Table
 
 TASK1_GROUPS = ("all", "seen", "unseen")
 
@@ -74,6 +75,25 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     table = Table("table_task1", "Task 1: error of the predicted state after h steps of 10 ms", columns, tuple(lines),
                   note, main).without_empty_columns()
     return clock_in_place(drop_blank(table, "start"))
+
+
+def task1_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]:
+    """Every model over all test flights from the published start, for one screen; of the position the interval, too."""
+    rows = [row for row in one_truth(sysid["rows"]) if row["group"] == "all"]
+    heads = {"position_mae_m": "position m", "velocity_mae_m_s": "velocity m/s", "attitude_mae_rad": "attitude rad",
+             "rate_mae_rad_s": "rate rad/s"}
+    lines: list[tuple[Cell, ...]] = []
+    for row in rows:
+        ends = row["ci95"]["position_mae_m"].get("50")
+        lines.append((row["model"] + " (no result)" * bool(row.get("trouble")), row["information"],
+                      *(f"{row['metrics'][m]['50']:.4f}" for m in heads),
+                      f"{ends[0]:.4f} .. {ends[1]:.4f}" if ends else "-"))
+        if theirs := row.get("published"):
+            lines.append(("  published", "", *(f"{theirs[m]['50']:.4f}" for m in heads), ""))
+    title = (f"Task 1, {data_label(synthetic)} data: mean error after half a second, "
+             f"{len(sysid['test'])} test flights; 95 % of the position")
+    return [Table.plain(title, ("model", "given", *heads.values(), "95 %"), lines, short_note(rows)),
+            f"Split: {sysid['split']}."]
 
 
 def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..tables.table import Cell, Column, Score, Table
 from .row_cells import (
     CLOCK,
     DATA,
@@ -21,7 +22,6 @@ from .row_cells import (
     session_cells,
     text_of,
 )
-from .tables import Cell, Column, Score, Table
 
 CONTROL_METRICS = ("rmse_m", "ade_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent", "lag_s",
                    "rmse_lag_removed_m", "contour_rmse_m", "z_bias_m", "worst_decile_m", "saturated_percent",

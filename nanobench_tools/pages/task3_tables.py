@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from ..labels import OTHER_FAMILIES
-from .quantities import shown
+from ..protocols.sessions import interval_note, short_note
+from ..tables.quantities import shown
+from ..tables.table import Cell, Column, Score, Table
 from .row_cells import (
     AS_RECORDED,
     CLOCK,
@@ -31,7 +33,6 @@ from .row_cells import (
     session_cells,
     text_of,
 )
-from .tables import Cell, Column, Table
 
 CORRECTED = "as-published-corrected"
 PUBLISHED_METRICS = ("ate_rmse_m", "ate_mean_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg")
@@ -80,6 +81,77 @@ def task3(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
     tables = [_task3_table(name, title, [r for r in rows if r.get("protocol") in chosen], known, synthetic)
               for name, title, chosen, known in sets]
     return [task3_clocks(rows, synthetic), *tables, task3_ratios(rows, synthetic)]
+
+
+SCREEN_METRICS = {"clean": ("ate_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg"),
+                  "aided": ("ate_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "nees", "nis"),
+                  BLACKOUT: ("end_error_1s_m", "end_error_5s_m", "end_error_10s_m", "end_error_20s_m"),
+                  "whole-flight": ("drift_percent", "drift_horizontal_percent", "drift_vertical_percent")}
+"""What one screen shows of a protocol; of the published ones what ``clean`` has."""
+
+
+def task3_screen(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
+    """One table a protocol for a terminal: all flights, or the published groups, as many metrics as say most. What
+    differs between rows has a column: protocol, group, clock, what methods were given."""
+    protocols = dict.fromkeys(str(row["protocol"]) for row in estimate["rows"])
+    sets = dict.fromkeys(tuple(p for p in protocols if p.startswith(PUBLISHED)) if name.startswith(PUBLISHED) else
+                         (name,) for name in protocols)
+    return [_screen_of([row for row in estimate["rows"] if row["protocol"] in names], names, synthetic)
+            for names in sets]
+
+
+def _screen_of(rows: list[Mapping[str, Any]], names: Sequence[str], synthetic: bool) -> Table:
+    published = names[0].startswith(PUBLISHED)
+    rows = [row for row in rows if published or row["group"] == "all"] or rows
+    metrics = SCREEN_METRICS.get(names[0], SCREEN_METRICS["clean"])
+    scores = tuple(replace(score_column(m), title=shown(m).title.replace(" RMSE", "")) for m in metrics
+                   if any(m in row["metrics"] for row in rows))
+    heads = {"protocol": "Protocol", "group": "Group", "clock": "Clock", "method": "Method", "inputs": "Given"}
+    heads = {key: title for key, title in heads.items()
+             if key == "method" or len({str(row.get(key)) for row in rows}) > 1}
+    columns = (*(Column(key, title) for key, title in heads.items()), Column("n", "n", "count"), *scores)
+    lines: list[tuple[Cell, ...]] = []
+    for row in sorted(rows, key=lambda row: _group_rank(_group(row))):
+        lines.append((*(text_of(row.get(key)) for key in heads), count_of(row["n"]),
+                      *scores_of(row["metrics"], row, scores)))
+        if theirs := row.get("published"):
+            lines.append((*("published" if key == "protocol" else text_of(row.get(key)) for key in heads),
+                          count_of(row.get("published_n")), *scores_of(theirs, {}, scores, exact=True)))
+    word = "the published protocol" if published else names[0]
+    return Table(f"screen_{names[0]}", f"Task 3, {word}, {data_label(synthetic)} data: mean ± SD over flights [95 %]",
+                 columns, tuple(lines), short_note(rows)).without_empty_columns()
+
+
+def task3_windows(estimate: Mapping[str, Any]) -> Table:
+    """Blackouts over the windows of all flights: median and p90, in space, horizontal and vertical."""
+    from ..protocols.blackout import HORIZONS_S, KINDS
+
+    rows = [row for row in estimate["rows"] if row.get("over_windows") and row["group"] in ("all", OTHER_FAMILIES)]
+    lines: list[tuple[Cell, ...]] = []
+    for row in sorted(rows, key=lambda row: str(row["group"])):
+        for kind in KINDS:
+            found = [row["over_windows"].get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
+            lines.append((row["group"], row["method"], clock_of(row), kind.strip("_") or "3-D", *(
+                f"{f['median']:.3f} / {f['p90']:.3f} ({f['n']})" if f else "-" for f in found)))
+    return Table.plain("Blackout, end error over windows, m: median / p90 (windows)",
+                       ("group", "method", "clock", "error", *(f"{h:.0f} s" for h in HORIZONS_S)), lines,
+                       "Windows of one flight, and flights of one session, are alike: their number says little of how "
+                       "sure a median is.")
+
+
+def task3_attribution(attribution: Mapping[str, Any]) -> list[Table]:
+    """Where the error of the onboard filter comes from: by clock, and run again with one thing changed."""
+    parts = (("logged", f"Logged estimate of the onboard filter by clock, n = {attribution['n']}",
+              {"ate_m": "ATE", "along_m": "along", "across_m": "across"}),
+             ("replayed", f"The filter run again, a pose every 10 ms, n = {attribution['n_replayed']}",
+              {"ate_m": "ATE", "change_m": "change of ATE", "moves_m": "moves by"}))
+    found = []
+    for key, title, heads in parts:
+        columns = (Column("what", ""), *(Column(name, head, "score", "mm", 1e3, 2) for name, head in heads.items()))
+        lines = tuple((row["what"], *(Score.of(row["metrics"].get(name)) for name in heads))
+                      for row in attribution[key])
+        found.append(Table(f"attribution_{key}", title, columns, lines, interval_note(attribution[key], list(heads))))
+    return found
 
 
 def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ..tables.quantities import format_duration, format_number, number, shown
 from .audit_entry import total
-from .quantities import format_duration, format_number, number, shown
 from .row_cells import AS_RECORDED, clock_of, of_one_clock, one_truth
 from .task3_tables import logged_method
 from .words import PEOPLE, last_horizon, mean_of

@@ -7,9 +7,9 @@ from typing import Any
 
 from ..metrics.statistics import excludes_one
 from ..protocols.compare import verdict
+from ..tables.quantities import format_duration, format_number, number, shown
 from ..time_offsets.moving.votes import CLOCKS
 from .audit_entry import fault_counts, lost_in_the_air, total
-from .quantities import format_duration, format_number, number, shown
 from .row_cells import AS_RECORDED, PUBLISHED, clock_of, of_one_clock, one_truth
 from .task3_tables import BLACKOUT, CORRECTED, logged_method
 

@@ -95,6 +95,45 @@ def clocks(rows: Sequence[EstimateRow], per_flight: Sequence[FlightScore], windo
             for row in rows]
 
 
+HEADLINE = ("ate_rmse_m", "end_error_5s_m", "drift_percent")
+"""The metric that stands for a protocol: the first that a row has."""
+
+
+@dataclass(frozen=True, repr=False)
+class ClockRanking(Result):
+    """The best of several methods that were given the same, by clock; errors: {clock: {method: mean}}."""
+
+    protocol: str
+    inputs: str
+    metric: str
+    best: Mapping[str, str]
+    errors: Mapping[str, Mapping[str, float]]
+
+    @property
+    def decides(self) -> bool:
+        """Whether the clock decides which method is best."""
+        return len(set(self.best.values())) > 1
+
+
+def rankings(rows: Sequence[EstimateRow]) -> list[ClockRanking]:
+    """Of every protocol that was scored on several clocks, over all flights; methods that every clock has."""
+    found = []
+    for protocol, inputs in dict.fromkeys((row.protocol, row.inputs) for row in rows):
+        mine = [row for row in rows if (row.protocol, row.inputs, row.group) == (protocol, inputs, "all")]
+        metric = next((m for m in HEADLINE if any(m in row.metrics for row in mine)), None)
+        errors: dict[str, dict[str, float]] = {}
+        for row in mine:
+            if metric is not None and metric in row.metrics and (mean := row.metrics[metric].mean) is not None:
+                errors.setdefault(row.clock, {}).setdefault(row.method, mean)
+        shared = set.intersection(*map(set, errors.values())) if errors else set()
+        if metric is None or len(errors) < 2 or len(shared) < 2:
+            continue
+        errors = {clock: {m: e for m, e in each.items() if m in shared} for clock, each in errors.items()}
+        found.append(ClockRanking(protocol, inputs, metric, {
+            clock: min(each, key=lambda m: each[m]) for clock, each in errors.items()}, errors))
+    return found
+
+
 def of_windows(windows: Sequence[WindowScore], shared: Sequence[WindowScore]) -> dict[str, dict[str, float]]:
     """{flight: {end_error_Hs_m ...: mean}} of dead reckoning over the ``windows`` whose flight, start and length are
     among ``shared`` too."""

@@ -123,6 +123,12 @@ def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
     return text
 
 
+def short_note(rows: Iterable[Any]) -> str:
+    """``interval_note`` without what it says of design effects."""
+    text = interval_note(rows).partition(" Over flights alone")[0]
+    return text.replace(": nothing says how sessions differ", "")
+
+
 def parameters_note(labels: np.ndarray) -> str:
     """What the intervals of fitted parameters are: refits to drawn training flights; labels: sessions of these."""
     n, found = len(labels), session_count(labels)

@@ -56,13 +56,13 @@ def show_simulated(options: Options, rows: Sequence[SimulatedRow], bar: ErrorBar
                       number(m["worst_decile_m"], 3), number(m["rmse_lag_removed_m"], 3),
                       number(m["contour_rmse_m"], 3), number(m["divergence_percent"], 1),
                       number(m["saturated_percent"], 1), number(m["lost_percent"], 0), number(m["solve_p99_ms"], 3))
-    options.show(table)
+    options.detail(table)
     _show_together(options, rows)
     for row in rows:
         for what in ("gust", "outage"):
             if (bent := getattr(row, what)) is not None:
                 most, back = bent["most_m"], bent["back_s"]
-                options.show(f"{one_line(row.controller)}, {row.reference}, {what}: "
+                options.detail(f"{one_line(row.controller)}, {row.reference}, {what}: "
                              f"{number(most.median, 2)} m away (worst decile {number(most.p90, 2)}), back "
                              f"within 5 cm after {number(back.median, 1)} s")
 
@@ -124,7 +124,7 @@ def _show_together(options: Options, rows: Sequence[SimulatedRow]) -> None:
         table.add_row(one_line(one.controller), one.information, str(one.references), number(one.rmse_m, 3),
                       number(one.contour_rmse_m, 3), number(one.worst_decile_m, 3),
                       number(one.lost_percent, 1), *better)
-    options.show(table)
+    options.detail(table)
 
 
 def show_mismatch(options: Options, rows: Sequence[MismatchRow]) -> None:
@@ -146,4 +146,4 @@ def show_mismatch(options: Options, rows: Sequence[MismatchRow]) -> None:
             cells.append("lost" if any(m["lost_percent"] for m in mine) else
                          number(max((_order(m["rmse_m"]) for m in mine), default=float("nan")), 3))
         table.add_row(case, *cells)
-    options.show(table)
+    options.detail(table)

@@ -7,11 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ..metrics.statistics import Summary
 from ..result import INLINE, Result
 from ..time_offsets.moving.votes import AS_RECORDED
 from .options import Options
-from .show import data_word
 
 if TYPE_CHECKING:
     from ..auditing.recording_audit import Audit
@@ -120,33 +118,6 @@ def attribution(options: Options, flights: Sequence[Flight], audits: Mapping[str
     sessions = {what: options.sessions.labels(flight for flight, one in zip(flown, items, strict=True)
                                               if one.key in values)
                 for what, items in {**single, "replayed": again}.items()}
-    body = protocol.tabulate({clock: [values[one.key] for one in items if one.key in values]
+    return protocol.tabulate({clock: [values[one.key] for one in items if one.key in values]
                               for clock, items in single.items()},
                              [values[one.key] for one in again if one.key in values], options.seed, sessions)
-    _show(options, body)
-    return body
-
-
-def _show(options: Options, body: Attribution) -> None:
-    from rich.table import Table
-
-    from ..protocols.sessions import interval_note
-
-    def cell(found: Summary | None) -> str:
-        if found is None or found.mean is None:
-            return "-"
-        return f"{1e3 * found.mean:.2f}" + (f" ({1e3 * found.ci95[0]:.2f} .. {1e3 * found.ci95[1]:.2f})"
-                                            if found.ci95 else "")
-
-    tables = ((f"logged estimate of the onboard filter by clock, n = {body.n} {data_word(options)} flights",
-               body.logged, ("ate_m", "along_m", "across_m"), ("ATE", "along", "across")),
-              (f"the filter run again, a pose every 10 ms, n = {body.n_replayed}", body.replayed,
-               ("ate_m", "change_m", "moves_m"), ("ATE", "change of ATE", "moves by")))
-    for title, rows, keys, heads in tables:
-        table = Table(title=f"{title}; mean, mm (95 % interval)", title_style="", title_justify="left", box=None)
-        for head in ("", *heads):
-            table.add_column(head)
-        for row in rows:
-            table.add_row(row.what, *(cell(row.metrics.get(key)) for key in keys))
-        options.show(table)
-        options.show(interval_note(rows, keys))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,15 +12,16 @@ from ..errors import InputError
 from ..time_offsets.moving.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, blackout_bands
 from .named_methods import load_methods
-from .options import Options, one_line
+from .options import Options
 from .result_bodies import EstimateBody, TakenOut
-from .show import ALL_FAILED, data_word, score_table, sessions_text, show_left_out, show_ratios
+from .show import ALL_FAILED, show_left_out
 
 if TYPE_CHECKING:
     from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
+    from ..protocols.compare import ClockRanking
     from ..protocols.dead_logs import DeadLog
     from ..protocols.result_rows import EstimateRow, FlightScore, Metrics, Scored, WindowScore
     from ..protocols.task3 import Case
@@ -40,18 +42,6 @@ LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
 
 SHOWN_FIRST = ("ate_rmse_m", "end_error_5s_m", "drift_percent")
 """The metric that stands for a row in one line: the first that it has."""
-
-COLUMNS = (("ate_rmse_m", "ATE mm", 1e3, 1), ("rte_1m_m", "RTE 1 m mm", 1e3, 1),
-           ("velocity_rmse_m_s", "velocity m/s", 1.0, 3), ("attitude_rmse_deg", "attitude deg", 1.0, 2))
-
-SURE = (*COLUMNS, ("nees", "NEES of 3", 1.0, 2), ("nees_in_band", "in 95 % band", 1.0, 2), ("nis", "NIS of 1", 1.0, 2))
-"""Shown for aided: a filter that is told poses can say how sure it is of each."""
-
-DRIFTS = (("drift_percent", "drift %", 1.0, 1), ("drift_horizontal_percent", "horizontal %", 1.0, 1),
-          ("drift_vertical_percent", "vertical %", 1.0, 1), ("velocity_rmse_m_s", "velocity m/s", 1.0, 3))
-
-ENDS = tuple((f"end_error_{h}s_m", f"{h} s later m", 1.0, 3) for h in (1, 5, 10, 20))
-
 
 def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
     """{method: {name of the flight: file}}; InputError for a folder without .tum files."""
@@ -84,8 +74,9 @@ def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]
 
 def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
                   files: Mapping[str, Mapping[str, Path]] | None = None, trajectories: bool = True,
-                  aidings: Sequence[Aiding] | None = None) -> EstimateBody:
-    """estimate.json, with the tables shown. Without ``protocols`` all that the data allow.
+                  aidings: Sequence[Aiding] | None = None, further: Sequence[Any] = ()) -> EstimateBody:
+    """estimate.json. Without ``protocols`` all that the data allow; ``methods`` in place of the default ones of every
+    protocol, ``further`` beside them.
 
     trajectories: whether they are written to ``--out``; aidings: how poses come in ``aided``, one table each, the
     first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
@@ -104,7 +95,10 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     failed: dict[str, str] = {}
     flights, audits = seen.places.flights, seen.places.audits
     for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
-        chosen = load_methods("estimators", DEFAULT_METHODS[protocol]) if methods is None else methods
+        chosen = methods
+        if chosen is None:
+            own = {method.name for method in further}
+            chosen = [*load_methods("estimators", [m for m in DEFAULT_METHODS[protocol] if m not in own]), *further]
         if options.clock == "joint":
             chosen, cases = _without_logged(options, chosen, cases)
         work = [(method, case) for method in chosen for case in cases]
@@ -133,6 +127,28 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
         name: TakenOut.of(offset) if offset else None for name, offset in seen.places.time_offsets.items()
         if name in used}}
     return EstimateBody(rows, per_flight, left_out, windows or None, bands or None, dead, taken_out)
+
+
+def ranked_by_clock(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], body: EstimateBody,
+                    methods: Sequence[Any] | None, aidings: Sequence[Aiding] | None = None,
+                    further: Sequence[Any] = ()) -> list[ClockRanking]:
+    """Which method is best as recorded and re-timed, among those that were given the same. For that the flights are
+    scored re-timed, too, if the audit found a time error in one of them. Empty for ``body`` on another clock, and
+    where no two methods were given the same."""
+    from ..auditing.faults.kinds import those
+    from ..protocols.compare import rankings
+    from ..protocols.task3 import PUBLISHED
+
+    late = {name for name, audit in audits.items()
+            if {fault.kind for fault in audit.faults} & those(lambda kind: kind.corrected)}
+    several = Counter((row.protocol, row.inputs) for row in body.rows if row.group == "all"
+                      and row.clock == AS_RECORDED and row.protocol not in PUBLISHED and late & set(row.flights))
+    protocols = list(dict.fromkeys(protocol for (protocol, _), n in several.items() if n > 1))
+    if options.clock != AS_RECORDED or not protocols:
+        return rankings(body.rows)
+    moved = replace(options, clock="retimed", quiet=True, out=None, failed=[])
+    again = estimate_body(moved, see(moved, flights, audits), protocols, methods, aidings=aidings, further=further)
+    return rankings([*body.rows, *again.rows])
 
 
 def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
@@ -174,8 +190,8 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
 def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], seen: Seen,
            out: Path | None, aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
            ) -> tuple[list[EstimateRow], list[FlightScore], list[DrawnBand]]:
-    """Runs method x flight, writes the trajectories, shows the rows of one protocol; gives them, the scores of every
-    single flight, and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
+    """Runs method x flight and writes the trajectories: the rows of one protocol, the scores of every single flight,
+    and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
     judged on, where it is another one."""
     from ..harness import make_item
     from ..labels import speed_of
@@ -210,7 +226,6 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                given, options.sessions, protocol_given, inputs)
     rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
-    _show(options, protocol, rows, {task3.AIDED: SURE, task3.WHOLE_FLIGHT: DRIFTS}.get(protocol, COLUMNS))
     single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
                           protocol_given, value.metrics) for method, case, value in done]
     return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
@@ -238,7 +253,7 @@ def _with_attitude(value: Scored, turned: Scored | None, again: Mapping[str, Cas
 
 def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Seen
                     ) -> tuple[list[EstimateRow], list[WindowScore], list[DrawnBand]]:
-    """The rows of the protocol, shown, its windows, and what is drawn of one of them."""
+    """The rows of the protocol, its windows, and what is drawn of one of them."""
     from ..harness import make_item
     from ..protocols import blackout
     from ..protocols.result_rows import WindowScore
@@ -254,68 +269,5 @@ def _score_blackout(options: Options, work: Sequence[tuple[Any, Case]], seen: Se
         rows += blackout.tabulate(mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                   options.sessions)
     rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
-    _show(options, "blackout", rows, ENDS)
-    _show_windows(options, rows)
     return rows, [WindowScore(case.flight.name, method.name, options.clock, window)
                   for method, case, value in done for window in value.windows], blackout_bands(options, done)
-
-
-def _show_windows(options: Options, rows: Sequence[EstimateRow]) -> None:
-    """Median and p90 over the windows of all flights, and of families that set nothing, 3-D, horizontal, vertical."""
-    from rich.table import Table
-
-    from ..labels import OTHER_FAMILIES
-    from ..protocols.blackout import HORIZONS_S, KINDS
-    from ..protocols.sessions import interval_note
-
-    table = Table(title=f"blackout, end error \\[m] over windows, {data_word(options)} data, {_clock_text(rows)}: "
-                        "median / p90 (windows)", title_style="", title_justify="left", box=None)
-    for name in ("group", "n", "sessions", "method", "error", *(f"{h:.0f} s" for h in HORIZONS_S)):
-        table.add_column(name)
-    shown = sorted((row for row in rows if row.group in ("all", OTHER_FAMILIES)), key=lambda row: row.group)
-    for row in shown:
-        for kind in KINDS:
-            found = [(row.over_windows or {}).get(f"end_error_{kind}{h:.0f}s_m") for h in HORIZONS_S]
-            cells = [f"{f.median:.3f} / {f.p90:.3f} ({f.n})" if f else "-" for f in found]
-            table.add_row(row.group, str(row.n), sessions_text(row.drawn.sessions), one_line(row.method),
-                          kind.strip("_") or "3-D", *cells)
-    options.show(table)
-    options.show(" ".join(filter(None, ("Windows of one flight, and flights of one session, are alike: their number "
-                                        "says little of how sure a median is.",
-                                        interval_note(shown, [name for name, *_ in ENDS])))))
-
-
-def _clock_text(rows: Sequence[EstimateRow]) -> str:
-    """The clock of a table, and who had a vote in it."""
-    heard = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence or ()))
-    turned = list(dict.fromkeys(kind for row in rows for kind in row.clock_evidence_attitude or ()))
-    clock = next((row.clock for row in rows), AS_RECORDED)
-    if clock == AS_RECORDED:
-        return f"clock {clock}"
-    protocol_given = f"clock {clock} set by {', '.join(heard) or 'no stream'}"
-    return protocol_given + (f" (attitude: {', '.join(turned)})" if turned and turned != heard else "")
-
-
-def _show(options: Options, protocol: str, rows: Sequence[EstimateRow],
-          columns: Sequence[tuple[str, str, float, int]] = COLUMNS) -> None:
-    """The groups of the published table, or all and the speeds; families are in the files."""
-    from ..labels import OTHER_FAMILIES
-    from ..protocols.sessions import interval_note
-
-    lines: list[tuple[list[str], Mapping[str, Any]]] = []
-    for row in rows:
-        if row.group not in ("all", OTHER_FAMILIES, "slow", "medium", "fast", "Slow", "Medium", "Fast"):
-            continue
-        lines.append(([row.group, row.method, str(row.n), sessions_text(row.drawn.sessions)], row.metrics))
-        if row.published is not None:
-            lines.append(([row.group, "(published)", str(row.published.published_n), ""], row.published.published))
-    title = (f"Task 3, {protocol}: {data_word(options)} data, {_clock_text(rows)}, mean ± SD over n flights, "
-             f"95 % interval of the mean {columns[0][1].removesuffix(' mm')}")
-    options.show(score_table(title, ("group", "method", "n", "sessions"), columns, lines))
-    options.show(interval_note(rows, [name for name, *_ in columns]))
-    for group in ("all", OTHER_FAMILIES):
-        mine = [row for row in rows if row.group == group]
-        show_ratios(options, [(row.method + ", other families" * (group != "all"), row.ratios) for row in mine],
-                    columns)
-    for given in dict.fromkeys(f"{row.method}: given {row.given}" for row in rows):
-        options.show(one_line(given))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ..errors import InputError, UsageError
+from ..tables.table import Table
+from ..tables.terminal import UNBOUNDED, folded, lines_of
 from ..time_offsets.moving.votes import AS_RECORDED
 
 if TYPE_CHECKING:
@@ -25,7 +28,9 @@ if TYPE_CHECKING:
     from ..result import Result
     from ..time_offsets.moving.time_offset import TimeOffset
 
-CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
+CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]+")
+SMALLEST = 24
+"""Lines of the smallest terminal that a result is made for."""
 SAID_OF_BAGS = ("received", "is taken for", "bear no names", "no definition", "not read; choose")
 """Notes on a bag that are printed."""
 MOST_TOPICS = 8
@@ -48,8 +53,10 @@ class Options:
     columns: Path | None = None
     quiet: bool = False
     clock: str = AS_RECORDED
+    verbose: bool = False
     failed: list[dict[str, str]] = field(default_factory=list)
     flights: list[Flight] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
     started: float = field(default_factory=time.time)
     time_offsets: dict[tuple[str, Choice], TimeOffset | None] = field(default_factory=dict)
 
@@ -234,33 +241,66 @@ class Options:
         """A line on stderr for a person, unless ``--quiet``."""
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
+            self.said.append(text)
 
-    def show(self, table: Any, fold: bool = True) -> None:
-        """A rich table (or text) on stdout, unless ``--quiet`` or ``--json -``. In a file or pipe a row of a table or a
-        text is one line, however wide. ``fold=False``: a text is one line on a terminal too, so that it can be copied.
-        A reader that has gone (head, less) does not stop the work."""
-        if self.quiet or str(self.json) == "-":
+    def detail(self, part: Any) -> None:
+        """``show``, with ``--verbose`` alone."""
+        if self.verbose:
+            self.show(part)
+
+    def show(self, part: Any, most: int | None = None) -> None:
+        """A table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``; at most ``most`` lines of a
+        table of ours. In a file or pipe a row of a table or a text is one line, however wide. A reader that has gone
+        (head, less) does not stop the work."""
+        if self.silent or part == "" or (isinstance(part, Table) and not part.rows):
             return
-        from rich.console import Console
-        from rich.measure import Measurement
+        if isinstance(part, str):
+            write_lines(folded(CONTROL.sub(" ", part), screen_width()))
+        elif isinstance(part, Table):
+            write_lines(lines_of(part, screen_width(), self.verbose, most))
+        else:
+            write_lines(_rich_lines(part))
 
-        wide = Console(width=10_000)
-        terminal = sys.stdout.isatty()
-        console = Console(width=None if terminal else 160, highlight=False)
-        if not isinstance(table, str):  # rather a line that the terminal folds than a number or a name cut short
-            for column in getattr(table, "columns", ()):
-                if column.no_wrap:
-                    column.min_width = max(Measurement.get(wide, wide.options, cell).maximum
-                                           for cell in (column.header, *column.cells))
-            size = Measurement.get(wide, wide.options, table)
-            console.width = max(console.width, size.minimum if terminal else size.maximum)
-        with console.capture() as text:
-            console.print(table, soft_wrap=isinstance(table, str) and not (terminal and fold))
-        try:
-            sys.stdout.write("\n".join(line.rstrip() for line in text.get().split("\n")))  # no padding
-            sys.stdout.flush()
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is shown on stdout."""
+        return self.quiet or str(self.json) == "-"
+
+
+def screen_width() -> int:
+    """Columns of the terminal; without bound where stdout is a file or a pipe."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else UNBOUNDED
+
+
+def screen_height() -> int:
+    """Lines of the terminal, at least of the smallest one; of that one where stdout is a file or a pipe."""
+    return max(shutil.get_terminal_size().lines, SMALLEST) if sys.stdout.isatty() else SMALLEST
+
+
+def _rich_lines(table: Any) -> list[str]:
+    """The lines of a table of rich's, in which no word is cut."""
+    from rich.console import Console
+    from rich.measure import Measurement
+
+    wide, terminal = Console(width=10_000), sys.stdout.isatty()
+    console = Console(width=None if terminal else 160, highlight=False, markup=False)
+    for column in getattr(table, "columns", ()):
+        words = [word for cell in (column.header, *column.cells) for word in str(cell).split()]
+        column.min_width = max([len(word) for word in words], default=1)
+    size = Measurement.get(wide, wide.options, table)
+    console.width = max(console.width, size.minimum if terminal else size.maximum)
+    with console.capture() as text:
+        console.print(table)
+    return text.get().replace("\\[", "[").rstrip("\n").split("\n")
+
+
+def write_lines(lines: Sequence[str]) -> None:
+    """On stdout, without padding."""
+    try:
+        sys.stdout.write("".join(f"{line.rstrip()}\n" for line in lines))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _topics(flight: Flight) -> list[str]:
@@ -283,10 +323,8 @@ def readable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """``text`` (a name from anywhere) for a table: control characters become spaces, rich's markup is escaped."""
-    from rich.markup import escape
-
-    return escape(CONTROL.sub(" ", text))
+    """``text`` (a name from anywhere) without control characters."""
+    return CONTROL.sub(" ", text).replace("\n", " ")
 
 
 def cores() -> int:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..metrics.statistics import Summary
     from ..protocols.attribution import Attribution
     from ..protocols.choice import ChosenOn
-    from ..protocols.compare import FlightMeans, GateChange
+    from ..protocols.compare import ClockRanking, FlightMeans, GateChange
     from ..protocols.dead_logs import DeadLog
     from ..protocols.gate import GateRow, GateSummary, PicturedFlight
     from ..protocols.published import Published
@@ -57,7 +57,8 @@ class TakenOut(Result):
 
 @dataclass(frozen=True, repr=False)
 class EstimateBody(Result):
-    """clocks: by clock and flight what was taken out of its stamps, None for nothing."""
+    """clocks: by clock and flight what was taken out of its stamps, None for nothing; rankings: the best method by
+    clock."""
 
     rows: Sequence[EstimateRow]
     per_flight: Sequence[FlightScore]
@@ -67,6 +68,7 @@ class EstimateBody(Result):
     dead_logs: Sequence[DeadLog] | None = field(default=None, metadata=OPTIONAL)
     clocks: Mapping[str, Mapping[str, TakenOut | None]] | None = field(default=None, metadata=OPTIONAL)
     attribution: Attribution | None = field(default=None, metadata=OPTIONAL)
+    rankings: Sequence[ClockRanking] | None = field(default=None, metadata=OPTIONAL)
 
     def joined(self, later: EstimateBody) -> EstimateBody:
         return replace(self, rows=[*self.rows, *later.rows], per_flight=[*self.per_flight, *later.per_flight],

@@ -6,38 +6,57 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..metrics.statistics import Summary
+    from ..protocols.compare import ClockRanking
     from ..protocols.result_rows import EstimateRow
     from .result_bodies import ControlBody, SysidBody
 
 ESTIMATED = {"ate_rmse_m": ("ATE", "m"), "end_error_5s_m": ("error 5 s after the last pose", "m"),
              "drift_percent": ("drift", "%")}
 """The metric that stands for a protocol, the first that a row has -> its words and unit."""
+CLOCK_WORDS = {"as-recorded": "as recorded", "retimed": "re-timed", "offset": "with the constant offset removed",
+               "joint": "on the joint clock"}
 
 
-def estimated(rows: Sequence[EstimateRow]) -> str:
+def estimated(rows: Sequence[EstimateRow], rankings: Sequence[ClockRanking] = ()) -> str:
     """The smallest error of each protocol over all its flights, with its interval, among methods that were given the
-    same."""
+    same, and whether the clock decides which it is."""
     found = []
-    for protocol in dict.fromkeys(row.protocol for row in rows):
-        mine = [row for row in rows if row.protocol == protocol and row.group == "all"]
-        mine = mine or [row for row in rows if row.protocol == protocol]
-        for inputs in dict.fromkeys(row.inputs for row in mine):
-            same = [row for row in mine if row.inputs == inputs]
-            metric = next((m for m in ESTIMATED if any(m in row.metrics for row in same)), None)
-            judged = [(mean, row) for row in same if metric in row.metrics
-                      and (mean := row.metrics[metric].mean) is not None] if metric else []
-            if metric and judged:
-                words, unit = ESTIMATED[metric]
-                mean, best = min(judged, key=lambda pair: pair[0])
-                least = "smallest " * (len({row.method for _, row in judged}) > 1)
-                found.append(f"{protocol}, given {inputs}: {least}{words} {mean:.3g} {unit}"
-                             f"{_interval(best.metrics[metric])} by {best.method} ({_flights(best.n)})")
-    return "; ".join(found)
+    for protocol, clock in dict.fromkeys((row.protocol, row.clock) for row in rows):
+        mine = [row for row in rows if (row.protocol, row.clock, row.group) == (protocol, clock, "all")]
+        mine = mine or [row for row in rows if (row.protocol, row.clock) == (protocol, clock)]
+        inputs = dict.fromkeys(row.inputs for row in mine)
+        parts = [part for given in inputs if (part := _smallest(
+            [row for row in mine if row.inputs == given], f" given {given}" * (len(inputs) > 1)))]
+        if parts:
+            when = "" if clock == "as-recorded" else f", {CLOCK_WORDS.get(clock, clock)}"
+            found.append(f"{protocol}{when}: {', '.join(parts)}")
+    return ". ".join([*found, *(sentence for one in rankings if (sentence := by_clock(one)))])
 
 
-def _interval(found: Summary) -> str:
-    return "" if found.ci95 is None else f" [{found.ci95[0]:.3g}, {found.ci95[1]:.3g}]"
+def by_clock(ranking: ClockRanking) -> str:
+    """That the clock decides which method is best; empty where it does not."""
+    if not ranking.decides:
+        return ""
+    best = ", ".join(f"{method} {CLOCK_WORDS.get(clock, clock)}" for clock, method in ranking.best.items())
+    return f"The clock decides which is best in {ranking.protocol}: {best}"
+
+
+def _smallest(rows: Sequence[EstimateRow], given: str) -> str:
+    metric = next((m for m in ESTIMATED if any(m in row.metrics for row in rows)), None)
+    judged = [(mean, row) for row in rows if metric in row.metrics
+              and (mean := row.metrics[metric].mean) is not None] if metric else []
+    if not metric or not judged:
+        return ""
+    words, unit = ESTIMATED[metric]
+    mean, best = min(judged, key=lambda pair: pair[0])
+    least = "smallest " * (len({row.method for _, row in judged}) > 1)
+    return (f"{least}{words} {mean:.3g} {unit}{interval(best.metrics[metric].ci95)} by {best.method}{given} "
+            f"({_flights(best.n)})")
+
+
+def interval(ci95: Sequence[float] | None) -> str:
+    """`` [lo, hi]`` behind a number; empty without an interval."""
+    return "" if ci95 is None else f" [{ci95[0]:.3g}, {ci95[1]:.3g}]"
 
 
 def controlled(body: ControlBody) -> str:

@@ -102,7 +102,7 @@ def show_ratios(options: Options, rows: Sequence[tuple[str, Ratios | None]],
         table.add_column(heading.removesuffix(" mm").removesuffix(" m"), justify="right")
     for name, found in compared:
         table.add_row(one_line(name), one_line(found.to), *(cell(found, metric) for metric, *_ in shown))
-    options.show(table)
+    options.detail(table)
 
 
 def ratio_text(ratio: float | None, ci95: Sequence[float] | None) -> str:

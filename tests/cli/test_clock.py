@@ -9,7 +9,8 @@ from nanobench_tools.steps.options import clock_line
 
 
 def scores(nanobench, folder, out, clock):
-    code, _, err = nanobench("estimate", "--data", folder, "--protocol", "clean", "--method", "onboard_ekf", "--clock",
+    code, _, err = nanobench("estimate", "--data", folder, "--protocol", "clean", "--only", "--method",
+                             "onboard_ekf", "--clock",
                              clock, "--json", out, "--jobs", 1, "--quiet")
     assert code == 0, err
     row = next(r for r in json.loads(out.read_text())["rows"] if r["group"] == "all")
@@ -42,14 +43,16 @@ def test_rows_of_task_2_say_their_clock(nanobench, wandering, tmp_path):
 
 @pytest.mark.slow
 def test_the_joint_clock_judges_no_logged_estimate(nanobench, wandering, tmp_path):
-    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "clean", "--method", "onboard_ekf",
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "clean", "--only", "--method",
+                             "onboard_ekf",
                              "--clock", "joint")
     assert (code, err.strip().count("\n")) == (2, 0) or "cannot judge" in err.splitlines()[-1]
     code, _, err = nanobench("sysid", "--data", wandering, "--clock", "joint", "--fit", "none")
     assert code == 2
     assert "cannot judge the logged attitude" in err
     out = tmp_path / "j.json"
-    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--method", "drag_ekf",
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--only", "--method",
+                             "drag_ekf",
                              "--clock", "joint", "--json", out, "--jobs", 1)
     assert code == 0, err
     row = json.loads(out.read_text())["rows"][0]
@@ -79,7 +82,8 @@ def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nan
         assert set(body["clocks"][clock]) == set(row["flights"])
     assert row["n_moving"] == sum(found["moving"] for found in body["clocks"]["retimed"].values()) > 0
     assert {p["clock"] for p in body["per_flight"]} == {"as-recorded", "offset", "retimed"}
-    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--method", "error_state_ekf",
+    code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "blackout", "--only", "--method",
+                             "error_state_ekf",
                              "--clock", "retimed", "--json", tmp_path / "b.json", "--jobs", 1, "--quiet")
     assert code == 0, err
     verb = json.loads((tmp_path / "b.json").read_text())

@@ -56,7 +56,8 @@ def way(request, tmp_path):
 
 def test_an_own_estimator_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("estimators")
-    done = launched("estimate", "--protocol", "clean", "--method", name, "--data", recordings, "--json", "e.json",
+    done = launched("estimate", "--protocol", "clean", "--only", "--method", name, "--data", recordings, "--json",
+                    "e.json",
                      "--jobs", 1, path=path, cwd=cwd)
     assert done.returncode == 0, done.stderr
     rows = json.loads((cwd / "e.json").read_text())["rows"]
@@ -101,7 +102,8 @@ def test_the_examples_are_short_and_are_what_they_claim(monkeypatch, tmp_path):
 @pytest.mark.slow
 def test_a_changed_own_method_is_not_answered_from_the_store(recordings, tmp_path):
     text = (STARTERS / "own_estimator.py.txt").read_text()
-    call = ["estimate", "--protocol", "clean", "--method", "own_estimator:GyroAndLine", "--data", recordings, "--json",
+    call = ["estimate", "--protocol", "clean", "--only", "--method", "own_estimator:GyroAndLine",
+            "--data", recordings, "--json",
             "e.json", "--out", "o", "--jobs", 1]
     found = []
     for source in (text, text, text.replace("velocity[last] * age", "0.5 * velocity[last] * age")):
@@ -121,7 +123,8 @@ def test_a_broken_own_method_is_reported_in_one_line(nanobench, recordings, tmp_
     (tmp_path / "own_bad.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
     sys.modules.pop("own_bad", None)
-    code, _, err = nanobench("estimate", "--protocol", "clean", "--method", "own_bad:Bad", "--data", recordings,
+    code, _, err = nanobench("estimate", "--protocol", "clean", "--only", "--method", "own_bad:Bad",
+                             "--data", recordings,
                              "--quiet", "--json", tmp_path / "e.json", "--jobs", 1)
     assert "Traceback" not in err
     assert says in err

@@ -40,6 +40,6 @@ def test_half_of_the_stamps_repeated_is_no_stuck_clock(nanobench, recordings, tm
     """50 Hz rows written twice: the rows that repeat are left out and the rest is scored."""
     whole = next(p for p in sorted(recordings.iterdir()) if ".csv" in p.name)
     path, _ = stuck(whole, tmp_path / "in", lambda t, first: first + round((t - first) * 100) // 2 / 50)
-    code, _, err = nanobench("estimate", "--data", path, "--protocol", "clean", "--method", "onboard_ekf",
+    code, _, err = nanobench("estimate", "--data", path, "--protocol", "clean", "--only", "--method", "onboard_ekf",
                              "--json", tmp_path / "r.json", "--jobs", 1, "--quiet")
     assert code == 0, err

@@ -122,7 +122,7 @@ def test_what_a_users_method_imports_counts_for_its_identity(folder, monkeypatch
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder, recordings, jobs):
     one = min(recordings.glob("*.csv"))
-    done = nanobench("estimate", "--protocol", "clean", "--method", "estimators.still:Still", "--method",
+    done = nanobench("estimate", "--protocol", "clean", "--only", "--method", "estimators.still:Still", "--method",
                      "constant_velocity", "--data", one, "--json", "e.json", "--jobs", jobs, cwd=folder)
     assert done.returncode == 0, done.stderr
     body = json.loads((folder / "e.json").read_text())

@@ -1,16 +1,16 @@
 """Tables and closing lines at the width of the terminal, and in a pipe."""
 
 import io
-import re
 import sys
 
 import pytest
-from rich import box
-from rich.table import Table
 
+from nanobench_tools.cli.closing import close
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.steps.options import Options
 from nanobench_tools.steps.show import interval_text, score_text
+from nanobench_tools.tables.table import Column, Score, Table
+from nanobench_tools.tables.terminal import lines_of
 
 SENTENCES = ("all 17.6 s of the flight are usable; stamps are corrected", "the gyro was saturated for 0.25 s near 12 s",
              "leave the recording out of identification")
@@ -23,51 +23,78 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """(table, columns or None for a pipe) -> the text."""
-    def show(table, columns, **kwargs):
+    """(what to do, columns or None for a pipe) -> the text."""
+    def show(act, columns, lines=24):
         text = io.StringIO() if columns is None else Terminal()
         monkeypatch.setenv("COLUMNS", str(columns or 80))
+        monkeypatch.setenv("LINES", str(lines))
         monkeypatch.setattr(sys, "stdout", text)
-        Options().show(table, **kwargs)
-        return re.sub(r"\x1b\[[0-9;]*m", "", text.getvalue()) if columns else text.getvalue()
+        act()
+        return text.getvalue()
 
     return show
 
 
-def table():
-    made = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("recording", "verdict", "what to do"):
-        made.add_column(name, overflow="fold")
-    for i, sentence in enumerate(SENTENCES):
-        made.add_row(f"B9_trefoil_{i}", sentence, SENTENCES[-1])
-    return made
+def table(n=3):
+    return Table.plain("Audit", ("recording", "verdict", "what to do"),
+                       [(f"B9_trefoil_{i}", SENTENCES[i % 3], SENTENCES[-1]) for i in range(n)])
+
+
+def scores(columns=6, rows=4):
+    heads = tuple(Column(f"m{k}", f"metric {k}", "score", "mm", 1e3, 1) for k in range(columns))
+    lines = tuple((f"method_{i}", *(Score(0.0123 * (i + 1) + 0.001 * k, 0.0012, None, None, 0.01, 0.02)
+                                    for k in range(columns))) for i in range(rows))
+    return Table("t", "Scores", (Column("method", "method"), *heads), lines)
 
 
 @pytest.mark.parametrize("columns", [80, 200])
 def test_a_table_stays_within_the_terminal_and_breaks_no_word(shown, columns):
-    lines = shown(table(), columns).splitlines()
+    lines = shown(lambda: Options().show(table()), columns).splitlines()
     assert max(map(len, lines)) <= columns
     words = set(" ".join(lines).split())
-    known = {word for sentence in SENTENCES for word in sentence.split()}
-    assert known <= words
+    assert {word for sentence in SENTENCES for word in sentence.split()} <= words
     assert {f"B9_trefoil_{i}" for i in range(3)} <= words
 
 
-def test_in_a_pipe_a_row_is_a_line_without_colour_or_padding(shown):
-    made = table()
-    made.add_row("[red]B10[/]", "short", "nothing")
-    text = shown(made, None)
+@pytest.mark.parametrize("width", [30, 40, 60, 80, 120, 200])
+def test_no_number_is_cut_and_columns_are_left_out_or_stacked(width):
+    whole = set(" ".join(lines_of(scores(), 1000)).split())
+    for stack in (False, True):
+        lines = lines_of(scores(), width, stack)
+        assert max(map(len, lines)) <= width
+        numbers = {word for word in " ".join(lines).split() if word.replace(".", "").isdigit() and "." in word}
+        assert numbers <= whole
+    means = {f"{1e3 * row[k].mean:.1f}" for row in scores().rows for k in range(1, 7)}
+    assert means <= set(" ".join(lines_of(scores(), width, stack=True)).split())
+    narrow = " ".join(lines_of(scores(), width))
+    assert "Left out at this width" in narrow or means <= set(narrow.split())
+
+
+def test_in_a_pipe_a_row_is_a_line_without_padding(shown):
+    text = shown(lambda: Options().show(table()), None)
     assert "\x1b" not in text
-    rows = [line.strip() for line in text.splitlines() if line.strip().startswith("B")]
-    assert len(rows) == 4
+    assert len([line for line in text.splitlines() if line.startswith("B9")]) == 3
     assert all(line == line.rstrip() for line in text.splitlines())
-    assert rows[0].split("  ")[0] == "B9_trefoil_0"
 
 
 @pytest.mark.parametrize("columns", [40, 80, 200, None])
 def test_a_command_to_paste_is_one_line_whatever_the_width(shown, columns):
-    command = "Next, where was it: nanobench estimate " + " ".join(f"/a/long/path/flight_{i}.csv" for i in range(9))
-    assert shown(command, columns, fold=False).splitlines() == [command]
+    paths = [f"/a/long/path/flight_{i}.csv" for i in range(9)]
+    text = shown(lambda: close(Options(), "", "where was it", "nanobench", "estimate", *paths), columns)
+    assert text.splitlines() == ["Next, where was it: nanobench estimate " + " ".join(paths)]
+
+
+@pytest.mark.parametrize("rows", [1, 5, 102])
+def test_a_verb_ends_within_one_screen_and_says_what_is_left_out(shown, rows):
+    lines = shown(lambda: close(Options(), "3 fine", "next", "nanobench", "estimate", screen=[table(rows), "a note"]),
+                  80).splitlines()
+    assert len(lines) <= 23
+    assert lines[-2:] == ["3 fine", "Next, next: nanobench estimate"]
+    counted = [int(line.split()[1]) for line in lines if line.startswith("... ")]
+    there = sum(line.startswith("B9_trefoil") for line in lines)
+    assert there + sum(counted) == rows
+    every = shown(lambda: close(Options(verbose=True), "3 fine", screen=[table(rows)]), 80)
+    assert every.count("B9_trefoil") == rows
 
 
 def test_one_flight_has_no_spread():

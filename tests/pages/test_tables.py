@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nanobench_tools.pages import quantities
-from nanobench_tools.pages.quantities import DASH, MINUS, format_duration, format_number
 from nanobench_tools.pages.result_tables import tables_of
-from nanobench_tools.pages.tables import Column, Score, Table, latex_escape, score_text, to_csv, to_latex, write_tables
+from nanobench_tools.tables import quantities
+from nanobench_tools.tables.quantities import DASH, MINUS, format_duration, format_number
+from nanobench_tools.tables.table import Column, Score, Table, latex_escape, score_text, to_csv, to_latex, write_tables
 
 METRES = Column("error_m", "Error", "score", "mm", 1e3, 1)
 

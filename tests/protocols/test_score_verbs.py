@@ -79,7 +79,8 @@ def test_written_trajectories_give_the_same_scores(call, folder, tmp_path):
 
 
 def test_truth_scored_as_a_trajectory_has_no_error(call, folder, tmp_path):
-    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--method", "onboard_ekf")
+    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--only", "--method",
+         "onboard_ekf")
     shutil.move(tmp_path / "o" / "trajectories" / "truth", tmp_path / "mine")
     next(iter((tmp_path / "mine").iterdir())).unlink()
     code, result, _, _ = call("estimate", "--data", folder, "--trajectory-dir", tmp_path / "mine")
@@ -90,7 +91,8 @@ def test_truth_scored_as_a_trajectory_has_no_error(call, folder, tmp_path):
 
 
 def test_broken_trajectories_fail_alone_and_are_named(call, folder, tmp_path):
-    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--method", "onboard_ekf")
+    call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o", "--only", "--method",
+         "onboard_ekf")
     made = tmp_path / "o" / "trajectories" / "onboard_ekf"
     broken = sorted(made.iterdir())[0]
     broken.write_text(broken.read_text().replace(".", ",", 5))
@@ -141,7 +143,7 @@ def fails(case):
 def test_names_of_dropped_flights_are_text(capsys):
     row = task2.TrackingRow("real", "as-published", "pid", "as-published", None, None, "as flown", 1, [],
                             ["a[bold]b", "c\nd[/red]"], Drawn(1, {}), {}, {})
-    _show(Options(), [row])
+    _show(Options(verbose=True), [row])
     assert "as was published: a[bold]b, c d[/red]\n" in capsys.readouterr().out
 
 
@@ -166,9 +168,9 @@ def test_sysid(call, folder, tmp_path):
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (["estimate", "--protocol", "brownout"], "unknown protocol 'brownout'; known: as-published"),
-    (["estimate", "--method", "nonsense"], "unknown estimator 'nonsense'; known:"),
-    (["estimate", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
-    (["estimate", "--method", "json:loads"], "is none of the estimators"),
+    (["estimate", "--only", "--method", "nonsense"], "unknown estimator 'nonsense'; known:"),
+    (["estimate", "--only", "--method", "json:JSONDecoder"], "json:JSONDecoder: is none of the estimators"),
+    (["estimate", "--only", "--method", "json:loads"], "is none of the estimators"),
     (["estimate", "--trajectory-dir", "nowhere"], "--trajectory-dir nowhere: is no folder"),
     (["control", "--plant", "moon"], "unknown plant 'moon'; known: real, gate, simulated"),
     (["control", "--controller", "lqr", "--quiet"], "unknown controller of these recordings: 'lqr'; known: onboard_"),
@@ -204,7 +206,8 @@ def test_an_own_estimator_beside_the_logged_one(call, folder, tmp_path, monkeypa
         "        p = np.stack([np.convolve(s[c], np.ones(5) / 5, 'same') for c in 'xyz'], 1)\n"
         "        return Estimate(s.time_s, p, q['qx', 'qy', 'qz', 'qw'], s['vx', 'vy', 'vz'])\n")
     monkeypatch.chdir(tmp_path)
-    code, result, _, err = call("estimate", "--data", folder, "--protocol", "clean", "--method", "mine_smooth:Smooth",
+    code, result, _, err = call("estimate", "--data", folder, "--protocol", "clean", "--only", "--method",
+                                "mine_smooth:Smooth",
                                 "--method", "onboard_ekf")
     assert code == 0, err
     rows = {row["method"]: row for row in result["rows"] if row["group"] == "all"}
@@ -223,7 +226,7 @@ def test_the_verbs_give_the_published_tables(call, real_data, audits_of):
     flights = load_recordings([slices]).flights
     assert len([*audits_of(flights).values()]) == len(flights)  # from here on they are in the store
     code, result, _, err = call("estimate", "--data", slices, "--protocol", "as-published", "--quiet",
-                                "--method", "onboard_ekf")
+                                "--only", "--method", "onboard_ekf")
     assert code == 0, err
     assert not result["synthetic"]
     found = {row["group"]: (row["n"], round(1e3 * row["metrics"]["ate_rmse_m"]["mean"], 1),

@@ -1,16 +1,21 @@
-"""One table model for the page, the spreadsheet and LaTeX, so that all three show the same rows."""
+"""One table model for the terminal, the page, the spreadsheet, LaTeX and pandas, so that all show the same rows."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .quantities import DASH, MINUS, format_number, number
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NUMBER = re.compile(r"[-+−±]?\d|-$|–$")
 NOT_GIVEN = "the results hold no value: the metric does not apply to this row or could not be computed"
 
 
@@ -46,9 +51,9 @@ class Score:
 
 @dataclass(frozen=True)
 class Column:
-    """``kind``: ``text``, ``count`` or ``score``; an SI score times ``factor`` is in ``unit``. ``aside``: a column that
-    only the CSV file has, so that the page and the LaTeX table stay readable; ``noted``: long texts, which readers
-    get as numbers explained under the table."""
+    """``kind``: ``text``, ``count``, ``number`` (written out already) or ``score``; an SI score times ``factor`` is in
+    ``unit``. ``aside``: a column that only the CSV file has, so that the page and the LaTeX table stay readable;
+    ``noted``: long texts, which readers get as numbers explained under the table."""
 
     key: str
     title: str
@@ -79,13 +84,39 @@ class Table:
     note: str = ""
     main: int | None = None
 
+    @classmethod
+    def plain(cls, title: str, heads: Sequence[str], rows: Sequence[Sequence[Cell]], note: str = "",
+              name: str = "") -> Table:
+        """Of cells that are written out already. A column whose cells all begin like numbers stands to the right."""
+        kinds = ["number" if rows and all(_NUMBER.match(str(row[i] or "-")) for row in rows) and any(
+            row[i] for row in rows) else "text" for i in range(len(heads))]
+        columns = tuple(Column(head, head, kind) for head, kind in zip(heads, kinds, strict=True))
+        return cls(name, title, columns, tuple(map(tuple, rows)), note)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A DataFrame: a column per column, scores in SI with their intervals as ``KEY_low`` and ``KEY_high``."""
+        import pandas as pd
+
+        found: dict[str, list[Any]] = {}
+        for i, column in enumerate(self.columns):
+            cells = [row[i] for row in self.rows]
+            if column.kind != "score":
+                found[column.key] = cells
+                continue
+            scores = [cell if isinstance(cell, Score) else Score(None) for cell in cells]
+            found[column.key] = [score.mean for score in scores]
+            if any(score.low is not None for score in scores):
+                found[f"{column.key}_low"] = [score.low for score in scores]
+                found[f"{column.key}_high"] = [score.high for score in scores]
+        return pd.DataFrame(found)
+
     def without_empty_columns(self) -> Table:
         """The same table less the score columns in which no row has a number."""
         def has_number(i: int) -> bool:
             cells = (row[i] for row in self.rows)
             return any(isinstance(cell, Score) and cell.mean is not None for cell in cells)
 
-        return self._keep([i for i, column in enumerate(self.columns) if column.kind != "score" or has_number(i)])
+        return self.keep([i for i, column in enumerate(self.columns) if column.kind != "score" or has_number(i)])
 
     def for_readers(self) -> Table:
         """The same table less the rows and columns that stand aside, long texts moved to the note."""
@@ -98,7 +129,7 @@ class Table:
                 notes = "; ".join(f"{mark}: {text}" for text, mark in marks.items())
                 note = f"{table.note} {column.title} {notes}." if notes else table.note
                 table = replace(table, rows=rows, note=note)
-        return table._keep([i for i, column in enumerate(self.columns) if not column.aside])
+        return table.keep([i for i, column in enumerate(self.columns) if not column.aside])
 
     def without_published(self) -> Table:
         """Less published values and the rows of the published protocol."""
@@ -120,10 +151,22 @@ class Table:
         main = None if self.main is None else sum(i < self.main for i in keep)
         return replace(self, rows=tuple(self.rows[i] for i in keep), main=main)
 
-    def without_column(self, key: str) -> Table:
-        return self._keep([i for i, column in enumerate(self.columns) if column.key != key])
+    def select(self, heads: Mapping[str, str], where: Callable[[Mapping[str, Cell]], bool] = lambda row: True,
+               title: str | None = None, note: str | None = None) -> Table:
+        """The rows that ``where`` takes ({key: cell}), and of them the columns ``heads`` ({key: title}) in this order;
+        keys that the table does not have are passed over."""
+        keys = [column.key for column in self.columns]
+        rows = tuple(row for row in self.rows if where(dict(zip(keys, row, strict=True))))
+        found = replace(self, rows=rows, main=None).keep([keys.index(key) for key in heads if key in keys])
+        columns = tuple(replace(c, title=heads[c.key], aside=False, noted=False) for c in found.columns)
+        return replace(found, columns=columns, title=self.title if title is None else title,
+                       note=self.note if note is None else note)
 
-    def _keep(self, keep: list[int]) -> Table:
+    def without_column(self, key: str) -> Table:
+        return self.keep([i for i, column in enumerate(self.columns) if column.key != key])
+
+    def keep(self, keep: Sequence[int]) -> Table:
+        """The same table with these columns alone."""
         return replace(self, columns=tuple(self.columns[i] for i in keep),
                        rows=tuple(tuple(row[i] for i in keep) for row in self.rows))
 
