@@ -533,7 +533,12 @@ def _frd(draft: Draft, turns: evidence.Ratio, values: Mapping[str, np.ndarray]) 
 
 
 def _down(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """A height that only falls in flight: its axis points down."""
+    """A height that only falls in flight: its axis points down. A flight whose height is y."""
+    heights = [draft.mapped[k].column for k in draft.columns("mocap", ("py", "pz"))]
+    if len(heights) == 2 and "mocap" not in draft.frames and evidence.falls_in_flight(-values[heights[0]]) and not any(
+            evidence.falls_in_flight(sign * values[heights[1]]) for sign in (1.0, -1.0)):
+        draft.notes.append(f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? if so, "
+                           'write frame = "EUS/FUR" in [streams.mocap]')
     for stream, name in (("mocap", "pz"), ("estimator", "z")):
         key = (stream, name)
         if key in draft.mapped and stream not in draft.frames and draft.mapped[key].sign > 0 and \

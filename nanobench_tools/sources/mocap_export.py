@@ -110,7 +110,7 @@ def _rows(data: bytes) -> list[list[str]]:
     except UnicodeDecodeError:
         lines = text.decode("cp1252", errors="replace").split("\n")
     sample = "\n".join(lines[:LINES_SEEN])
-    delimiter = max("\t;,", key=sample.count)
+    delimiter = next((d for d in "\t;" if d in sample), ",")  # a comma may be the decimal mark
     return list(csv.reader(lines, delimiter=delimiter))
 
 

@@ -248,3 +248,52 @@ def test_a_plain_axis_beside_an_estimate_is_asked_about(tmp_path):
     draft = draft_columns(write(tmp_path / "log.csv", columns))
     assert any(q.startswith("z: ") for q in draft.questions)
     assert ("mocap", "pz") not in draft.mapped
+
+
+def test_motive_with_semicolons_and_decimal_commas(tmp_path):
+    text = motive(tmp_path / "take.csv").read_text(encoding="utf-8-sig").replace(",", ";").replace(".", ",")
+    (tmp_path / "comma.csv").write_text(text.replace("1,23", "1.23").replace("50,0", "50.0"), encoding="utf-8")
+    (flight,) = load_recordings([tmp_path / "comma.csv"], cache=False).flights
+    np.testing.assert_allclose(flight["mocap"]["pz"][100:500], flown()["z"][100:500], atol=1e-9)
+
+
+def test_a_flight_whose_height_is_y_is_noted(tmp_path):
+    p = flown()
+    draft = draft_columns(write(tmp_path / "f.csv", {"t": T, "x": p["x"], "y": p["z"], "z": p["y"]}))
+    assert any("is y up" in note for note in draft.notes)
+    assert not any("is y up" in note for note in draft_columns(write(tmp_path / "g.csv", p)).notes)
+
+
+TABLES = {"battery_as_percent/flight.csv": ",", "cfclient_gyro_deg/log.csv": ",",
+          "cfclient_stateEstimateZ_mm/log.csv": ",", "euroc_truth_biases_as_imu/data.csv": ",",
+          "px4_local_position_csv/log_vehicle_local_position_0.csv": ",", "sysid_ang_vel_as_velocity/flight.csv": ",",
+          "sysid_motors_from_0_pulses/flight.csv": ",", "uzhfpv_imu_txt/imu.txt": " "}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_one_column_removed_renamed_or_rescaled(reports, tmp_path, name):
+    """What is still drafted is what it was; a column a thousand times larger is right, assumed or asked about."""
+    lines = (reports / name).read_text().splitlines()
+    mark, delimiter = "# " * lines[0].startswith("#"), TABLES[name]
+    head = [h.strip() for h in lines[0].lstrip("# ").split(None if delimiter == " " else delimiter)]
+    rows = [line.split(delimiter) for line in lines[1:]]
+
+    def draft(names, cells):
+        path = tmp_path / Path(name).name
+        path.write_text(mark + delimiter.join(names) + "\n" + "\n".join(map(delimiter.join, cells)) + "\n")
+        try:
+            return draft_columns(path)
+        except InputError:
+            return None  # refused in one line
+
+    whole = {column: (key, unit) for key, (column, unit) in draft(head, rows).mapped.items()}
+    for k, column in enumerate(head):
+        renamed = draft([*head[:k], "foo", *head[k + 1:]], rows)
+        removed = draft([*head[:k], *head[k + 1:]], [[*row[:k], *row[k + 1:]] for row in rows])
+        for found in filter(None, (renamed, removed)):
+            assert {c: (key, unit) for key, (c, unit) in found.mapped.items()}.items() <= whole.items(), column
+        if whole.get(column, (("", "time"),))[0] != ("", "time"):
+            large = draft(head, [[*row[:k], repr(1000.0 * float(row[k])), *row[k + 1:]] for row in rows])
+            if large is not None and not large.questions:
+                kept = dict(large.mapped.values())
+                assert large.status.get(column, "assumed") == "assumed" or kept[column] != whole[column][1], column
