@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_kind import faults_of
 
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import Fault
@@ -20,7 +21,7 @@ def with_mocap(flight, column, change):
 @pytest.mark.parametrize("column", ["px", "py", "pz"])
 def test_a_negated_axis_of_the_motion_capture_accuses_nobody_else(flights, column):
     for flight in (f for f in flights if f.metadata["family"] == "lissajous"):
-        signs = [f for f in audit(with_mocap(flight, column, np.negative)).faults if f.kind in ("sign", "axis_swap")]
+        signs = faults_of(with_mocap(flight, column, np.negative), "sign", "axis_swap")
         assert [(f.kind, f.stream, f.columns) for f in signs] == [("sign", "mocap", (column,))]
 
 

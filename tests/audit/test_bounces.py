@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from one_kind import faults_of
 
-from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.flight import Flight
 
 
@@ -27,7 +27,7 @@ def landed_hard(flight: Flight, off_m: float = 0.0) -> Flight:
 
 
 def spikes(flight: Flight) -> list[float]:
-    return [f.start_s for f in audit(flight).faults if f.kind == "spike" and f.stream == "mocap"]
+    return [f.start_s for f in faults_of(flight, "spike") if f.stream == "mocap"]
 
 
 def test_a_bounce_is_no_spike_and_a_spike_in_it_is_one(flights):

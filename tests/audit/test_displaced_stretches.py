@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_kind import faults_of
 
 from nanobench_tools import so3
 from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.signals.airborne import airborne_spans
+from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.step_removal import levelled
 
 WAY = np.array([0.2, -0.2, 0.1])  # 0.3 m
@@ -32,12 +35,16 @@ def jumps(flight):
 @pytest.mark.parametrize("length_s", [0.2, 3.0])
 def test_a_jump_and_its_return_are_one_fault(flights, length_s):
     for flight in flights[::9]:
-        verdict, found = jumps(moved(flight, 8.0, 8.0 + length_s))
+        found = faults_of(moved(flight, 8.0, 8.0 + length_s), "mocap_jump")
         assert len(found) == 1
         assert found[0].start_s == pytest.approx(8.0, abs=0.025)
         assert found[0].end_s == pytest.approx(8.0 + length_s, abs=0.025)
         assert found[0].size == pytest.approx(0.3, abs=0.02)
-        assert not any(s.start_s < 8.0 + length_s / 2 < s.end_s for s in verdict.clean)
+
+
+def test_the_whole_stretch_is_cut(flights):
+    verdict, _ = jumps(moved(flights[4], 8.0, 11.0))
+    assert not any(s.start_s < 9.5 < s.end_s for s in verdict.clean)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
@@ -56,13 +63,13 @@ def test_a_jump_without_return_leaves_the_longer_side(flights, share):
 
 
 def test_a_turned_stretch_is_cut_as_a_whole(flights):
-    _, found = jumps(moved(flights[4], 8.0, 8.5, offset=0.0, turn=(0.0, 0.0, 0.8)))
+    found = faults_of(moved(flights[4], 8.0, 8.5, offset=0.0, turn=(0.0, 0.0, 0.8)), "mocap_jump")
     assert [(round(f.start_s, 1), round(f.end_s, 1), f.unit) for f in found] == [(8.0, 8.5, "rad")]
 
 
 def test_two_stretches_in_other_frames_are_two_faults(flights):
     flight = moved(moved(flights[4], 6.0, 7.0), 9.0, 9.4, offset=-2.0 * WAY)
-    _, found = jumps(flight)
+    found = faults_of(flight, "mocap_jump")
     assert [(round(f.start_s, 1), round(f.end_s, 1)) for f in found] == [(6.0, 7.0), (9.0, 9.4)]
 
 
@@ -70,9 +77,10 @@ def test_two_stretches_in_other_frames_are_two_faults(flights):
 def test_a_jump_does_not_move_the_take_off(flights, down_m):
     """Heights of two frames: the ground of one is in the air of the other."""
     flight = flights[4]
-    before, after = audit(flight), audit(moved(flight, 0.6 * flight.span.end_s, np.inf, offset=(0.0, 0.0, -down_m)))
-    assert [s.start_s for s in after.airborne] == [s.start_s for s in before.airborne]
-    assert after.airborne[-1].end_s == pytest.approx(before.airborne[-1].end_s, abs=0.1)
+    jumped = moved(flight, 0.6 * flight.span.end_s, np.inf, offset=(0.0, 0.0, -down_m))
+    before, after = (Context(f).once(airborne_spans) for f in (flight, jumped))
+    assert [s.start_s for s in after] == [s.start_s for s in before]
+    assert after[-1].end_s == pytest.approx(before[-1].end_s, abs=0.1)
 
 
 def test_heights_of_one_frame(flights):

@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from nanobench_tools.auditing.recording_audit import audit
+from one_kind import faults_of
 
 
 def gaps(flight, xyz):
     stream = flight["setpoint"]
     values = stream.values.copy()
     values[:, [stream.index(q) for q in ("x", "y", "z")]] = xyz
-    verdict = audit(flight.with_streams(setpoint=replace(stream, values=values)))
-    return [(f.start_s, f.end_s) for f in verdict.faults if f.kind == "gap" and f.stream == "setpoint"]
+    found = faults_of(flight.with_streams(setpoint=replace(stream, values=values)), "gap")
+    return [(f.start_s, f.end_s) for f in found if f.stream == "setpoint"]
 
 
 def test_a_path_that_straightens_before_a_corner_has_no_gap(flights):

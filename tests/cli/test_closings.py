@@ -1,5 +1,6 @@
 """How verbs end: the result, and a next command that works when it is pasted. And ``nanobench new``."""
 
+import importlib
 import json
 import shlex
 import subprocess
@@ -24,27 +25,45 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_new_writes_passes_its_test(nanobench, here, kind):
+def test_what_new_writes_passes_its_test(nanobench, here, kind, monkeypatch):
     code, out, err = nanobench("new", kind, "thing_of_mine")
     assert (code, err) == (0, "")
     assert sorted(path.name for path in here.iterdir()) == ["test_thing_of_mine.py", "thing_of_mine.py"]
     words = next_command(out)
     assert words[-1] == "thing_of_mine:ThingOfMine"
     assert words[:2] == ["nanobench", KINDS[kind][2][0]]
-    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_thing_of_mine.py"],
-                          cwd=here, capture_output=True, text=True, timeout=300)
+    assert nanobench("new", kind, "thing_of_mine")[0] == 2  # nothing is overwritten
+    tests = tests_of(here, "thing_of_mine", monkeypatch)
+    assert len(tests) == 2
+    for test in tests.values():
+        test()
+
+
+def tests_of(folder, name, patch):
+    """The test functions that ``nanobench new`` wrote, imported here: a pytest of their own costs seconds."""
+    patch.syspath_prepend(folder)
+    for module in (name, f"test_{name}"):
+        patch.delitem(sys.modules, module, raising=False)
+    return {test: call for test, call in vars(importlib.import_module(f"test_{name}")).items() if test[:5] == "test_"}
+
+
+def test_the_command_that_new_names_runs_its_test(nanobench, here):
+    said = nanobench("new", "estimator", "timed")[1]
+    assert "its test: python -m pytest test_timed.py" in said
+    done = subprocess.run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_timed.py"], cwd=here,
+                          capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout
     assert "2 passed" in done.stdout
-    assert nanobench("new", kind, "thing_of_mine")[0] == 2  # nothing is overwritten
 
 
-def test_the_test_that_new_writes_can_fail(nanobench, here):
+def test_the_test_that_new_writes_can_fail(nanobench, here, monkeypatch):
     nanobench("new", "estimator", "cheat")
     path = here / "cheat.py"
     path.write_text(path.read_text().replace('side="right") - 1', 'side="right").clip(max=len(mocap) - 1)'))
-    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_cheat.py"], cwd=here,
-                          capture_output=True, text=True, timeout=300)
-    assert "FAILED test_cheat.py::test_it_knows_nothing_of_the_future" in done.stdout
+    tests = tests_of(here, "cheat", monkeypatch)
+    tests["test_it_is_where_the_vehicle_is"]()
+    with pytest.raises(AssertionError):
+        tests["test_it_knows_nothing_of_the_future"]()
 
 
 @pytest.mark.parametrize(("arguments", "says"), [

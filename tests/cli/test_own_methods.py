@@ -41,9 +41,10 @@ def launched(*arguments, path: Path, cwd: Path):
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=env, cwd=cwd)
 
 
-@pytest.fixture(params=["module:Class", "entry point"])
+@pytest.fixture
 def way(request, tmp_path):
-    """(group) -> the name for --method, the PYTHONPATH for it, and the working directory."""
+    """(group) -> the name for --method, the PYTHONPATH for it, and the working directory. ``make test`` takes each way
+    with one kind of method."""
     def give(group):
         module, name = METHODS[group]
         if request.param == "entry point":
@@ -54,6 +55,7 @@ def way(request, tmp_path):
     return give
 
 
+@pytest.mark.parametrize("way", ["module:Class", pytest.param("entry point", marks=pytest.mark.slow)], indirect=True)
 def test_an_own_estimator_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("estimators")
     done = launched("estimate", "--protocol", "clean", "--only", "--method", name, "--data", recordings, "--json",
@@ -65,6 +67,7 @@ def test_an_own_estimator_is_scored(way, recordings, tmp_path):
     assert next(row for row in rows if row["group"] == "all")["n"] == 3
 
 
+@pytest.mark.parametrize("way", [pytest.param("module:Class", marks=pytest.mark.slow), "entry point"], indirect=True)
 def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("predictors")
     done = launched("sysid", "--method", name, "--fit", "none", "--data", recordings, "--json", "s.json", "--jobs", 1,
@@ -74,6 +77,7 @@ def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     assert "straight_on" in {row["model"] for row in rows}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["entry point"], indirect=True)  # module:Class flies in practice/test_simulate_cli.py
 def test_an_own_controller_flies(way):
     name, path, cwd = way("controllers")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fifteen import FIFTEEN
 from made_flights import made_flight
 
 from identification.naive import Naive
@@ -100,14 +101,16 @@ def test_signs_are_those_of_the_mixer_of_the_firmware():
 
 
 @pytest.mark.real
-def test_real_flights_turn_as_the_mixer_says(real):
+@pytest.mark.parametrize("names", [FIFTEEN, pytest.param(None, marks=pytest.mark.slow)], ids=["15", "all"])
+def test_real_flights_turn_as_the_mixer_says(real, names):
     """Differential PWM goes with the angular acceleration 70 ms later, all three axes, in every training flight."""
     from nanobench_tools.protocols.windows import cut_windows
 
     flights, audits = real
-    chosen = [f for f in flights if f.metadata.get("family") in ("circle", "star")]
-    late = 7
-    for case in task1.split(chosen, audits).train:
+    chosen = [f for f in flights if f.metadata.get("family") in ("circle", "star") and (not names or f.name in names)]
+    late, train = 7, task1.split(chosen, audits).train
+    assert len(train) >= 3
+    for case in train:
         past = cut_windows(case.flight, case.spans, "onboard", past=True)[0].past
         turning = np.gradient(past.rate_rad_s, 0.01, axis=1)[:, late:]
         for axis, name in enumerate(("roll", "pitch", "yaw")):

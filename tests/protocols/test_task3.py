@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fifteen import FIFTEEN
 from made_flights import circle, cut, dead, made_flight, verdict
 
 from estimators.constant_velocity import ConstantVelocity
@@ -385,6 +386,24 @@ def test_both_tables_from_the_slices_alone_under_other_names_without_sheets(real
 
 
 @pytest.mark.real
+def test_the_clean_protocol_on_a_few_trefoils(real):
+    """An estimate that is late along the path; as few recordings do, errors scatter about those of all."""
+    flights, audits = real
+    rows = table([f for f in flights if f.name in FIFTEEN and f.metadata.get("family") == "trefoil"], audits, "clean")
+    assert (rows["medium/trefoil"].n, rows["fast/trefoil"].n) == (3, 3)
+    assert 1e3 * rows["medium/trefoil"].metrics["ate_rmse_m"].mean == pytest.approx(21.0, rel=0.15)
+    assert 1e3 * rows["fast/trefoil"].metrics["ate_rmse_m"].mean == pytest.approx(39.4, rel=0.15)
+    assert_late(rows["all"].metrics)
+
+
+def assert_late(metrics):
+    assert metrics["delay_s"].median == pytest.approx(0.0205, abs=0.006)
+    assert metrics["across_track_delay_removed_rmse_m"].median < 1.5e-3
+    assert metrics["along_track_delay_removed_rmse_m"].median > 0.015
+
+
+@pytest.mark.slow
+@pytest.mark.real
 def test_the_clean_protocol_on_trefoils(real):
     flights, audits = real
     trefoils = [f for f in flights if f.metadata.get("family") == "trefoil"]
@@ -395,10 +414,7 @@ def test_the_clean_protocol_on_trefoils(real):
         assert rows[group].n == n
         assert 1e3 * rows[group].metrics["ate_rmse_m"].mean == pytest.approx(ate_mm, rel=0.04)
         assert rows[group].metrics["attitude_rmse_deg"].mean == pytest.approx(attitude_deg, rel=0.04)
-    everything = rows["all"].metrics
-    assert everything["delay_s"].median == pytest.approx(0.0205, abs=0.006)
-    assert everything["across_track_delay_removed_rmse_m"].median < 1.5e-3
-    assert everything["along_track_delay_removed_rmse_m"].median > 0.015
+    assert_late(rows["all"].metrics)
 
 
 @pytest.mark.real
