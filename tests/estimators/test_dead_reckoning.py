@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from estimators.error_state_ekf import ErrorStateEkf, Strapdown
-from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.protocols import blackout, task3
@@ -99,9 +98,12 @@ def test_nothing_later_leaks(flight):
         assert np.array_equal(whole.position_m[before], bent.position_m[before])
 
 
-def test_blackout_gives_poses_until_t0_and_no_longer(flight):
-    verdict = audit(flight)
-    case = task3.select([flight], {flight.name: verdict}, "clean")[0]
+@pytest.fixture(scope="module")
+def case(flight, audited):
+    return task3.select([flight], {flight.name: audited(flight)}, "clean")[0]
+
+
+def test_blackout_gives_poses_until_t0_and_no_longer(flight, case):
     seen = []
 
     class Watching(ErrorStateEkf):
@@ -123,9 +125,8 @@ def test_blackout_gives_poses_until_t0_and_no_longer(flight):
     assert other.error_m > first.error_m + 3.0
 
 
-def test_hand_worked_end_error(flight):
+def test_hand_worked_end_error(flight, case):
     """An estimator that stands 3 m and 4 m away is 5 m off in every window."""
-    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
     mocap = flight["mocap"]
 
     class Off:
@@ -143,9 +144,8 @@ def test_hand_worked_end_error(flight):
 
 
 @pytest.mark.parametrize(("sd_m", "inside"), [(1.4, True), (1.3, False)])
-def test_hand_worked_consistency(flight, sd_m, inside):
+def test_hand_worked_consistency(flight, case, sd_m, inside):
     """5 m off: within the ellipsoid of 3.76 standard deviations that holds 99.73 % where one is above 1.33 m."""
-    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
     mocap = flight["mocap"]
 
     class Off:
@@ -166,8 +166,7 @@ def test_hand_worked_consistency(flight, sd_m, inside):
     assert window.drift_percent == pytest.approx(500.0 / path)
 
 
-def test_an_optimiser_that_gave_up_is_no_result(flight):
-    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
+def test_an_optimiser_that_gave_up_is_no_result(case):
 
     class GaveUp(ErrorStateEkf):
         def estimate(self, given):

@@ -8,7 +8,6 @@ import pytest
 
 from estimators.firmware_ekf import FirmwareEkf
 from nanobench_tools import so3
-from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import blackout, task3
 
@@ -72,8 +71,8 @@ def test_poses_and_samples_without_numbers_are_left(flight):
     assert not np.any((holed.time_s >= imu.time_s[500]) & (holed.time_s <= imu.time_s[699]))
 
 
-def test_blackout_and_clean_take_it(flight):
-    case = task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
+def test_blackout_and_clean_take_it(flight, audited):
+    case = task3.select([flight], {flight.name: audited(flight)}, "clean")[0]
     value = blackout.score(case, FirmwareEkf())
     assert np.isfinite([w.error_m for w in value.windows]).all()
     short = [w.error_m for w in value.windows if w.h_s == 1.0]

@@ -14,7 +14,6 @@ from estimators.error_state_ekf import ErrorStateEkf, Strapdown
 from estimators.inertial import STAMP_LEFT, lifted
 from estimators.invariant_ekf import InvariantEkf
 from estimators.learned_velocity import LearnedVelocityEkf
-from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.protocols import aided, blackout, task3
 
@@ -27,8 +26,8 @@ def flight(crowd):
 
 
 @pytest.fixture(scope="module")
-def case(flight):
-    return task3.select([flight], {flight.name: audit(flight)}, "clean")[0]
+def case(flight, audited):
+    return task3.select([flight], {flight.name: audited(flight)}, "clean")[0]
 
 
 def spoiled(flight, after_s, mocap_after_s, seed=1):
@@ -149,14 +148,14 @@ def test_nan_and_a_late_first_pose_are_lived_with(case):
                                                                                     np.array([12.0]))[0]) < 0.05
 
 
-def test_covariance_stays_symmetric_and_positive_over_a_million_steps():
+@pytest.mark.parametrize("n", [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
+def test_covariance_stays_symmetric_and_positive_over_many_steps(n):
     """Poses for the first tenth and ten times a second in stretches, all aids on."""
-    n = 1_000_000
     rng = np.random.default_rng(0)
     t = 0.01 * np.arange(n)
     acc = rng.normal([0.0, 0.0, 9.81], 0.5, (n, 3))
     gyro = rng.normal(0.0, 0.3, (n, 3))
-    has = (np.arange(n) % 10 == 0) & ((np.arange(n) < n // 10) | (np.arange(n) // 100_000 % 2 == 0))
+    has = (np.arange(n) % 10 == 0) & ((np.arange(n) < n // 10) | (np.arange(n) // (n // 10) % 2 == 0))
     poses = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (int(has.sum()), 1))
     values = inertial.values_of({**inertial_core.SETTINGS, **DragMatrixEkf.settings})
     state, cov = np.zeros(inertial_core.STATE), np.zeros((inertial_core.ERROR,) * 2)

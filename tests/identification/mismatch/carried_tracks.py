@@ -32,7 +32,7 @@ def _memory(rng: np.random.Generator, n: int, size: float, last_s: float, wide: 
     return lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], size * rng.standard_normal((n, wide)), axis=0)
 
 
-def track_of(model: Model, seed: int, flight: int = 0, seconds: float = 20.0, push: Push | None = None,
+def track_of(model: Model, seed: int, flight: int = 0, seconds: float = 10.0, push: Push | None = None,
              noise: float = 1.0) -> Track:
     """Attitude and inputs are smooth random signals; position and rate are what ``model`` (and ``push``) makes of
     them. ``noise`` 1: air of 0.04 m/s^2 and moments of 1.5 rad/s^2 that last, motion capture to 0.02 mm, gyro to

@@ -24,7 +24,7 @@ MASS_KG = 1.2
 QUAD = model_of(4, MASS_KG, 0.2)
 
 
-@pytest.fixture(scope="module", params=["1", "N"])
+@pytest.fixture(scope="module", params=["1", pytest.param("N", marks=pytest.mark.slow)])
 def flights(request):
     return flights_of(QUAD, command=request.param, seconds=10.0)
 
@@ -78,8 +78,9 @@ def test_hidden_mass_is_named(newtons):
 
 
 @pytest.mark.parametrize("hidden", [
-    {"inertia": {"inertia_kg_m2": (0.03, 0.03, 0.06)}}, {"com_offset": {"r_m": (0.01, -0.01, 0.0)}},
-    {"yaw_torque": {"k_m": 0.06}}])
+    {"com_offset": {"r_m": (0.01, -0.01, 0.0)}},
+    pytest.param({"inertia": {"inertia_kg_m2": (0.03, 0.03, 0.06)}}, marks=pytest.mark.slow),
+    pytest.param({"yaw_torque": {"k_m": 0.06}}, marks=pytest.mark.slow)])
 def test_what_only_turns_gets_no_name(newtons, hidden):
     """The simulator believes it, the vehicle has none of it."""
     name, values = next(iter(hidden.items()))

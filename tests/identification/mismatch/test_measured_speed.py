@@ -40,6 +40,7 @@ def test_speeds_are_what_a_simulator_of_speeds_is_given(flights):
     assert (verdict["outcome"], verdict["findings"]) == ("none", [])
 
 
+@pytest.mark.slow
 def test_hidden_drag_is_named(flights):
     verdict = diagnose_flights(flights, SIMULATOR.with_term("drag_linear", d=(0.12, 0.12, 0.18)))
     finding, = verdict["findings"]

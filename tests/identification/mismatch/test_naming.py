@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from identification.mismatch.believe import beliefs
 from identification.mismatch.decide import decide
-from identification.mismatch.diagnosis import _named, diagnose
+from identification.mismatch.diagnosis import _named, judge
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, _one_step, _period, gusts
 from identification.mismatch.memory import fit_memory
@@ -20,6 +20,7 @@ from identification.mismatch.proof import Proof, turned_better
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around, with_other_map
 from identification.mismatch.tolerance import smallest, two_groups
+from identification.mismatch.verdict import Verdict
 from identification.mismatch.wrench import Wrench
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.physics import Model
@@ -32,12 +33,34 @@ def decided(wrench: Wrench, simulator: Model):
     return moments, decide(recordings, moments, space, named)
 
 
+@pytest.fixture(scope="module")
+def right(plain, model):
+    """A right simulator: moments and decision."""
+    return decided(plain, model)
+
+
+@pytest.fixture(scope="module")
+def too_heavy(plain, model):
+    """A simulator that believes in 15 % too much mass."""
+    return decided(plain, model.on(mass_kg=0.046))
+
+
+@pytest.fixture(scope="module")
+def uneven(model):
+    """Recordings of four flights, the third with 15 % more mass, and what is judged of them."""
+    heavy = model.on(mass_kg=0.046)
+    tracks = tuple(track_of(heavy if k == 2 else model, 40 + k, k) for k in range(4))
+    flights = tuple(Flight(t.name, {}, {}, Provenance(t.name, "", "made")) for t in tracks)
+    recordings = Recordings(flights, {}, tracks, (), {})
+    return recordings, *judge(recordings, Wrench(tracks), model)
+
+
 def names_of(decision) -> list[str]:
     return [f.hypothesis.term for f in decision.findings]
 
 
-def test_a_right_simulator_has_no_mismatch(plain, model):
-    _, decision = decided(plain, model)
+def test_a_right_simulator_has_no_mismatch(right):
+    _, decision = right
     assert (decision.outcome, decision.findings) == ("none", ())
 
 
@@ -52,8 +75,8 @@ def test_gusts_are_no_noise_but_nothing_with_a_name(model):
     assert (decision.outcome, decision.findings) == ("unknown", ())
 
 
-def test_gusts_have_size_and_duration_and_still_air_is_none(plain, model):
-    moments, _ = decided(plain, model)
+def test_gusts_have_size_and_duration_and_still_air_is_none(plain, right):
+    moments, _ = right
     rng = np.random.default_rng(3)
     many = len(plain.force_at)
     air = lfilter([1.0], [1.0, -np.exp(-0.04 / 0.8)], rng.standard_normal((many + 200, 3)), axis=0)[200:]
@@ -72,6 +95,7 @@ def test_a_concealed_drag_is_found_again(plain, model):
     assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
 
 
+@pytest.mark.slow
 def test_slow_commands_hardly_tell_a_lag_from_a_delay(plain, model):
     """No input faster than 4 Hz: the delay may be named beside the lag, and nothing else."""
     _, decision = decided(plain, model.with_term("motor_lag", tau_up_s=0.005, tau_down_s=0.005))
@@ -81,17 +105,16 @@ def test_slow_commands_hardly_tell_a_lag_from_a_delay(plain, model):
     assert named <= {"motor_lag", "command_delay"}
 
 
-def test_a_heavier_vehicle_is_found(plain, model):
-    _, decision = decided(plain, model.on(mass_kg=0.045))
+def test_a_heavier_vehicle_is_found(too_heavy):
+    _, decision = too_heavy
     finding = decision.findings[0]
     assert "mass" in (finding.hypothesis.term, *finding.equivalent)
     assert decision.fit.model.parameters["mass.m"] == pytest.approx(0.04, rel=0.01)
 
 
-def test_gains_of_motors_keep_their_mean_however_much_thrust_is_wrong(plain, model):
+def test_gains_of_motors_keep_their_mean_however_much_thrust_is_wrong(too_heavy, model):
     """A vehicle 15 % heavier than believed is no imbalance of motors."""
-    space = space_around(model.on(mass_kg=0.046))
-    moments, _ = _named(plain, space, model.on(mass_kg=0.046), lambda text: None)
+    space, (moments, _) = space_around(model.on(mass_kg=0.046)), too_heavy
     found = fit(Slopes(moments), space.model, space.free("motor_imbalance"))
     gains = [value for name, value in found.model.parameters.items() if name.startswith("motor_imbalance.g")]
     assert np.mean(gains) == pytest.approx(1.0, abs=1e-9)
@@ -138,7 +161,7 @@ def test_a_pull_along_the_vertical_alone_has_no_name(model):
 def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
     """Markers sit differently in every flight: the scatter is a nuisance, and the drag behind it is found."""
     tilts = ((0.03, -0.02), (-0.01, 0.015), (0.005, 0.04), (-0.04, 0.0), (0.02, -0.035))
-    tracks = [track_of(model.with_term("frame_tilt", roll_rad=r, pitch_rad=p), 50 + k, k, seconds=12.0)
+    tracks = [track_of(model.with_term("frame_tilt", roll_rad=r, pitch_rad=p), 50 + k, k, seconds=8.0)
               for k, (r, p) in enumerate(tilts)]
     moments, decision = decided(Wrench(tracks), model.with_term("drag_linear", d=(0.004, 0.004, 0.006)))
     assert set(moments.levels.names) == {"frame_tilt.roll_rad", "frame_tilt.pitch_rad"}
@@ -146,6 +169,7 @@ def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
     assert decision.fit.model.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.1)
 
 
+@pytest.mark.slow
 def test_flights_whose_motors_are_each_uneven_are_not_named_after_it(model):
     """Without the level, gains from command to torque, masses and scales make up for a trim of every flight's own."""
     calm = model.with_term("angular_damping", d_r=(4e-4, 4e-4, 4e-4))  # nobody flies these tracks
@@ -156,6 +180,7 @@ def test_flights_whose_motors_are_each_uneven_are_not_named_after_it(model):
     assert "motor_imbalance.g[0]" in moments.levels.names
 
 
+@pytest.mark.slow
 def test_mass_and_thrust_scale_are_never_named_both(plain, model):
     wrong = Model(replace(model.vehicle, mass_kg=0.7 * model.vehicle.mass_kg), model.as_dict())
     _, decision = decided(plain, wrong.with_term("inertia", inertia_kg_m2=(3e-5, 3e-5, 5e-5)))
@@ -173,24 +198,21 @@ def test_what_gets_worse_by_more_than_anything_improves_is_no_proof():
         assert proof(after).better == fine
 
 
-def test_one_flight_with_a_heavier_vehicle_is_singled_out(model):
-    heavy = model.on(mass_kg=0.046)
-    tracks = [track_of(heavy if k == 2 else model, 40 + k, k) for k in range(4)]
-    _, decision = decided(Wrench(tracks), model)
+def test_one_flight_with_a_heavier_vehicle_is_singled_out(uneven):
+    _, _, decision, _ = uneven
     assert decision.own
     name = next(n for n in decision.fit.own if n.startswith(f"{decision.own[0]}."))
     assert int(np.argmax(np.abs(decision.fit.own[name] - np.median(decision.fit.own[name])))) == 2
 
 
-def test_the_flight_that_differs_is_in_the_verdict(model):
-    heavy = model.on(mass_kg=0.046)
-    tracks = tuple(track_of(heavy if k == 2 else model, 40 + k, k) for k in range(4))
-    flights = tuple(Flight(t.name, {}, {}, Provenance(t.name, "", "made")) for t in tracks)
-    body = diagnose(Recordings(flights, {}, tracks, (), {}), model).to_json()
+def test_the_flight_that_differs_is_in_the_verdict(uneven, model):
+    recordings, *judged = uneven
+    body = Verdict.of(recordings, model, *judged, 0.0).to_json()
     assert body["outcome"] == "named"
     assert any(f["where"]["flights"] == ["flight_3"] for f in body["findings"])
 
 
+@pytest.mark.slow
 def test_beliefs_of_a_simulator_from_its_flights(plain, model):
     found = beliefs(Recordings((), {}, tuple(plain.tracks), (), {}), model.vehicle)
     assert found.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.05)
@@ -238,18 +260,18 @@ def test_a_burst_counts_as_long_as_it_lasts():
     assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5
 
 
-def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, model):
+def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, right):
     """A regression on the samples before predicts a swing: whitened by it, its peak is lost among the others."""
-    moments, _ = decided(plain, model)
+    moments, _ = right
     rng, at = np.random.default_rng(9), plain.force_at
     time, flight = plain.of("time_s", at), plain.flight[at]
     air = lfilter([1.0], [1.0, -0.9], 0.02 * rng.standard_normal((len(at), 3)), axis=0)
-    force = air + np.outer(0.9 * np.sin(2.0 * np.pi * 1.45 * time + flight), [0.65, 0.75, 0.1])
+    force = air + np.outer(0.9 * np.sin(2.0 * np.pi * 1.43 * time + flight), [0.65, 0.75, 0.1])
     runs = moments.channels[0].memory.runs
     channels = [replace(c, memory=fit_memory(x, np.zeros((len(at), 0)), runs, 3))
                 for c, x in zip(moments.channels[:3], force.T, strict=True)]
     remembered = [c.memory.whiten(x) for c, x in zip(channels, force.T, strict=True)]
-    height = [float(np.abs(np.exp(-2j * np.pi * 1.45 * time) @ w) ** 2 / (w @ w)) for w in
+    height = [float(np.abs(np.exp(-2j * np.pi * 1.43 * time) @ w) ** 2 / (w @ w)) for w in
               (remembered[1], _one_step(force[:, 1]))]
     assert height[0] < 0.5 * height[1]
     found = _period(replace(moments, channels=[*channels, *moments.channels[3:]]), force, flight)
@@ -258,9 +280,9 @@ def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, model):
     assert found.size_m_s2 == pytest.approx(0.75 * 0.9 / 2**0.5, rel=0.1)
 
 
-def test_a_long_delay_is_tried_however_little_it_promises(plain, model):
+def test_a_long_delay_is_tried_however_little_it_promises(right, model):
     """Its rank to first order is no word on what acts far from linearly."""
-    moments, _ = decided(plain, model)
+    moments, _ = right
     space = space_around(model)
     search = _Search(moments, space, model)
     search._promise = lambda term, *_: -1e9 if term == "command_delay" else 0.0
@@ -282,9 +304,9 @@ def test_a_curve_that_is_no_more_than_a_level_gives_way_to_it(plain, model):
     assert "thrust_voltage" not in search.names
 
 
-def test_damping_is_told_better_by_setpoints_than_by_shaking(plain, model):
+def test_damping_is_told_better_by_setpoints_than_by_shaking(plain, right, model):
     """The smallest damping that is named; about z nothing is asked for."""
-    moments, _ = decided(plain, model)
+    moments, _ = right
     space = space_around(model)
     without = [smallest(f"angular_damping.d_r[{k}]", space.model, moments) for k in range(3)]
     asked = Wrench([replace(t, asked_rad_s2=np.ones((len(t), 2))) for t in plain.tracks])

@@ -16,7 +16,7 @@ from identification.mismatch.wrench import Wrench
 @pytest.fixture(scope="module")
 def quiet():
     """(wrench, power) of flights without a mismatch."""
-    wrench, space = wrench_of(MODEL, flights=2, seconds=12.0), space_around(MODEL)
+    wrench, space = wrench_of(MODEL, flights=2, seconds=8.0), space_around(MODEL)
     moments, named = _named(wrench, space, MODEL, lambda text: None)
     decision = Decision("none", (), (), (), named.fit, space, (), (), np.zeros(6), np.zeros(6), {})
     return wrench, power(moments, decision)

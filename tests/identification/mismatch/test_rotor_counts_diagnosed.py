@@ -41,6 +41,7 @@ def test_hidden_drag_of_a_hexarotor_is_named(flights):
     assert after < 0.7 * before
 
 
+@pytest.mark.slow
 def test_a_weak_motor_of_six_is_named():
     true = HEXA.with_term("motor_imbalance", g=(1.02, 1.02, 0.9, 1.02, 1.02, 1.02))
     verdict = diagnose_flights(flights_of(true, seconds=10.0), HEXA)

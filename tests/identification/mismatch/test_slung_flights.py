@@ -19,26 +19,28 @@ def hung(name, seed, toward_deg=35.0, load_kg=MASS_KG, asked=(0.0, 0.0, 0.0, 0.0
     flight = hover(name, asked, seed=seed)
     t = flight["motor"].time_s
     rng = np.random.default_rng([seed, 1])
-    toward = np.array([np.cos(np.radians(toward_deg)), np.sin(np.radians(toward_deg))])
+    toward = np.exp(1j * np.radians(toward_deg))  # level vectors are complex numbers: x + y i
     flying = (t >= ON_S) & (t <= OFF_S)
-    place, speed, lean = np.zeros(2), np.zeros(2), np.zeros(2)
-    s, ds = 0.25 * toward * (load_kg > 0.0), np.zeros(2)
+    place, speed, lean, gust = 0j, 0j, 0j, 0j
+    s, ds = 0.25 * toward * (load_kg > 0.0), 0j
     w2, h = 9.81 / LENGTH_M, 0.001
-    path = np.zeros((len(t), 6))
-    gust = np.zeros(2)
-    for k in np.flatnonzero(flying):
-        path[k] = [*place, *speed, *lean]
-        gust = 0.95 * gust + 0.02 * rng.standard_normal(2)
+    path = np.zeros((len(t), 3), complex)
+    wander = 0.25 * (np.sin(2.0 * np.pi * 0.2 * t) + 1j * np.sin(2.0 * np.pi * 0.17 * t))
+    gusts = 0.02 * rng.standard_normal((int(flying.sum()), 2)) @ [1.0, 1j]
+    for k, push in zip(np.flatnonzero(flying).tolist(), gusts.tolist(), strict=True):
+        path[k] = place, speed, lean
+        gust, goal = 0.95 * gust + push, complex(wander[k])
         for _ in range(10):
             a = 9.81 * lean + load_kg / VEHICLE_KG * w2 * s + gust
-            wish = (-3.0 * place - 2.5 * speed + 0.25 * np.sin(2.0 * np.pi * np.array([0.2, 0.17]) * t[k])) / 9.81
+            wish = (-3.0 * place - 2.5 * speed + goal) / 9.81
             lean = lean + h * (wish - lean) / 0.08
-            ds = ds + h * (-w2 * s - 0.02 * np.sqrt(w2) * ds - a)
+            ds = ds + h * (-w2 * s - 0.02 * w2**0.5 * ds - a)
             s, speed = s + h * ds, speed + h * a
             place = place + h * speed
     old = flight["estimator"]
-    values = np.column_stack([path[:, :2], old["z"], path[:, 2:4], old["vz"]]) + 1e-4 * rng.standard_normal((len(t), 6))
-    attitude = np.column_stack([-path[:, 5], path[:, 4], 0.0 * t]) + 5e-4 * rng.standard_normal((len(t), 3))
+    x, y = path.real.T, path.imag.T
+    values = np.column_stack([x[0], y[0], old["z"], x[1], y[1], old["vz"]]) + 1e-4 * rng.standard_normal((len(t), 6))
+    attitude = np.column_stack([-y[2], x[2], 0.0 * t]) + 5e-4 * rng.standard_normal((len(t), 3))
     return flight.with_streams(estimator=dataclasses.replace(old, values=values),
                                attitude=make_stream("attitude", t, attitude, ("roll", "pitch", "yaw")))
 

@@ -17,7 +17,7 @@ from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.references import path_spec
 
-FLIGHTS = tuple(FlightSpec(path_spec(family, speed, duration_s=14.0), "pid", charge)
+FLIGHTS = tuple(FlightSpec(path_spec(family, speed, duration_s=6.0), "pid", charge)
                 for family, speed, charge in (("figure_eight", "medium", 0.9), ("trefoil", "fast", 0.7)))
 IMBALANCE = Hidden("motor_imbalance", "large",
                    EFFECTS["motor_imbalance"].draw("large", np.random.default_rng(0), Airframe()))
