@@ -81,7 +81,7 @@ def _words(kind: FaultKind, faults: Sequence[Fault], spans: Sequence[Span], airb
         "count": _count(rows, faults[0].unit) if rows else _times(len(spans)),
         "seconds": f"{sum(s.duration_s for s in spans):.2g} s",
         "size": size_in_words(_largest(faults), faults[0].unit),
-        "degrees": f"{math.degrees(_largest(faults)):.0f} deg",
+        "degrees": _degrees(_largest(faults)),
         "factor": size_in_words(_largest(faults), ""),
         "lateness": _lateness(faults),
         "at": f"{spans[0].start_s:.1f} s",
@@ -98,6 +98,10 @@ def size_in_words(size: float, unit: str) -> str:
     if unit == "s/s":
         return f"{1e3 * size:.2g} ms a second"
     return f"{size:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
+def _degrees(angle_rad: float) -> str:
+    return f"{math.degrees(angle_rad):.0f} deg" if math.isfinite(angle_rad) else "an unknown angle"
 
 
 def _largest(faults: Sequence[Fault]) -> float:

@@ -113,14 +113,15 @@ def _screen_of(options: Options, body: Result | Mapping[str, object], content: M
     from ..steps.sentences import controlled, estimated, predicted
     from .control import control_screen
 
+    label = ", SYNTHETIC" if options.synthetic else ""
     if isinstance(body, EstimateBody):
         recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == "as-recorded"]}
-        return [*task3_screen(recorded, options.synthetic), f"Task 3. {estimated(body.rows, rankings(body.rows))}"]
+        return [*task3_screen(recorded, options.synthetic), f"Task 3{label}. {estimated(body.rows, rankings(body.rows))}"]
     if isinstance(body, ControlBody):
-        return [*control_screen(options, body), f"Task 2. {controlled(body)}"]
+        return [*control_screen(options, body), f"Task 2{label}. {controlled(body)}"]
     if isinstance(body, SysidBody):
         recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == content["clock"]]}
-        return [task1_screen(recorded, options.synthetic)[0], f"Task 1. {predicted(body)}"]
+        return [task1_screen(recorded, options.synthetic)[0], f"Task 1{label}. {predicted(body)}"]
     return []
 
 

@@ -72,8 +72,7 @@ def test_pictures_and_attribution(nanobench, recordings, tmp_path):
     out = tmp_path / "d.json"
     code, shown, err = nanobench("estimate", "--data", recordings, "--protocol", "aided", "--protocol", "blackout",
                                  "--only", "--method", "drag_ekf", "--method", "hold_position", "--attribution",
-                                 "--json", out,
-                                 "--jobs", 1)
+                                 "--json", out, "--jobs", 1, "--verbose")
     assert code == 0, err
     body = json.loads(out.read_text())
     assert [(band["protocol"], band["method"]) for band in body["bands"]] == [("aided", "drag_ekf"),

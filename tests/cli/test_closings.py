@@ -33,18 +33,21 @@ def test_what_new_writes_passes_its_test(nanobench, here, kind, monkeypatch):
     assert words[-1] == "thing_of_mine:ThingOfMine"
     assert words[:2] == ["nanobench", KINDS[kind][2][0]]
     assert nanobench("new", kind, "thing_of_mine")[0] == 2  # nothing is overwritten
-    tests = tests_of(here, "thing_of_mine", monkeypatch)
+    tests = own_tests(here, "thing_of_mine", monkeypatch)
     assert len(tests) == 2
     for test in tests.values():
         test()
 
 
-def tests_of(folder, name, patch):
+def own_tests(folder, name, patch):
     """The test functions that ``nanobench new`` wrote, imported here: a pytest of their own costs seconds."""
     patch.syspath_prepend(folder)
-    for module in (name, f"test_{name}"):
-        patch.delitem(sys.modules, module, raising=False)
-    return {test: call for test, call in vars(importlib.import_module(f"test_{name}")).items() if test[:5] == "test_"}
+    try:
+        found = vars(importlib.import_module(f"test_{name}"))
+        return {test: call for test, call in found.items() if test[:5] == "test_"}
+    finally:
+        for module in (name, f"test_{name}"):
+            sys.modules.pop(module, None)
 
 
 def test_the_command_that_new_names_runs_its_test(nanobench, here):
@@ -60,7 +63,7 @@ def test_the_test_that_new_writes_can_fail(nanobench, here, monkeypatch):
     nanobench("new", "estimator", "cheat")
     path = here / "cheat.py"
     path.write_text(path.read_text().replace('side="right") - 1', 'side="right").clip(max=len(mocap) - 1)'))
-    tests = tests_of(here, "cheat", monkeypatch)
+    tests = own_tests(here, "cheat", monkeypatch)
     tests["test_it_is_where_the_vehicle_is"]()
     with pytest.raises(AssertionError):
         tests["test_it_knows_nothing_of_the_future"]()

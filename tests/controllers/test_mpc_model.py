@@ -1,6 +1,7 @@
 """What predictive controllers believe of the vehicle, against compiled rollouts, finite differences and each other."""
 
 import functools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from controllers.mpc.disturbance import Observer
 from controllers.mpc.linear_mpc import error
 from controllers.mpc.thrust_map import ThrustMap
 from nanobench_tools import so3
-from nanobench_tools.errors import InputError, MissingExtraError
+from nanobench_tools.errors import InputError, MissingExtraError, how_to_install
 from nanobench_tools.physics import numeric, rollout
 from nanobench_tools.physics.model import Model
 
@@ -184,7 +185,7 @@ def test_a_compiler_that_fails_is_done_without(monkeypatch, tmp_path):
 
 def test_a_missing_package_is_one_line_that_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
-    with pytest.raises(MissingExtraError, match=r'casadi is not installed; pip install "nanobench-tools\[mpc\]"'):
+    with pytest.raises(MissingExtraError, match=re.escape(f"casadi is not installed; {how_to_install('mpc')}")):
         casadi_code.import_casadi()
 
 
