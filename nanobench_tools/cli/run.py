@@ -116,7 +116,8 @@ def _screen_of(options: Options, body: Result | Mapping[str, object], content: M
     label = ", SYNTHETIC" if options.synthetic else ""
     if isinstance(body, EstimateBody):
         recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == "as-recorded"]}
-        return [*task3_screen(recorded, options.synthetic), f"Task 3{label}. {estimated(body.rows, rankings(body.rows))}"]
+        said = estimated(body.rows, rankings(body.rows))
+        return [*task3_screen(recorded, options.synthetic), f"Task 3{label}. {said}"]
     if isinstance(body, ControlBody):
         return [*control_screen(options, body), f"Task 2{label}. {controlled(body)}"]
     if isinstance(body, SysidBody):
