@@ -15,7 +15,6 @@ import os
 import pickle
 import struct
 import sys
-import sysconfig
 import types
 import uuid
 from collections.abc import Callable, Iterable, Mapping
@@ -152,6 +151,10 @@ def _source_hash(module_name: str) -> str:
     return digest.hexdigest()
 
 
+INSTALLED = {"site-packages", "dist-packages"}
+"""Folders of installed packages, of this environment and of those it builds on."""
+
+
 def _files_of(name: str, installed_too: bool, spec: ModuleSpec | None) -> list[Path]:
     """The file of a top-level module or all files of a package; none for what was installed, unless asked. ``spec``:
     where it is, if known."""
@@ -161,8 +164,7 @@ def _files_of(name: str, installed_too: bool, spec: ModuleSpec | None) -> list[P
         return []
     places = [*(spec.submodule_search_locations or [])] if spec else []
     found = [Path(place) for place in places or ([spec.origin] if spec and spec.has_location and spec.origin else [])]
-    installed = [Path(sysconfig.get_path(key)) for key in ("purelib", "platlib")]
-    if not installed_too and any(path.is_relative_to(place) for path in found for place in installed):
+    if not installed_too and any(INSTALLED & set(path.parts) for path in found):
         return []
     return [file for path in found for file in (sorted(path.rglob("*")) if path.is_dir() else [path])
             if file.is_file() and "__pycache__" not in file.parts]
