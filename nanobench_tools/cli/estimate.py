@@ -64,7 +64,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     if only and not methods:
         raise UsageError("--only goes with --method")
     further = load_methods("estimators", methods)
-    scored = further if only else None
+    scored = further if only or folders else None
     if noise_file is not None:
         from estimators.imu_noise import read_imu_noise, reckon_with
 
