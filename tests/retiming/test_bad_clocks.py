@@ -101,5 +101,6 @@ def test_slow_rows_say_that_they_know_less(wandering):
 
 def test_the_former_name_on_a_flight_warns_and_does_the_same(wandering):
     flight = wandering[0].without_streams("imu")
-    with pytest.warns(FutureWarning, match=r"time_offsets\.moving\.apply\.retimed"), pytest.raises(InputError, match="no imu"):
+    with (pytest.warns(FutureWarning, match=r"time_offsets\.moving\.apply\.retimed"),
+          pytest.raises(InputError, match="no imu")):
         flight.retimed()
