@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeGuard
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from .. import so3
 from ..auditing.faults.kinds import cutting_logs
@@ -25,8 +26,10 @@ from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
 from ..labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..methods import Estimate, Estimator
+from ..metrics.alignment import Alignment, AlignmentError, align
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
+from ..metrics.trajectory import ate
 from ..signals.onboard_estimate import OnboardEkf
 from ..sources.trajectory_file import TrajectoryFile
 from .phases import MOTOR_ON, flown_spans, is_cut
@@ -53,6 +56,9 @@ GIVEN_LOGGED = "as flown: motion capture poses over radio, own sensors"
 INPUTS = f"poses of the first {GIVEN_S:g} s"
 INPUTS_LOGGED = "all poses, in flight"
 MINIMUM_ROWS = 50
+
+OTHER_WORLD_RAD = np.radians(5.0)
+"""A trajectory whose world is turned by more is in a world of its own: a convention. Less is an error of its own."""
 
 COVERED = 0.95
 NEAR_S = 0.1
@@ -260,6 +266,11 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
     truth_m_s = np.asarray(truth.velocity_m_s)
     t, p, q = estimate.time_s[rows], estimate.position_m[rows], estimate.quaternion[rows]
     v = None if estimate.velocity_m_s is None else estimate.velocity_m_s[rows]
+    world = world_of(p, truth.position_m) if isinstance(method, TrajectoryFile) else None
+    raw = p
+    if world is not None:  # errors that depend on the world are those in the truth's
+        p, q = world.apply(p), so3.multiply(Rotation.from_matrix(world.rotation).as_quat(), q)
+        v = None if v is None else v @ world.rotation.T
     metrics = published_metrics(p, truth.position_m, v, truth_m_s)
     if protocol == "as-published":
         euler = method.logged_euler(flight)[rows] if is_logged(method) else so3.euler_zyx(q)
@@ -269,7 +280,21 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
         metrics |= attitude_metrics(q, truth.quaternion)
         metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
         metrics |= consistency_metrics(estimate, rows, truth.position_m)
+    if world is not None:
+        metrics["world_turn_deg"] = float(np.degrees(world.angle_rad))
+        if "ate_unaligned_rmse_m" in metrics:
+            metrics["ate_unaligned_rmse_m"] = ate(raw, truth.position_m, "none").rmse_m
     return Scored(metrics, len(rows), truth.dropped, np.column_stack([t, p, q]))
+
+
+def world_of(estimate_m: np.ndarray, truth_m: np.ndarray) -> Alignment | None:
+    """The motion that takes a trajectory (n, 3) m of another program into the world of the truth (n, 3) m; None where
+    it is in that world already, to within OTHER_WORLD_RAD, or where the path does not determine it."""
+    try:
+        found = align(estimate_m, truth_m)
+    except AlignmentError:
+        return None
+    return found if found.angle_rad > OTHER_WORLD_RAD else None
 
 
 def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:

@@ -226,6 +226,11 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
         rows += task3.tabulate(protocol, mine[0][0], [(case, value) for _, case, value in mine], options.seed,
                                given, options.sessions, protocol_given, inputs)
     rows = _compared(options, [_on_clock(options, seen, row) for row in rows], done)
+    worlds = {method.name: angle_deg for method, _, value in done
+              if (angle_deg := value.metrics.get("world_turn_deg")) is not None}
+    for name, angle_deg in worlds.items():
+        options.show(one_line(f"{name}: its world is turned by {angle_deg:.1f} deg against that of the motion capture; "
+                              "it is scored after the alignment of its positions"))
     single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
                           protocol_given, value.metrics) for method, case, value in done]
     return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
