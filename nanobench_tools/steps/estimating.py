@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..time_offsets.moving.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, blackout_bands
 from .named_methods import load_methods
-from .options import Options
+from .options import Options, one_line
 from .result_bodies import EstimateBody, TakenOut
 from .show import ALL_FAILED, show_left_out
 

@@ -173,7 +173,7 @@ def test_bad_parameters_are_one_line_that_names_the_key(key, value, hint, tmp_pa
 
 def test_without_rotorpy_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rotorpy.vehicles.multirotor", None)
-    with pytest.raises(MissingExtraError, match=r"nanobench-tools\[rotorpy\]"):
+    with pytest.raises(MissingExtraError, match=r"pip install .*\[rotorpy\]"):
         simulator(Model(Vehicle(input="rpm"), RPM), tmp_path)
 
 

@@ -277,7 +277,7 @@ def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, right):
     found = _period(replace(moments, channels=[*channels, *moments.channels[3:]]), force, flight)
     assert found.kind == "period"
     assert "1.4" in found.hint
-    assert found.size_m_s2 == pytest.approx(0.75 * 0.9 / 2**0.5, rel=0.1)
+    assert found.size_m_s2 == pytest.approx(0.75 * 0.9 / 2**0.5, rel=0.2)  # short tracks: coarse frequencies
 
 
 def test_a_long_delay_is_tried_however_little_it_promises(right, model):
