@@ -67,7 +67,9 @@ class Hangs(OnboardPilot):
 
 
 def quick(patch) -> None:
-    """Take-off and landing of tenths of a second."""
+    """Take-off and landing of tenths of a second; a guardian that has patience with a busy machine."""
+    patch.setattr(Guardian, "BACK_S", 60.0)
+    patch.setattr(Guardian, "ALONE_S", 600.0)
     for name in ("HOLD_S", "BRIEF_HOLD_S", "SHORTEST_LANDING_S", "AFTER_S"):
         patch.setattr(safety_handover, name, 0.2)
     patch.setattr(safety_handover, "LANDING_M_S", 10.0)
