@@ -5,6 +5,7 @@ import importlib
 import json
 import subprocess
 import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,12 @@ def flights():
     return nb.simulate(2, seed=1, seconds=12.0)
 
 
+@pytest.fixture
+def throwaway(tmp_path, monkeypatch):
+    """Examples make temporary folders and leave them to the system."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
 def run_examples(name):
     module = importlib.import_module(f"nanobench_tools.api.{name}")
     found = doctest.testmod(module)
@@ -31,12 +38,14 @@ def run_examples(name):
     assert found.failed == 0
 
 
+@pytest.mark.usefixtures("throwaway")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples(name):
     run_examples(name)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("throwaway")
 @pytest.mark.parametrize("name", LONG_EXAMPLES)
 def test_long_examples(name):
     run_examples(name)

@@ -14,9 +14,9 @@ distributed = pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def cluster(tmp_path_factory):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=":0",
-                                  silence_logs=50) as running:
+                                  silence_logs=50, local_directory=str(tmp_path_factory.mktemp("dask"))) as running:
         yield running
 
 
