@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..steps.options import Options, one_line
-from ..tables.table import Table
+from ..tables.result_table import Table
 from .closing import close, same
 from .shared_options import shared_options
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from ..steps.options import Options, one_line, screen_height, screen_width, write_lines
-from ..tables.table import Table
+from ..tables.result_table import Table
 from ..tables.terminal import folded, lines_of
 
 WORDS = "nanobench.words"

@@ -14,7 +14,7 @@ from ..steps.options import Options, one_line
 from ..steps.result_bodies import ControlBody
 from ..steps.sentences import controlled
 from ..steps.show import ALL_FAILED, data_word, interval_text, score_table, score_text, sessions_text, show_left_out
-from ..tables.table import Table
+from ..tables.result_table import Table
 from ..time_offsets.moving.votes import evidence_of
 from .closing import close_scores
 from .shared_options import PATH, FiniteRange, shared_options

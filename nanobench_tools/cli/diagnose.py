@@ -22,7 +22,7 @@ from ..steps.diagnosing import (
 )
 from ..steps.options import Options
 from ..steps.show import data_word
-from ..tables.table import Table as Grid
+from ..tables.result_table import Table as Grid
 from .closing import again, close, shortened, shown_page
 from .shared_options import PATH, shared_options
 

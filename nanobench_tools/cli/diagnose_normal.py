@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from ..steps.options import Options
 from ..steps.show import data_word
-from ..tables.table import Table
+from ..tables.result_table import Table
 from .closing import again, close, shortened, shown_page
 from .real_folders import copies_between
 

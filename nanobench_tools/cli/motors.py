@@ -16,7 +16,7 @@ from ..physics.vehicle import BOUNDS
 from ..result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
-from ..tables.table import Table as Grid
+from ..tables.result_table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, no_paths_beside, shared_options
 

@@ -13,7 +13,7 @@ from ..errors import InputError, MissingExtraError, UsageError
 from ..result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
-from ..tables.table import Table as Grid
+from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .shared_options import PATH, shared_options

@@ -14,7 +14,7 @@ from ..errors import NanobenchError
 from ..protocols.compare import rankings
 from ..result import Result
 from ..steps.options import Options
-from ..tables.table import Table
+from ..tables.result_table import Table
 from ..time_offsets.moving.votes import CLOCKS
 from .audit import audit_body, audit_screen, audit_sentence
 from .closing import close, shown_page

@@ -14,7 +14,7 @@ from ..result import to_json
 from ..steps.options import Options, one_line
 from ..steps.sentences import interval
 from ..steps.show import data_word
-from ..tables.table import Table
+from ..tables.result_table import Table
 from .closing import again, close, shown_page
 from .shared_options import PATH, no_paths_beside, shared_options
 

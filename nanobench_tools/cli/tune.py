@@ -14,7 +14,7 @@ from ..errors import UsageError
 from ..harness.progress import Progress, Task
 from ..result import OPTIONAL, Result, to_json
 from ..steps.options import Options, one_line
-from ..tables.table import Table as Grid
+from ..tables.result_table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, FiniteRange, shared_options
 

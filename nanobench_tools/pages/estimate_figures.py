@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..tables.table import Score
+from ..tables.result_table import Score
 from .figure import Axis, Choice, Drawing, Figure, Mark, Panel
 from .packed import Steps
 from .row_cells import AS_RECORDED, clock_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..tables.quantities import number, shown
-from ..tables.table import Score
+from ..tables.result_table import Score
 from .audit_entry import CLOCK_STREAMS, total
 from .figure import Axis, Figure, Mark, Panel, styled
 from .row_cells import AS_RECORDED, PUBLISHED, SPEEDS, SYSID_METRICS, clock_of, of_one_clock, one_truth

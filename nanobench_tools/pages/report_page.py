@@ -16,7 +16,7 @@ from ..auditing.audit_verdict import entry_of
 from ..auditing.recording_audit import Audit
 from ..flight import Flight
 from ..tables.quantities import DASH, number
-from ..tables.table import Column, Score, Table, score_text, write_tables
+from ..tables.result_table import Column, Score, Table, score_text, write_tables
 from ..version import __version__
 from . import control_pictures, estimate_figures, overview_pictures, recording, words
 from .audit_entry import total

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..tables.table import Column, Score, Table
+from ..tables.result_table import Column, Score, Table
 from .audit_entry import CLOCK_STREAMS, fault_counts, share_clean, total
 from .row_cells import DATA, count_of, data_label, reason_of, score_column, text_of
 from .task1_tables import task1, task1_clocks, task1_commands, task1_parameters, task1_ratios

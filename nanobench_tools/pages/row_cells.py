@@ -8,7 +8,7 @@ from typing import Any
 
 from ..protocols.sessions import interval_note
 from ..tables.quantities import shown
-from ..tables.table import Cell, Column, Score, Table
+from ..tables.result_table import Cell, Column, Score, Table
 
 PUBLISHED = "as-published"
 SPEEDS = ("slow", "medium", "fast")

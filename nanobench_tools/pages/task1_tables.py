@@ -7,7 +7,7 @@ from typing import Any
 
 from ..protocols.sessions import short_note
 from ..tables.quantities import shown
-from ..tables.table import Cell, Column, Score, Table
+from ..tables.result_table import Cell, Column, Score, Table
 from .row_cells import (
     AS_RECORDED,
     CLOCK,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..tables.table import Cell, Column, Score, Table
+from ..tables.result_table import Cell, Column, Score, Table
 from .row_cells import (
     CLOCK,
     DATA,

@@ -9,7 +9,7 @@ from typing import Any
 from ..labels import OTHER_FAMILIES
 from ..protocols.sessions import interval_note, short_note
 from ..tables.quantities import shown
-from ..tables.table import Cell, Column, Score, Table
+from ..tables.result_table import Cell, Column, Score, Table
 from .row_cells import (
     AS_RECORDED,
     CLOCK,

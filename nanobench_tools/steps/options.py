@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ..errors import InputError, UsageError
-from ..tables.table import Table
+from ..tables.result_table import Table
 from ..tables.terminal import UNBOUNDED, folded, lines_of
 from ..time_offsets.moving.votes import AS_RECORDED
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from .quantities import DASH, MINUS
-from .table import Cell, Column, Score, Table, score_text
+from .result_table import Cell, Column, Score, Table, score_text
 
 GAP = 2
 FOLDED = 14

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from nanobench_tools.pages.result_tables import tables_of
 from nanobench_tools.tables import quantities
 from nanobench_tools.tables.quantities import DASH, MINUS, format_duration, format_number
-from nanobench_tools.tables.table import Column, Score, Table, latex_escape, score_text, to_csv, to_latex, write_tables
+from nanobench_tools.tables.result_table import (
+    Column,
+    Score,
+    Table,
+    latex_escape,
+    score_text,
+    to_csv,
+    to_latex,
+    write_tables,
+)
 
 METRES = Column("error_m", "Error", "score", "mm", 1e3, 1)
 
