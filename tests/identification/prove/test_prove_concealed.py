@@ -116,7 +116,7 @@ def test_what_is_found_and_what_stands_beside_it(simulators):
 
 def test_the_table_says_real_and_leaves_nothing_out(simulators, capsys):
     cases = diagnose_real(real_cases(split(6), simulators, 6, 0), run, stubborn)
-    show_real(Options(), RealProof(tuple(cases), summarise(cases), {}, ("f00",)))
+    show_real(Options(verbose=True), RealProof(tuple(cases), summarise(cases), {}, ("f00",)))
     shown = capsys.readouterr().out
     assert "real recordings, 1 flights train" in shown
     lines = {line.split("  ")[0].strip(): line for line in shown.splitlines()}
