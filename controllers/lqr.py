@@ -14,9 +14,9 @@ import numpy as np
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError, how_to_install
 from nanobench_tools.firmware.flatness import body_rates
+from nanobench_tools.firmware.guard import Guard
 from nanobench_tools.firmware.motor_output import MotorOutput
 from nanobench_tools.firmware.records import WRENCH
-from nanobench_tools.guard import Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number, setting

@@ -18,7 +18,7 @@ from nanobench_tools.metrics.statistics import draws
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.practice.references import PathSpec
 from nanobench_tools.protocols.simulated import Paths, score
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 from nanobench_tools.settings import count, number
 
 from .gains import Gain

@@ -23,8 +23,8 @@ import numba as nb
 import numpy as np
 
 from nanobench_tools.flight import Flight
-from nanobench_tools.labels import family_of
 from nanobench_tools.settings import number, setting
+from nanobench_tools.sources.labels import family_of
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .drag_ekf import TUNED

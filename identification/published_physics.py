@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.units import GRAVITY_M_S2
 
 MASS_KG = 0.04085

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .dataframes import arrays_of, frame_of, one_grid
-from .deprecation import warn_renamed
 from .errors import InputError
-from .flight_figure import flight_figure, named_in
+from .lookup.deprecation import warn_renamed
+from .results.dataframes import arrays_of, frame_of, one_grid
+from .results.flight_figure import flight_figure, named_in
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -121,7 +121,7 @@ def audited(made_once, shared_cache) -> Callable[[Flight], Audit]:
         from nanobench_tools.harness.audits import audit_item
         from nanobench_tools.harness.identity import item_key
         from nanobench_tools.harness.store import Store, encode, user_store
-        from nanobench_tools.result import from_json
+        from nanobench_tools.results.result import from_json
 
         unnamed = replace(flight, name="recording")
         made = made_once(f"audit_{item_key(audit_item, {'flight': unnamed})}", lambda: encode(audit_item(unnamed)))

@@ -11,9 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
-GROUND = ("errors", "deprecation", "version", "units", "frames", "so3", "user_folder", "registry", "flight", "methods",
-          "guard", "settings", "labels", "result_files", "cache_folder", "result", "fitted_values",
-          "array_fields", "dataframes", "flight_figure")
+GROUND = ("errors", "version", "units", "frames", "so3", "flight", "methods", "settings", "lookup", "results")
 """They import nothing but each other."""
 PATH_OF_A_RECORDING = ("sources", "signals", "time_offsets.constant", "time_offsets.moving", "auditing.faults",
                        "auditing", "harness", "protocols", "pages", "steps", "cli", "api")

@@ -31,7 +31,7 @@ from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 
 PRACTICE = prediction_model.practice_model()
 FRESH = Tuning(ages_s=(0.0, 0.0, 0.0, 0.0))

@@ -26,7 +26,7 @@ from nanobench_tools.auditing.recording_audit import Audit, audit, find_copies
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.practice import LoggingChain, practice_flights
 from nanobench_tools.practice.inject import INJECTIONS
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.signals.axis_unit_matching import CLEAR, axis_unit_matches
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.packet_rows import packets_of

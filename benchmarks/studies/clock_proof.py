@@ -36,7 +36,7 @@ from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import RECORDED, path_spec
 from nanobench_tools.protocols.sessions import Sessions
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.signals.airborne import airborne_spans
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.mocap_derivatives import derivatives_of

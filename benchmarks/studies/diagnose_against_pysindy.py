@@ -44,7 +44,7 @@ from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 
 KINDS = ("null", "single", "twin", "pair", "foreign")
 THRESHOLDS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2)

@@ -24,7 +24,7 @@ from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice.flights import practice_flights
 from nanobench_tools.protocols.task1 import training_cases
 from nanobench_tools.protocols.windows import RATE_HZ, cut_windows
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.steps.options import Options
 
 TYPICAL = {

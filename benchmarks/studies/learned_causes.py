@@ -40,7 +40,7 @@ from nanobench_tools.protocols import task1
 from nanobench_tools.protocols.phases import MOTOR_ON
 from nanobench_tools.protocols.task2 import PUBLISHED
 from nanobench_tools.protocols.windows import cut_windows
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.steps.options import Options
 
 

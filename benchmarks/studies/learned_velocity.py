@@ -18,8 +18,8 @@ import numpy as np
 from estimators.learned_velocity import EVERY, FADES_S, FILE, Weights, features, fitted
 from nanobench_tools import so3
 from nanobench_tools.flight import mask_of
-from nanobench_tools.labels import family_of
 from nanobench_tools.protocols import task3
+from nanobench_tools.sources.labels import family_of
 from nanobench_tools.steps.options import Options
 
 STEADY_S, EVERY_ROWS = 2.0, 5

@@ -28,7 +28,7 @@ from nanobench_tools.metrics.statistics import bootstrap_interval
 from nanobench_tools.protocols.gate import select
 from nanobench_tools.protocols.phases import streamed_phase
 from nanobench_tools.protocols.sessions import labels_of
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.sources.discover import default_data, load_recordings
 from nanobench_tools.time_offsets.moving.apply import retimed
 

@@ -25,10 +25,10 @@ from identification.greybox.fitted_predictor import past_inputs, start_of
 from identification.greybox.ladder import FULL
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.solve import Prior, flown_errors
-from nanobench_tools import array_fields
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.physics.model import RATE, ROTOR
 from nanobench_tools.physics.rollout import rollout
+from nanobench_tools.results import array_fields
 
 GROUPS = 5
 MEASURED = (Prior(("motor_lag.tau_up_s",), 0.055, 0.01, "nanobench motors"),

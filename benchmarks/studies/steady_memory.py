@@ -44,8 +44,8 @@ def commands(name: str, steps: int, mark: Callable[[], None]) -> None:
 def plant(name: str, steps: int, mark: Callable[[], None]) -> None:
     """Of a controller in front of 16 vehicles that hover."""
     from controllers.plants.ensemble import draw, shipped_simulator
+    from nanobench_tools.lookup.registry import load
     from nanobench_tools.methods import Reference, VehicleState
-    from nanobench_tools.registry import load
 
     n = 16
     goal = np.tile([0.0, 0.0, 1.0], (n, 1))

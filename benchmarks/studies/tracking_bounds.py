@@ -24,7 +24,7 @@ from controllers.plants.ensemble import Ensemble, draw, shipped_simulator
 from controllers.plants.simulated_flights import flown, made
 from nanobench_tools.physics.simulator import loads
 from nanobench_tools.protocols.simulated import TICK_S, Paths, score, specs_of
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 
 EVERY = 2
 """Ticks a step of the program."""

@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 from identification.mismatch.steady.causes import Body
 from identification.mismatch.steady.comparison import compare, normal_flights
 from identification.mismatch.steady.trim import Trim
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 
 MOTORS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]]) * 0.0325
 BODY = Body(MOTORS, 0.034)

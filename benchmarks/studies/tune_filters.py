@@ -28,11 +28,11 @@ from scipy.optimize import minimize
 from nanobench_tools.auditing.usable import POSE
 from nanobench_tools.errors import NanobenchError
 from nanobench_tools.flight import Flight, Span, mask_of
-from nanobench_tools.labels import FILTERS_SEARCHED_ON, family_of
+from nanobench_tools.lookup.registry import load
 from nanobench_tools.protocols import aided, blackout, task3
 from nanobench_tools.protocols.sessions import labels_of
-from nanobench_tools.registry import load
 from nanobench_tools.settings import FOLDER
+from nanobench_tools.sources.labels import FILTERS_SEARCHED_ON, family_of
 from nanobench_tools.steps.options import Options
 
 ROWS = {"strapdown": "error_state_ekf", "error_state_ekf": "error_state_ekf", "invariant_ekf": "invariant_ekf",

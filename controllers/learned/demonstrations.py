@@ -20,12 +20,12 @@ from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.auditing.usable import MOCAP, MOTORS, usable
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span, intersect_spans
-from nanobench_tools.labels import family_of, speed_of
 from nanobench_tools.metrics.association import associate
 from nanobench_tools.protocols.phases import MOTOR_ON
 from nanobench_tools.protocols.task2 import PUBLISHED
 from nanobench_tools.protocols.windows import rows_at_100_hz
 from nanobench_tools.settings import count, number
+from nanobench_tools.sources.labels import family_of, speed_of
 
 OBSERVED, STATE = 14, 10
 """Of an observation the first ten are the vehicle's, setpoint and battery come from outside."""

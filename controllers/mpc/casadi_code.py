@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.cache_folder import cache_folder
 from nanobench_tools.errors import MissingExtraError
+from nanobench_tools.results.cache_folder import cache_folder
 
 OPTIONS = ("-O1", "-fPIC", "-shared", "-fno-math-errno")
 COMPILERS = ("gcc", "cc", "clang")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from nanobench_tools.guard import LARGEST
+from nanobench_tools.firmware.guard import LARGEST
 from nanobench_tools.methods import Reference
 from nanobench_tools.settings import number
 

@@ -14,7 +14,7 @@ import numba as nb
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from nanobench_tools.guard import REST_BATTERY_V, Guard
+from nanobench_tools.firmware.guard import REST_BATTERY_V, Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.model import Model
 from nanobench_tools.settings import number, setting

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from nanobench_tools.errors import UsageError
-from nanobench_tools.guard import commanded
+from nanobench_tools.firmware.guard import commanded
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 

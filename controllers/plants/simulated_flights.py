@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools import registry
 from nanobench_tools.errors import NanobenchError, UsageError
 from nanobench_tools.firmware import onboard
+from nanobench_tools.lookup import registry
 from nanobench_tools.methods import Controller, Reference
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.simulator import loads

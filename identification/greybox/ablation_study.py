@@ -12,7 +12,7 @@ from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, WindowErrors, score
-from nanobench_tools.result import OPTIONAL, Result
+from nanobench_tools.results.result import OPTIONAL, Result
 
 from .fit import GreyBox, nuisances_of
 from .fit_result import FitResult

@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 
 from nanobench_tools.errors import UsageError
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
@@ -19,6 +18,7 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.model import find_term, typical
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.settings import number
 
 from .arrays import FitWindows

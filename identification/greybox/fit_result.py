@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nanobench_tools.fitted_values import Estimate
-from nanobench_tools.result import Result
+from nanobench_tools.results.fitted_values import Estimate
+from nanobench_tools.results.result import Result
 
 from .flyability import Flight
 

@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from nanobench_tools import array_fields
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.auditing.verb_needs import SYSID
 from nanobench_tools.errors import InputError
@@ -16,6 +15,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Past, Prediction, Windows
 from nanobench_tools.protocols.task1 import Case, training_cases
 from nanobench_tools.protocols.windows import cut_windows
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number
 
 from .arrays import FitWindows

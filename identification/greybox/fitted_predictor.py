@@ -9,13 +9,13 @@ from typing import Any, cast
 import numpy as np
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.inputs import rows, warmed
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
 from nanobench_tools.physics.predictor import ModelPredictor
 from nanobench_tools.physics.rollout import rollout
+from nanobench_tools.results.fitted_values import Estimate
 
 from .balance_features import balance, newest
 from .observer import Observer, gyro_before

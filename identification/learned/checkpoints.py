@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.result_files import write_bytes
+from nanobench_tools.results.result_files import write_bytes
 
 from .libraries import libraries
 

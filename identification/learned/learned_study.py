@@ -9,9 +9,9 @@ from typing import Any
 
 from nanobench_tools.errors import InputError, NanobenchError
 from nanobench_tools.flight import Flight
-from nanobench_tools.labels import family_of
 from nanobench_tools.methods import Predictor
 from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.sources.labels import family_of
 
 from .own import SETTINGS, held_out, lesson
 from .published_networks import KINDS, predictor_of, row_name, train_network

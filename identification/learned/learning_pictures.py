@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import MissingExtraError
-from nanobench_tools.labels import family_of
 from nanobench_tools.methods import Predictor
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols.task1 import Case, PredictionRow
 from nanobench_tools.protocols.windows import cut_windows
-from nanobench_tools.result_files import write_bytes
+from nanobench_tools.results.result_files import write_bytes
+from nanobench_tools.sources.labels import family_of
 
 TITLES = ("position m", "velocity m/s", "attitude rad", "rate rad/s")
 SHOWN = ("naive", "published_physics", "fit_balanced", "fit_observed")

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Span
 from nanobench_tools.methods import Prediction, Predictor, Windows
 from nanobench_tools.metrics.prediction import HORIZONS, QUANTITIES, window_errors
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import EVERY, RATE_HZ, cut_windows
-from nanobench_tools.result import Result
+from nanobench_tools.results.fitted_values import Estimate
+from nanobench_tools.results.result import Result
 from nanobench_tools.settings import count, setting
 
 from .bar import Step

@@ -14,7 +14,7 @@ from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import HORIZON
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 from .bar import Step
 from .libraries import Array, libraries

@@ -15,8 +15,8 @@ from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.physics.model import find_term
-from nanobench_tools.result import to_json
-from nanobench_tools.result_files import write_bytes
+from nanobench_tools.results.result import to_json
+from nanobench_tools.results.result_files import write_bytes
 from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 

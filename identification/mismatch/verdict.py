@@ -11,7 +11,7 @@ import numpy as np
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.physics.vocabulary import vocabulary
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 from nanobench_tools.settings import number
 
 from .commanded import WHY, WHY_STILL

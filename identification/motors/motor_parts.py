@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nanobench_tools.fitted_values import LeftOut, Value
-from nanobench_tools.result import INLINE, Result, named
+from nanobench_tools.results.fitted_values import LeftOut, Value
+from nanobench_tools.results.result import INLINE, Result, named
 
 Ends = tuple[float, float]
 """Of a 95 % interval."""

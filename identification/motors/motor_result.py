@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nanobench_tools.fitted_values import LeftOut, Value
 from nanobench_tools.metrics.prediction import HORIZONS, multi_horizon
 from nanobench_tools.metrics.statistics import (
     bootstrap_interval,
@@ -15,6 +14,7 @@ from nanobench_tools.metrics.statistics import (
     session_count,
     why_not,
 )
+from nanobench_tools.results.fitted_values import LeftOut, Value
 from nanobench_tools.units import factor
 
 from . import lag as lags

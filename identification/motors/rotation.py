@@ -16,10 +16,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from identification.greybox.ranges import bounds
-from nanobench_tools import array_fields, so3
+from nanobench_tools import so3
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import QUATERNION, RATE
 from nanobench_tools.physics.rollout import rollout
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, setting
 
 from .lag import BEFORE_S, Lag

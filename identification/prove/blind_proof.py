@@ -14,7 +14,7 @@ from pathlib import Path
 
 from nanobench_tools.errors import InputError, unknown_name
 from nanobench_tools.harness import Item, RunResult, envelope, item_key, manifest, read_json, write_json
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 from .case_flights import forget, given, keep, kept
 from .case_kinds import CaseSpec

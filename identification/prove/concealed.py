@@ -34,7 +34,7 @@ from nanobench_tools.harness import make_item
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.protocols.task1 import Case, Split
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 from .blind_proof import Diagnose, Run
 from .score import CaseScore, Verdict, score_case

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from identification.mismatch.steady.weigh import LOADS
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 from .condition_labels import NORMAL, Label
 from .folders import LEAVE_ONE_OUT, Judged

@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.physics.vocabulary import terms_that
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 from .truth import TrueEffect, TrueParameter, Truth
 

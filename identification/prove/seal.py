@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.result import from_json, to_json
-from nanobench_tools.result_files import write_bytes
+from nanobench_tools.results.result import from_json, to_json
+from nanobench_tools.results.result_files import write_bytes
 
 from .truth import Truth
 

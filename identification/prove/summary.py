@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.stats import binomtest
 
-from nanobench_tools.result import OPTIONAL, Result
+from nanobench_tools.results.result import OPTIONAL, Result
 
 from .case_kinds import OUTCOMES
 from .effects import SIZES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from nanobench_tools.result import Result
+from nanobench_tools.results.result import Result
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from nanobench_tools import array_fields
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 

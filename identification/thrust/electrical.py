@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.stats
 
-from nanobench_tools.fitted_values import Estimate, Value
+from nanobench_tools.results.fitted_values import Estimate, Value
 
 from .stand_fit import Fit
 from .stand_series import Stand

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nanobench_tools.protocols.sessions import Drawn
-from nanobench_tools.result import INLINE, OPTIONAL, Result, named
+from nanobench_tools.results.result import INLINE, OPTIONAL, Result, named
 
 
 @dataclass(frozen=True, repr=False)

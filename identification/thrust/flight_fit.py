@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nanobench_tools import array_fields
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight, Span
 from nanobench_tools.physics.vehicle import BOUNDS
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number
 from nanobench_tools.units import GRAVITY_M_S2
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from nanobench_tools import array_fields, so3
+from nanobench_tools import so3
 from nanobench_tools.auditing.verb_needs import THRUST
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number
 from nanobench_tools.signals.airborne import resting_height_m
 from nanobench_tools.units import PWM_FULL_SCALE

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nanobench_tools import array_fields
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
+from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number, setting
 
 MOTORS = 4

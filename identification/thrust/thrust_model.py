@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nanobench_tools.errors import InputError, UsageError
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics.vehicle import Vehicle
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .flight_fit import EFFECTS, FlightFit, effect_columns, find_delay

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.figure import (
     COLOURS,
@@ -23,6 +22,7 @@ from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.sessions import interval_note
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 

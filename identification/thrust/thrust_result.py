@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nanobench_tools.fitted_values import Estimate, LeftOut, Value
-from nanobench_tools.result import INLINE, OPTIONAL, Result
+from nanobench_tools.results.fitted_values import Estimate, LeftOut, Value
+from nanobench_tools.results.result import INLINE, OPTIONAL, Result
 from nanobench_tools.time_offsets.moving.votes import evidence_of
 
 from .electrical import battery_resistance, motor_constants

@@ -13,9 +13,9 @@ from typing import cast
 
 import numpy as np
 
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.metrics.statistics import refit_weights, session_count, why_not
 from nanobench_tools.protocols.sessions import labels_of
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.settings import count, number
 
 from .choose import NO_WORSE, NO_WORSE_ONE_FILE, HeldOut, choose

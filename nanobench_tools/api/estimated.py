@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..dataframes import frame_of
 from ..errors import NanobenchError, UsageError
 from ..flight import Flight
 from ..protocols.result_rows import EstimateRow
 from ..protocols.task3 import check_protocol
+from ..results.dataframes import frame_of
 from ..steps.estimating import SHOWN_FIRST, estimate_body, see
 from ..steps.named_methods import as_methods
 from ..steps.sentences import estimated

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..auditing.audit_verdict import AuditVerdict
 from ..flight import Flight
-from ..flight_figure import missing, plotly, thinned
+from ..results.flight_figure import missing, plotly, thinned
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, overload
 
 from ..errors import InputError, did_you_mean
 from ..flight import Flight
-from ..flight_figure import named_in
+from ..results.flight_figure import named_in
 from .quiet_options import given
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..flight import Flight
 from ..pages.report_page import RESULTS, write_report
-from ..result_files import read_json
+from ..results.result_files import read_json
 from .audited import audit
 from .quiet_options import some
 

@@ -1,6 +1,6 @@
 """The audit of a recording: its faults, its verdict, and which of it is usable."""
 
-from ..deprecation import renamed
+from ..lookup.deprecation import renamed
 
 __getattr__ = renamed(__name__, {
     "CUTTING_KINDS": "nanobench_tools.auditing.faults.kinds:cutting()",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..flight import Flight, Span, intersect_spans, subtract_spans
-from ..result import Result
+from ..results.result import Result
 from .fault_events import FaultEvent, events_of
 from .faults.kinds import cutting, kinds
 from .recording_audit import Audit

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..flight import Fault, Span, intersect_spans, merge_spans
-from ..result import Result
+from ..results.result import Result
 from .faults.kind import FaultKind
 from .faults.kinds import kinds
 from .faults.making import SINCE

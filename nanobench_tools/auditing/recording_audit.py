@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..flight import Fault, Flight, Span, merge_spans, subtract_spans
-from ..result import Result, from_json, to_json
+from ..results.result import Result, from_json, to_json
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.controller import controller_of

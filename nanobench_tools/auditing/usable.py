@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..fitted_values import LeftOut
 from ..flight import Flight, Stream, intersect_spans
+from ..results.fitted_values import LeftOut
 from .faults.kinds import cutting
 from .recording_audit import Audit
 from .selection import distinct

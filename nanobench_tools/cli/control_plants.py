@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, UsageError
-from ..fitted_values import LeftOut
+from ..results.fitted_values import LeftOut
 from ..steps.control_tables import show_mismatch, show_simulated
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import GateBody, GateJudged, SimulatedPart
@@ -131,8 +131,8 @@ def check_simulated(controllers: Sequence[str], trajectories: Sequence[str], spe
     """The paths; UsageError for an unknown controller, trajectory or too short a path, before anything is read."""
     from controllers.plants.simulated_flights import settled_s
 
+    from ..lookup.registry import load
     from ..protocols.simulated import specs_of
-    from ..registry import load
 
     specs = specs_of(trajectories, speeds, seconds)
     settled_s(specs)
@@ -308,7 +308,7 @@ def simulated_rows(options: Options, chosen: Chosen, names: Sequence[str], specs
 def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | None,
               ) -> list[tuple[str, dict[str, float] | None]]:
     """(controller, gains): each as it is, and those with gains again with these."""
-    from ..registry import names as registered
+    from ..lookup.registry import names as registered
 
     wanted = list(dict.fromkeys([*(names or registered("controllers")), *(gains or {})]))
     return [(name, None) for name in wanted] + [(name, dict(found)) for name, found in (gains or {}).items()]

@@ -68,7 +68,7 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     from ..sources import load_recordings
 
     if to == "rrd":
-        from ..rerun_recording import rerun
+        from ..steps.rerun_recording import rerun
 
         rerun()  # said once, before anything is read
     flights = options.load()
@@ -112,7 +112,7 @@ def _omitted(options: Options, flights: Sequence[Flight], to: str) -> list[dict[
 
 def convert_item(flight: Flight, out_dir: Path, to: str) -> dict[str, Any]:
     """Writes one recording."""
-    from ..export import export
+    from ..steps.export import export
 
     return {"file": str(export(flight, out_dir, to))}
 

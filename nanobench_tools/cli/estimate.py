@@ -9,7 +9,7 @@ import click
 
 from ..errors import UsageError
 from ..pages.task3_tables import task3, task3_attribution, task3_screen, task3_windows
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.estimate_pictures import attribution
 from ..steps.estimating import estimate_body, ranked_by_clock, see, trajectory_files
 from ..steps.named_methods import load_methods

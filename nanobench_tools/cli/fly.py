@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import UsageError
-from ..result import INLINE, OPTIONAL, Result
+from ..results.result import INLINE, OPTIONAL, Result
 from ..steps.options import Options, one_line
 from .closing import again, close
 from .fly_controllers import CONTROLLERS_HELP, pilot_for

@@ -22,9 +22,9 @@ gyro's."""
 def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
     """The pilot that ``--controller`` and ``--setpoints`` name. Raises UsageError."""
     from ..firmware.onboard import Mellinger, PidCascade
+    from ..lookup.registry import load
     from ..radio.fly.motor_commands import MotorPilot
     from ..radio.fly.pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
-    from ..registry import load
 
     found = load("controllers", name)
     if isinstance(found, type) and _is_predictive(found):

@@ -58,7 +58,7 @@ def shortened(text: str) -> str:
 
 def registered(group: str) -> Names:
     """Methods of a group; of one that needs what is not installed it says how to get it."""
-    from ..registry import load, names
+    from ..lookup.registry import load, names
 
     found = {}
     for name in names(group):
@@ -78,7 +78,7 @@ def trajectories() -> Names:
 
 
 def terms() -> Names:
-    from ..registry import load_all
+    from ..lookup.registry import load_all
 
     return {name: shortened(term.sentence) for name, term in load_all("terms").items()}
 

@@ -15,9 +15,9 @@ from typing import TextIO
 
 import click
 
-from ..deprecation import todays_options
 from ..errors import NanobenchError
-from ..user_folder import ours_first
+from ..lookup.deprecation import todays_options
+from ..lookup.user_folder import ours_first
 from ..version import __version__
 
 VERBS: dict[str, tuple[str, str]] = {

@@ -13,7 +13,7 @@ import click
 
 from ..errors import MissingExtraError, UsageError
 from ..physics.vehicle import BOUNDS
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
@@ -105,7 +105,7 @@ def _write(options: Options, study: Study, found: MotorResult) -> str | None:
     from identification.motors.motors_page import motors_page
 
     from ..physics.simulator import write_simulator
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
 
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside

@@ -85,7 +85,7 @@ def noise(options: Options) -> int:
 
 def _write(options: Options, result: ImuNoise, body: Mapping[str, Any]) -> str | None:
     """imu_noise.toml into ``--out``; its path."""
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
 
     if options.out is None:
         return None

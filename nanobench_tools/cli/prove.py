@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import InputError, MissingExtraError, UsageError
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid

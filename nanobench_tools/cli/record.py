@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from ..result import Result
+from ..results.result import Result
 from ..steps.options import Options
 from .closing import close
 from .shared_options import PATH, FiniteRange, shared_options
@@ -124,7 +124,7 @@ def say_export(options: Options, found: Exported) -> RecordBody:
 
 def toc_cache() -> Path | None:
     """Where cflib keeps tables of contents, so that connecting again is quick; None where nothing can be written."""
-    from ..cache_folder import cache_folder
+    from ..results.cache_folder import cache_folder
 
     folder = cache_folder() / "radio"
     try:

@@ -23,7 +23,7 @@ def report(options: Options) -> int:
     without them the page has none.
     """
     from ..pages.report_page import RESULTS, write_report
-    from ..result_files import read_json
+    from ..results.result_files import read_json
 
     if options.out is None and len(options.data) == 1 and any(
             (options.data[0] / f"{name}.json").is_file() for name in RESULTS):

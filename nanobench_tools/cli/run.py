@@ -12,7 +12,7 @@ import click
 
 from ..errors import NanobenchError
 from ..protocols.compare import rankings
-from ..result import Result
+from ..results.result import Result
 from ..steps.options import Options
 from ..tables.result_table import Table
 from ..time_offsets.moving.votes import CLOCKS

@@ -32,7 +32,7 @@ def sources(options: Options) -> int:
     from rich import box
     from rich.table import Table
 
-    from ..registry import load_all
+    from ..lookup.registry import load_all
     from ..sources.discover import default_data
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

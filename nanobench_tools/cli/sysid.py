@@ -12,7 +12,7 @@ import click
 from ..errors import UsageError
 from ..pages.task1_tables import task1_screen
 from ..physics.vehicle import BOUNDS
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody

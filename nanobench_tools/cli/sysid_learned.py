@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def checkpoint_folder(options: Options) -> Path:
     """Where trainings are kept: below ``--out``, else in the cache folder of the user."""
-    from ..cache_folder import cache_folder
+    from ..results.cache_folder import cache_folder
 
     return (options.out or cache_folder()) / "learned"
 

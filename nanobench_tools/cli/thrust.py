@@ -10,7 +10,7 @@ import click
 
 from ..errors import InputError, UsageError
 from ..protocols.sessions import short_note
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.options import Options, one_line
 from ..steps.sentences import interval
 from ..steps.show import data_word
@@ -185,7 +185,7 @@ def _comparable(flight: Flight) -> Flight:
 def _write(options: Options, out: Path, found: ThrustResult) -> None:
     from identification.thrust.thrust_page import thrust_page
 
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
 
     out.mkdir(parents=True, exist_ok=True)
     first = found.flight or found.stand

@@ -12,7 +12,7 @@ import click
 
 from ..errors import UsageError
 from ..harness.progress import Progress, Task
-from ..result import OPTIONAL, Result, to_json
+from ..results.result import OPTIONAL, Result, to_json
 from ..steps.options import Options, one_line
 from ..tables.result_table import Table as Grid
 from .closing import again, close
@@ -68,7 +68,7 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
 
     from ..physics.simulator import loads
     from ..protocols.simulated import specs_of
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
     from .control_plants import Chosen
 
     if simulator is not None and train:

@@ -1,6 +1,6 @@
 """Former place of ``nanobench_tools.auditing.faults.kind``."""
 
-from ..deprecation import renamed
+from ..lookup.deprecation import renamed
 
 __getattr__ = renamed(__name__, {name: f"nanobench_tools.auditing.faults.kind:{name}"
                                  for name in ("Blind", "FaultKind", "Injection")})

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
-from ..guard import Guard
 from ..methods import Reference, VehicleState
 from ..units import PWM_FULL_SCALE
 from . import lee, mellinger, pid
 from .flatness import body_rates
+from .guard import Guard
 from .motor_output import MotorOutput
 from .records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT, WRENCH
 

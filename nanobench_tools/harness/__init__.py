@@ -1,6 +1,6 @@
 """Items, runner, store, manifest, progress and result files."""
 
-from ..result_files import envelope, read_json, write_json
+from ..results.result_files import envelope, read_json, write_json
 from .identity import item_key, method_identity
 from .items import Item, make_item
 from .manifest import manifest

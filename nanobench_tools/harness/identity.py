@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import user_folder
+from ..lookup import user_folder
 from ..version import __version__
 
 PACKAGES = ("nanobench_tools", "estimators", "controllers", "identification")

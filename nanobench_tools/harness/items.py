@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from ..errors import NanobenchError
-from ..result import from_json
+from ..results.result import from_json
 from .identity import item_key
 from .store import Store, encode
 from .threads import one_thread

@@ -9,10 +9,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ..cache_folder import cache_folder
 from ..errors import InputError
-from ..result import to_json
-from ..result_files import sweep, write_bytes
+from ..results.cache_folder import cache_folder
+from ..results.result import to_json
+from ..results.result_files import sweep, write_bytes
 from .identity import sha256_of
 
 

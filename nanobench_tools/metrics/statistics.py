@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 import scipy.stats
 
-from ..result import OPTIONAL, Result
+from ..results.result import OPTIONAL, Result
 
 RESAMPLES = 2000
 """Bootstrap draws: the ends of a 95 % interval then scatter by about 3 % of its length."""

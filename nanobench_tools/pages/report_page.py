@@ -66,7 +66,7 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     entry of ``results["audit"]`` with its name, or else its content hash. ``synthetic``: the page, every table and
     every picture say so, and only then.
     """
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
 
     out_dir = Path(out_dir)
     flights = list(flights)

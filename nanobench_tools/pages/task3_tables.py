@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..labels import OTHER_FAMILIES
 from ..protocols.sessions import interval_note, short_note
+from ..sources.labels import OTHER_FAMILIES
 from ..tables.quantities import shown
 from ..tables.result_table import Cell, Column, Score, Table
 from .row_cells import (

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from ..errors import InputError
-from ..result_files import write_bytes
+from ..results.result_files import write_bytes
 from . import symbolic
 from .model import Model
 from .ops import import_casadi

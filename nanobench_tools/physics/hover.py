@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import UsageError
-from ..result import Result
+from ..results.result import Result
 from . import numeric
 from .inputs import settled
 from .model import QUATERNION, RATE, RIGID, ROTOR, VELOCITY, Model

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..cache_folder import cache_folder
+from ..results.cache_folder import cache_folder
 
 _LOCK = threading.Lock()
 _ENGINES: list[Any] = []

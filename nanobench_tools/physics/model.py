@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import registry
 from ..errors import InputError, UsageError
+from ..lookup import registry
 from . import rules
 from .term import Parameter, Term
 from .vehicle import Vehicle

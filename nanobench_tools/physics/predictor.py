@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..fitted_values import Estimate
 from ..methods import Prediction, Windows
+from ..results.fitted_values import Estimate
 from . import numeric, rollout
 from .model import POSITION, QUATERNION, RATE, VELOCITY, Model
 from .simulator import read_simulator

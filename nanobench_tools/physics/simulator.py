@@ -14,9 +14,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .. import registry
 from ..errors import InputError, MissingExtraError
-from ..result_files import write_bytes
+from ..lookup import registry
+from ..results.result_files import write_bytes
 from . import rules
 from .model import Model, find_term
 from .vehicle import UNITS, Vehicle

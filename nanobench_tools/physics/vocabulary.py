@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-from .. import registry
+from ..lookup import registry
 from .term import Term
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from .. import so3
 from ..errors import UsageError
+from ..firmware.guard import commanded
 from ..firmware.onboard import ControllerLog
-from ..guard import commanded
 from ..methods import Controller, Reference, VehicleState
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from .. import array_fields
 from ..errors import unknown_name
 from ..firmware.onboard import PERIOD_S, ControllerLog, Mellinger, PidCascade
 from ..methods import Reference, VehicleState
+from ..results import array_fields
 
 Batch = TypeVar("Batch", VehicleState, Reference)
 CONTROLLERS: dict[str, type[PidCascade] | type[Mellinger]] = {"pid": PidCascade, "mellinger": Mellinger}

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..deprecation import todays_name
 from ..errors import UsageError, unknown_name
+from ..lookup.deprecation import todays_name
 from ..methods import Reference
 from .courses import minimum_snap, time_optimal_eight
 from .curves import (

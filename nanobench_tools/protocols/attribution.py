@@ -20,7 +20,7 @@ from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.statistics import Labels, Summary
 from ..metrics.trajectory import rms
-from ..result import INLINE, Result
+from ..results.result import INLINE, Result
 from ..settings import number
 from ..signals.onboard_estimate import OnboardEkf
 from .aided import Aiding, given_to

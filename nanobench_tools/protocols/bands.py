@@ -17,7 +17,7 @@ from ..flight import Span
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
 from ..metrics.association import snap
-from ..result import Result
+from ..results.result import Result
 from .aided import Aiding, given_to
 from .blackout import given_until
 from .result_rows import BlackoutScore, Scored

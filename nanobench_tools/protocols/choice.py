@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..metrics.prediction import QUANTITIES
-from ..result import Result
+from ..results.result import Result
 from .task1 import Case, WindowErrors
 
 GROUPS = 4

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..metrics.prediction import HORIZONS, QUANTITIES
 from ..metrics.statistics import PairedRatio, excludes_one, paired_ratio
-from ..result import INLINE, Result
+from ..results.result import INLINE, Result
 from .blackout import KINDS
 from .gate import GateRow
 from .result_rows import ClockRatios, EstimateRow, FlightScore, Metrics, Ratios, WindowScore

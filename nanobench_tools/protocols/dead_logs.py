@@ -11,8 +11,8 @@ from ..auditing.faults.kinds import log_ended
 from ..auditing.recording_audit import Audit
 from ..auditing.usable import POSE
 from ..flight import mask_of as inside
-from ..labels import speed_of
-from ..result import Result
+from ..results.result import Result
+from ..sources.labels import speed_of
 from .task3 import Case
 
 ROWS, MOST = 300, 6

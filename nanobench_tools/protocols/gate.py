@@ -23,7 +23,7 @@ from ..metrics import tracking
 from ..metrics.statistics import Summary
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
-from ..result import INLINE, OPTIONAL, Result, named
+from ..results.result import INLINE, OPTIONAL, Result, named
 from ..settings import count, number
 from ..signals.radio_gaps import radio_gaps
 from .phases import is_cut, streamed_phase

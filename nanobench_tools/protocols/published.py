@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..result import OPTIONAL, Result
+from ..results.result import OPTIONAL, Result
 
 
 @dataclass(frozen=True, repr=False)

@@ -17,9 +17,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import array_fields, so3
+from .. import so3
 from ..errors import InputError
 from ..methods import Prediction, Predictor, Windows
+from ..results import array_fields
 from ..settings import number
 from .result_rows import Answer, AxisAnswer, CommandResponse
 from .task1 import Case

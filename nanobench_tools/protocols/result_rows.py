@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..metrics.statistics import Summary
-from ..result import INLINE, OPTIONAL, Result, named
+from ..results.result import INLINE, OPTIONAL, Result, named
 from .published import Published
 from .sessions import Drawn
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..labels import OTHER_FAMILIES
 from ..metrics.statistics import Labels, Summary, summary_table
+from ..sources.labels import OTHER_FAMILIES
 
 
 def groups_of(family: str, speed: str | None) -> list[str]:

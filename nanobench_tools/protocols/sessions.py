@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..metrics.statistics import FEW_SESSIONS, Summary, session_count, why_not
-from ..result import OPTIONAL, Result, to_json
+from ..results.result import OPTIONAL, Result, to_json
 from ..settings import number
 
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")

@@ -13,7 +13,7 @@ from ..metrics import tracking
 from ..metrics.timing import constant_delay
 from ..metrics.trajectory import rms
 from ..practice.references import FAMILIES, RECORDED, PathSpec, family_named, path_spec
-from ..result import OPTIONAL, Result
+from ..results.result import OPTIONAL, Result
 
 TICK_S = 0.01
 HOVER_S, SETTLED_S = 4.0, 3.0

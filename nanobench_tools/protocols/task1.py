@@ -17,11 +17,11 @@ from ..auditing.usable import usable
 from ..auditing.verb_needs import SYSID
 from ..errors import InputError
 from ..flight import Flight, Span, intersect_spans
-from ..labels import family_of, speed_of
 from ..methods import Prediction, Predictor
 from ..metrics.prediction import HORIZONS, QUANTITIES, multi_horizon, window_errors
 from ..metrics.statistics import design_effect, pooled_interval
-from ..result import INLINE, OPTIONAL, Result
+from ..results.result import INLINE, OPTIONAL, Result
+from ..sources.labels import family_of, speed_of
 from .phases import flown_spans, is_cut
 from .published import Published, beside
 from .result_rows import ClockRatios, CommandResponse, Ratios

@@ -22,11 +22,11 @@ from ..auditing.verb_needs import CONTROL
 from ..errors import InputError, unknown_name
 from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
-from ..labels import UNKNOWN, family_of, speed_of
 from ..metrics import tracking
 from ..metrics.statistics import Summary
 from ..metrics.trajectory import rms
-from ..result import INLINE, OPTIONAL, Result
+from ..results.result import INLINE, OPTIONAL, Result
+from ..sources.labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
 from .published import Published, beside
 from .score_tables import summaries

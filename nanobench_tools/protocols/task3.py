@@ -24,13 +24,13 @@ from ..auditing.verb_needs import ESTIMATE
 from ..errors import InputError, unknown_name
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
-from ..labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..methods import Estimate, Estimator
 from ..metrics.alignment import Alignment, AlignmentError, align
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
 from ..metrics.trajectory import ate
 from ..signals.onboard_estimate import OnboardEkf
+from ..sources.labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..sources.trajectory_file import TrajectoryFile
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside

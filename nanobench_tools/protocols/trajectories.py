@@ -13,7 +13,7 @@ import numpy as np
 from ..flight import Flight
 from ..methods import Estimator
 from ..metrics.association import associate, snap
-from ..result_files import write_bytes
+from ..results.result_files import write_bytes
 from . import aided, whole_flight
 from .result_rows import Scored
 from .task3 import WHOLE_FLIGHT, Case, score

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..axes import Frame, frame_of, in_our_axes
 from ..flight import Stream
 from ..settings import number
+from ..sources.axes import Frame, frame_of, in_our_axes
 from .context import Context
 from .dropouts import alive_until
 from .flown_axes import AXES, NAMES, ORDERS, UP, UPRIGHT, Axis, Tilt, first_up, ground_axes, seen_poses, tilts

@@ -17,15 +17,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..cache_folder import cache_folder
 from ..flight import Assumption, Fault, Flight, Provenance, Span, Stream
+from ..results.cache_folder import cache_folder
 
 
 @functools.cache
 def code_hash() -> str:
     """Of everything that turns bytes into a Flight: a reader that was changed is never answered from old entries."""
     here = Path(__file__).parent
-    beside = ("flight.py", "units.py", "frames.py", "axes.py", "settings/values/sources.toml")
+    beside = ("flight.py", "units.py", "frames.py", "settings/values/sources.toml")
     files = [*sorted(here.rglob("*.py")), *sorted(here.rglob("*.toml")), *(here.parent / name for name in beside)]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
 

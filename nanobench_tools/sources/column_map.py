@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ..axes import Frame, frame_of, in_our_axes
 from ..errors import InputError, UsageError, did_you_mean
 from ..flight import STREAM_QUANTITIES, Assumption, Stream
 from ..units import to_si
+from .axes import Frame, frame_of, in_our_axes
 from .payload import read_file
 
 SCHEMA = "nanobench-columns/1"

@@ -16,7 +16,7 @@ import joblib
 
 from ..errors import InputError, NanobenchError
 from ..flight import Flight
-from ..registry import load_all
+from ..lookup.registry import load_all
 from . import cache as store
 from .base import SheetSource, Source, text_fault
 from .companions import companion

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..axes import frame_of, in_our_axes
 from ..errors import InputError
 from ..flight import Flight, Provenance, make_stream
 from ..units import factor
+from .axes import frame_of, in_our_axes
 from .cells import parse_number
 from .dialect import normalise_text
 from .sheets import Sheet

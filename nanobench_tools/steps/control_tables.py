@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..result import Result
+from ..results.result import Result
 from .options import Options, one_line
 
 if TYPE_CHECKING:

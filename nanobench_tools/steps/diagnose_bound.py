@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..methods import Prediction, Predictor, Windows
 from ..metrics.prediction import HORIZONS, QUANTITIES, window_errors
-from ..result import Result
+from ..results.result import Result
 from .options import Options
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ..result import INLINE, Result
+from ..results.result import INLINE, Result
 from ..time_offsets.moving.votes import AS_RECORDED
 from .options import Options
 

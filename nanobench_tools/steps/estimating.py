@@ -194,10 +194,10 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
     judged on, where it is another one."""
     from ..harness import make_item
-    from ..labels import speed_of
     from ..protocols import task3, whole_flight
     from ..protocols.result_rows import FlightScore
     from ..protocols.trajectories import score_and_write, write_missing, write_truths
+    from ..sources.labels import speed_of
 
     folder = None if out is None else out / "trajectories"
     how = {} if aiding is None else {"aiding": aiding, "seed": options.seed}

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..errors import UsageError
+from ..lookup.registry import load
 from ..methods import Controller, Estimator, Predictor
-from ..registry import load
 
 KINDS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "estimators": (Estimator, ("name", "causal", "estimate(flight)")),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..harness import Item, Progress, RunResult
     from ..harness.clocks import Choice, OnClock
     from ..protocols.sessions import Sessions
-    from ..result import Result
+    from ..results.result import Result
     from ..time_offsets.moving.time_offset import TimeOffset
 
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]+")
@@ -224,7 +224,7 @@ class Options:
     def write_json(self, content: Mapping[str, Any]) -> None:
         """Writes ``--json``, or prints it for ``--json -``."""
         from ..harness import write_json
-        from ..result_files import to_text
+        from ..results.result_files import to_text
 
         if self.json is not None and str(self.json) == "-":
             click.echo(to_text(content), nl=False)

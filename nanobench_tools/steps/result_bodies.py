@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from ..result import INLINE, OPTIONAL, Result
+from ..results.result import INLINE, OPTIONAL, Result
 
 if TYPE_CHECKING:
     from identification.greybox.fit_result import FitResult
 
-    from ..fitted_values import Estimate, LeftOut
     from ..metrics.statistics import Summary
     from ..protocols.attribution import Attribution
     from ..protocols.choice import ChosenOn
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow, SolveTimes
     from ..protocols.task1 import PredictionRow
     from ..protocols.task2 import TrackingRow
+    from ..results.fitted_values import Estimate, LeftOut
     from ..time_offsets.moving.time_offset import TimeOffset
     from .estimate_pictures import DrawnBand
 

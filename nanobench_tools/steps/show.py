@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from ..auditing.recording_audit import Audit
-    from ..fitted_values import LeftOut
     from ..flight import Flight
     from ..protocols.published import MeanStd
     from ..protocols.result_rows import Ratios
+    from ..results.fitted_values import LeftOut
     from .options import Options
 
 

@@ -269,7 +269,7 @@ def _one_line(text: str) -> str:
 
 def write_tables(out_dir: Path, tables: list[Table], label: str = "") -> list[Path]:
     """Writes ``<name>.csv`` (UTF-8 with the mark spreadsheets look for) and ``<name>.tex`` of every table."""
-    from ..result_files import write_bytes
+    from ..results.result_files import write_bytes
 
     written = []
     for table in tables:

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation, Slerp
 
 from nanobench_tools import Flight, InputError, UsageError, make_stream
-from nanobench_tools.dataframes import frame_of, interpolated, seconds_of
+from nanobench_tools.results.dataframes import frame_of, interpolated, seconds_of
 
 TIME = np.arange(5) / 10.0
 

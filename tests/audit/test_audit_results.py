@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nanobench_tools import registry
 from nanobench_tools.auditing.faults.kinds import cutting, kinds
 from nanobench_tools.auditing.recording_audit import Audit, ClockReading, RateReading, audit, find_copies
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
+from nanobench_tools.lookup import registry
 
 KINDS = {
     "dead_stream",

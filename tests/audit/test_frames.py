@@ -13,9 +13,9 @@ from nanobench_tools import so3
 from nanobench_tools.auditing.fault_events import events_of
 from nanobench_tools.auditing.faults import axis_swap, body_frame, frame, quaternion_order, sign
 from nanobench_tools.auditing.recording_audit import audit
-from nanobench_tools.axes import frame_of, in_our_axes
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.stream_frames import IMU, ROTATIONS
+from nanobench_tools.sources.axes import frame_of, in_our_axes
 
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 CHECKS = (frame, sign, axis_swap, quaternion_order, body_frame)

@@ -11,10 +11,10 @@ from nanobench_tools import so3
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, MissingExtraError, how_to_install
-from nanobench_tools.export import export
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.frames import gravity_up
 from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.steps.export import export
 
 NEEDS_RERUN = pytest.mark.skipif(importlib.util.find_spec("rerun") is None,
                                  reason='RERUN ABSENT: pip install -e ".[viewer]" to read what is written')

@@ -6,14 +6,14 @@ import importlib
 import pytest
 
 from identification.prove.plan import QUOTAS
-from nanobench_tools import deprecation
 from nanobench_tools.cli import listing
 from nanobench_tools.cli.control import PLANTS
 from nanobench_tools.cli.convert import ALL, FORMATS, SIMULATORS
 from nanobench_tools.cli.main import LISTED, VERBS
+from nanobench_tools.lookup import deprecation
+from nanobench_tools.lookup.registry import names
 from nanobench_tools.practice.references import FAMILIES
 from nanobench_tools.protocols import task2, task3
-from nanobench_tools.registry import names
 
 ONE_WORD = {"--family": "--trajectory", "--figure": "--trajectory", "--duration": "--seconds",
             "--duration-s": "--seconds", "--methods": "--method", "--protocols": "--protocol",
@@ -113,7 +113,7 @@ def test_a_plug_in_stands_in_the_list_and_one_that_fails_says_why(monkeypatch):
             raise ImportError("no module named nothing")
         return Kept
 
-    monkeypatch.setattr("nanobench_tools.registry.names", lambda group: ["broken", "kept"])
-    monkeypatch.setattr("nanobench_tools.registry.load", load)
+    monkeypatch.setattr("nanobench_tools.lookup.registry.names", lambda group: ["broken", "kept"])
+    monkeypatch.setattr("nanobench_tools.lookup.registry.load", load)
     assert listing.registered("estimators") == {
         "broken": "cannot be loaded: ImportError: no module named nothing", "kept": "Keeps still."}

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from nanobench_tools import UsageError, registry, user_folder
+from nanobench_tools import UsageError
 from nanobench_tools.harness.identity import method_identity
+from nanobench_tools.lookup import registry, user_folder
 
 ROOT = Path(__file__).parents[2]
-SHOW = ("import sys; from nanobench_tools.registry import load; "
+SHOW = ("import sys; from nanobench_tools.lookup.registry import load; "
         "found = load('controllers', sys.argv[1]); print(found().mark())")
 
 
@@ -105,7 +106,7 @@ def test_two_folders_are_not_mixed_up(folder, monkeypatch, tmp_path_factory):
 
 
 def test_what_a_users_method_imports_counts_for_its_identity(folder, monkeypatch):
-    script = ("from nanobench_tools.registry import load; "
+    script = ("from nanobench_tools.lookup.registry import load; "
               "from nanobench_tools.harness.identity import method_identity; "
               "print(method_identity(load('controllers', 'controllers.pid:Pid')))")
     before, same = (run("-c", script, cwd=folder).stdout for _ in range(2))
@@ -141,7 +142,8 @@ def test_ours_fly_from_a_folder_with_controllers_of_its_own(folder, module, on_p
 
 
 def test_a_script_with_controllers_of_its_own_is_told_in_one_line(folder):
-    script = ("import controllers.gains\nfrom nanobench_tools import registry, UsageError\n"
+    script = ("import controllers.gains\nfrom nanobench_tools import UsageError\n"
+              "from nanobench_tools.lookup import registry\n"
               "assert controllers.gains.K == 3.0\n"
               "try:\n    registry.load('controllers', 'geometric')\nexcept UsageError as error:\n    print(error)\n")
     done = run("-c", script, cwd=folder)

@@ -11,9 +11,10 @@ from scipy.linalg import solve_discrete_are
 from scipy.signal import cont2discrete
 
 from controllers import lqr
-from nanobench_tools import registry, so3
+from nanobench_tools import so3
+from nanobench_tools.firmware.guard import HOLD_S, SINK
 from nanobench_tools.frames import MOTOR_SIGNS
-from nanobench_tools.guard import HOLD_S, SINK
+from nanobench_tools.lookup import registry
 from nanobench_tools.methods import Controller, Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.practice.references import path_spec

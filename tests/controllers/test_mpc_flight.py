@@ -11,7 +11,7 @@ from controllers.mpc import fallback, linear_mpc, nmpc, predictive_base
 from controllers.mpc.linear_mpc import MpcDaqp
 from controllers.mpc.nmpc import Nmpc
 from controllers.mpc.prediction_model import practice_model
-from nanobench_tools import registry
+from nanobench_tools.lookup import registry
 from nanobench_tools.methods import Controller
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import QUATERNION

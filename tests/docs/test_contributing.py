@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nanobench_tools import registry
 from nanobench_tools.cli.main import VERBS
+from nanobench_tools.lookup import registry
 from nanobench_tools.physics.export import TARGETS
 
 ROOT = Path(__file__).parents[2]

@@ -11,8 +11,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from estimators import inertial_core
+from nanobench_tools.lookup.registry import load
 from nanobench_tools.methods import Estimate
-from nanobench_tools.registry import load
 
 FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "studies" / "tune_filters.py"
 

@@ -112,7 +112,8 @@ def test_without_the_package_the_simulator_is_refused_by_the_terms_name(diagnose
 def test_prove_scores_what_was_concealed(installed, case, diagnosed):
     """Dealt, flown, diagnosed and scored as ``nanobench prove`` does it, which flies longer."""
     script = ("import json, sys\nfrom identification.prove.score import score_case\n"
-              "from identification.prove.truth import Truth\nfrom nanobench_tools.result import from_json, to_json\n"
+              "from identification.prove.truth import Truth\n"
+              "from nanobench_tools.results.result import from_json, to_json\n"
               "(truth,), verdict = (json.load(open(name)) for name in sys.argv[1:])\n"
               "print(json.dumps(to_json(score_case(from_json(Truth, truth), verdict))))")
     scored = json.loads(python(case, installed, "-c", script, case / "truth.json", diagnosed / "verdict.json"))

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from nanobench_tools import so3
-from nanobench_tools.axes import frame_of, in_our_axes
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import make_stream
+from nanobench_tools.sources.axes import frame_of, in_our_axes
 
 
 def stream(name, **columns):

@@ -5,9 +5,9 @@ import warnings
 
 import pytest
 
-from nanobench_tools import deprecation
 from nanobench_tools.auditing.faults.kinds import cutting
 from nanobench_tools.cli.main import VERBS, main
+from nanobench_tools.lookup import deprecation
 
 
 def test_a_former_option_works_and_its_warning_names_the_new_one(monkeypatch, tmp_path, capsys):

@@ -2,7 +2,8 @@
 
 import pytest
 
-from nanobench_tools import UsageError, registry
+from nanobench_tools import UsageError
+from nanobench_tools.lookup import registry
 
 
 def test_anything_importable_is_found_by_module_and_class():

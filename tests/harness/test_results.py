@@ -12,8 +12,8 @@ import pytest
 from nanobench_tools import InputError, __version__
 from nanobench_tools.harness import envelope, manifest, read_json, write_json
 from nanobench_tools.harness.manifest import portable
-from nanobench_tools.result import INLINE, OPTIONAL, Result, from_json, named, to_json
-from nanobench_tools.result_files import sweep
+from nanobench_tools.results.result import INLINE, OPTIONAL, Result, from_json, named, to_json
+from nanobench_tools.results.result_files import sweep
 
 
 @dataclass(frozen=True)

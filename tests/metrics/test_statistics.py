@@ -18,7 +18,7 @@ from nanobench_tools.metrics.statistics import (
     summary_table,
     weights,
 )
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 
 def test_summary_by_hand():

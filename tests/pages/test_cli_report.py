@@ -5,7 +5,7 @@ import json
 import pytest
 
 from nanobench_tools.cli.main import main
-from nanobench_tools.result_files import write_json
+from nanobench_tools.results.result_files import write_json
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 

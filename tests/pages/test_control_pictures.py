@@ -5,7 +5,7 @@ import pytest
 
 from nanobench_tools.pages import control_pictures
 from nanobench_tools.protocols.simulated import Runs, call_counts, solve_times
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 TIMES = (0.05 * np.arange(40)).tolist()
 GOAL = np.column_stack([np.cos(TIMES), np.sin(TIMES), np.ones(40)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nanobench_tools import registry
+from nanobench_tools.lookup import registry
 from nanobench_tools.physics import Model, Vehicle
 
 CURVE = {"thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.00678)}}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from physics_cases import ALL, CURVE, SPEED
 
-from nanobench_tools import registry
 from nanobench_tools.errors import InputError, UsageError
+from nanobench_tools.lookup import registry
 from nanobench_tools.physics import Model, Vehicle, find_term
 from nanobench_tools.physics.term import Stage
 

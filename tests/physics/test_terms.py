@@ -7,7 +7,7 @@ import pytest
 from physics_cases import ALL, CURVE, PWM_ONLY, SPEED, alone
 from scipy.spatial.transform import Rotation
 
-from nanobench_tools import registry
+from nanobench_tools.lookup import registry
 from nanobench_tools.physics import Model, Vehicle, find_term, neutral, numeric
 from nanobench_tools.physics.model import QUATERNION, RATE, VELOCITY
 from nanobench_tools.physics.rollout import rollout

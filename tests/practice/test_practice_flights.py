@@ -5,11 +5,11 @@ import pytest
 
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import STREAM_QUANTITIES
+from nanobench_tools.lookup.registry import load
 from nanobench_tools.methods import Controller
 from nanobench_tools.practice import fly, path_spec, practice_flight, practice_flights
 from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.timeline import Events
-from nanobench_tools.registry import load
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.sources.nanobench import write_nanobench
 from nanobench_tools.sources.nanobench_columns import COLUMNS

@@ -12,7 +12,7 @@ from nanobench_tools.protocols.gate import GateRow
 from nanobench_tools.protocols.result_rows import EndError, EstimateRow, FlightScore, WindowScore
 from nanobench_tools.protocols.sessions import Drawn, Sessions
 from nanobench_tools.protocols.task1 import PredictionRow, WindowErrors
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 DAY, DATE = 86400.0, 1.7e9
 

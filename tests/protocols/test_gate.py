@@ -17,7 +17,7 @@ from nanobench_tools.physics.simulator import dumps
 from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.protocols import gate
 from nanobench_tools.protocols.simulated import ErrorBar, Paths, Runs, recovery, score, specs_of, tabulate
-from nanobench_tools.result import from_json, to_json
+from nanobench_tools.results.result import from_json, to_json
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 
 

@@ -6,8 +6,8 @@ import pytest
 from made_flights import LAND_S, LIFT_S, PATH_S, cut, made_flight
 
 from nanobench_tools.flight import Span
-from nanobench_tools.labels import family_of, speed_of
 from nanobench_tools.protocols import phases
+from nanobench_tools.sources.labels import family_of, speed_of
 
 
 def test_labels_come_from_the_reader_and_never_from_the_name():

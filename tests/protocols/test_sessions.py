@@ -15,7 +15,7 @@ from nanobench_tools.protocols.sessions import (
     labels_of,
     parameters_note,
 )
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 HOUR, DAY, DATE = 3600.0, 86400.0, 1.7e9
 

@@ -14,13 +14,13 @@ from estimators.hold_position import HoldPosition
 from estimators.onboard_ekf import OnboardEkf
 from nanobench_tools import Estimate, InputError, UsageError, so3
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
-from nanobench_tools.labels import OTHER_FAMILIES
 from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
 from nanobench_tools.protocols.published import published
 from nanobench_tools.protocols.trajectories import write_tum
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.sources.labels import OTHER_FAMILIES
 from nanobench_tools.sources.trajectory_file import TrajectoryFile
 
 EKF = OnboardEkf()

@@ -11,8 +11,8 @@ from identification.naive import Naive
 from nanobench_tools import InputError
 from nanobench_tools.auditing.usable import left_out, missing, tidy
 from nanobench_tools.auditing.verb_needs import CONTROL, ESTIMATE
-from nanobench_tools.fitted_values import LeftOut
 from nanobench_tools.protocols import task1, task2, task3
+from nanobench_tools.results.fitted_values import LeftOut
 
 
 def spoiled(flight, stream, rows, column=0, value=np.nan):

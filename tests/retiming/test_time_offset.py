@@ -9,7 +9,7 @@ from nanobench_tools.cli.run_clocks import COMPARED_CLOCKS
 from nanobench_tools.flight import Flight
 from nanobench_tools.harness.audits import audit_flights
 from nanobench_tools.harness.clocks import on_clock
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 from nanobench_tools.signals.context import Context
 from nanobench_tools.time_offsets.moving.apply import apply_time_offset, find_time_offset
 from nanobench_tools.time_offsets.moving.confirm import believed

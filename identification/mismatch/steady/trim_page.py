@@ -10,8 +10,8 @@ import numpy as np
 
 from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.report_page import template
-from nanobench_tools.result import to_json
-from nanobench_tools.result_files import write_bytes
+from nanobench_tools.results.result import to_json
+from nanobench_tools.results.result_files import write_bytes
 from nanobench_tools.version import __version__
 
 from .causes import CAUSES

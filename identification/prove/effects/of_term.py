@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools import registry
 from nanobench_tools.errors import UsageError
+from nanobench_tools.lookup import registry
 from nanobench_tools.physics.ops import NUMPY
 from nanobench_tools.physics.term import Parameter, Situation, Stage, Term
 

@@ -18,12 +18,12 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...axes import name_of
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
 from ...signals.stream_frames import StreamTurn, assignments, how, in_words, pose_turn, stream_turns
+from ...sources.axes import name_of
 from .kind import FaultKind
 from .making import SINCE, over_stream
 

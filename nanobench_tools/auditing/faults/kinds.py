@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from types import ModuleType
 
-from ...registry import load_all
+from ...lookup.registry import load_all
 from .kind import FaultKind
 
 

@@ -38,8 +38,9 @@ from typing import Any
 
 import numpy as np
 
-from ... import registry, so3
+from ... import so3
 from ...errors import InputError, NanobenchError, UsageError
+from ...lookup import registry
 
 UP = np.array([0.0, 0.0, 9.81])
 """m/s^2: what an accelerometer at rest feels, world."""

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from ... import so3
 from ...errors import InputError, MissingExtraError
-from ...result_files import read_json
+from ...results.result_files import read_json
 from ..equations import Equations
 from ..export.rotorpy_params import SCHEMA, commands_beside, quad_params
 from ..inputs import rows

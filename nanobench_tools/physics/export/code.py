@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from ...result_files import write_bytes
+from ...results.result_files import write_bytes
 from .. import symbolic
 from ..ccode import write_c
 from ..model import Model

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingExtraError
-from ...result_files import write_bytes
+from ...results.result_files import write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import RAD_S_PER_RPM, Assumed, command_lines, get, rotors

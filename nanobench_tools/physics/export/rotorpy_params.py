@@ -15,7 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ...result_files import to_text, write_bytes
+from ...results.result_files import to_text, write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import Assumed, Rotors, command_lines, commands, get, rotors

@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from ...errors import InputError
-from ...result_files import write_bytes
+from ...results.result_files import write_bytes
 from ..model import Model
 from .account import Account, Exported, account
 from .rotors import RAD_S_PER_RPM, Assumed, command_lines, get, rotors

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...result import Result
+from ...results.result import Result
 from .flight_loop import Beat
 from .pose_tracker import Believed
 from .prepare import Ready

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...errors import InputError
 from ...practice.references import PathSpec
-from ...result import to_json
+from ...results.result import to_json
 from ..blocks import Block
 from ..host_clock import Clock, HostClock
 from ..mocap.pose_source import PoseSource

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...errors import InputError, UsageError
-from ...registry import load
+from ...lookup.registry import load
 from .pose_source import Sink, checked
 
 

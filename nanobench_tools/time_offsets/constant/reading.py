@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ...result import Result, named
+from ...results.result import Result, named
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...flight import Flight, Span, Stream
-from ...result import Result
+from ...results.result import Result
 
 
 @dataclass(frozen=True, repr=False)

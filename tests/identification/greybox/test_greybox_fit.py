@@ -17,10 +17,10 @@ from identification.greybox.flyability import flies, hover_ratio
 from identification.greybox.ladder import LADDER
 from identification.greybox.solve import Prior
 from nanobench_tools.errors import InputError, UsageError
-from nanobench_tools.fitted_values import Estimate
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.physics.terms.inertia import most
+from nanobench_tools.results.fitted_values import Estimate
 
 
 def cuts_of(data):

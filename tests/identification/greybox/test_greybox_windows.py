@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nanobench_tools import array_fields
 from nanobench_tools.flight import Span
 from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.protocols.windows import PAST_ALL, cut_windows
+from nanobench_tools.results import array_fields
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "protocols"))
 from made_flights import made_flight

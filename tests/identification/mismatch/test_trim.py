@@ -12,7 +12,7 @@ from identification.mismatch.steady.trim import Trim, runs_of, trim_of
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, make_stream
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 
 def trim(flight: Flight) -> Trim:

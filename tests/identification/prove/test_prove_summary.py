@@ -7,7 +7,7 @@ from scipy.stats import binom
 
 from identification.prove.score import CaseScore, EffectScore, FindingScore, IntervalScore
 from identification.prove.summary import Share, TermError, calibration, confusion, power_by_term, summarise
-from nanobench_tools.result import to_json
+from nanobench_tools.results.result import to_json
 
 
 def case(kind, *effects, outcome="named", findings=(), foreign=(), truth=(), right=True, intervals=(), power=None,

@@ -12,7 +12,7 @@ from identification.thrust.maps import MAPS
 from identification.thrust.stand_fit import fit_stands
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
-from nanobench_tools.fitted_values import Estimate
+from nanobench_tools.results.fitted_values import Estimate
 
 TRUTH = {"kappa": 0.02, "rho": 0.09, "e_0": -0.05}
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from . import so3
-from .errors import InputError, UsageError
-from .units import to_si
+from .. import so3
+from ..errors import InputError, UsageError
+from ..units import to_si
 
 if TYPE_CHECKING:
     import pandas as pd

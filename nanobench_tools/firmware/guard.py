@@ -13,8 +13,8 @@ import math
 import numba as nb
 import numpy as np
 
-from .errors import InputError, NanobenchError, UsageError
-from .methods import Controller, Reference, VehicleState
+from ..errors import InputError, NanobenchError, UsageError
+from ..methods import Controller, Reference, VehicleState
 
 HOLD_S = 0.1
 """A last measurement may stand in for so long."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .flight import Flight
+from ..flight import Flight
 
 UNKNOWN = "unknown"
 

@@ -16,19 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from . import so3
-from .auditing.audit_verdict import AuditVerdict, verdict_of
-from .auditing.faults.kinds import cutting
-from .auditing.recording_audit import Audit, audit
-from .errors import MissingExtraError
-from .flight import STREAM_QUANTITIES, Flight, Span, mask_of, merge_spans, motors_of
-from .pages.recording import LONGEST_GAP_S, colour_of
-from .result import to_json
-from .result_files import SURROGATE, to_text, write_bytes
-from .signals.context import Context
-from .signals.packet_rows import packets_of
-from .signals.usable_rows import runs, typical_step_s, usable_streams
-from .version import __version__
+from .. import so3
+from ..auditing.audit_verdict import AuditVerdict, verdict_of
+from ..auditing.faults.kinds import cutting
+from ..auditing.recording_audit import Audit, audit
+from ..errors import MissingExtraError
+from ..flight import STREAM_QUANTITIES, Flight, Span, mask_of, merge_spans, motors_of
+from ..pages.recording import LONGEST_GAP_S, colour_of
+from ..results.result import to_json
+from ..results.result_files import SURROGATE, to_text, write_bytes
+from ..signals.context import Context
+from ..signals.packet_rows import packets_of
+from ..signals.usable_rows import runs, typical_step_s, usable_streams
+from ..version import __version__
 
 TIMELINE = "time"
 POSITIONS = (("mocap", "mocap", ("px", "py", "pz"), 0x888888FF),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .dataframes import Sampled
-from .errors import MissingExtraError
+from ..errors import MissingExtraError
 
 MOST_POINTS = 2000
 PANELS: tuple[tuple[str, str, tuple[tuple[str, tuple[str, ...], str], ...]], ...] = (

@@ -12,7 +12,7 @@ import warnings
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .errors import UsageError, unknown_name
+from ..errors import UsageError, unknown_name
 from .user_folder import check_ours, load_module
 
 GROUPS = ("estimators", "controllers", "predictors", "sources", "terms", "faults", "simulators")

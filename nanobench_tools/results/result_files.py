@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError
+from ..errors import InputError
 from .result import Result, to_json
-from .version import __version__
+from ..version import __version__
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 """What Python makes of such bytes; no file can hold it."""

@@ -1,8 +1,8 @@
 """A user's package that has the name of one of ours (``controllers``, ``estimators``, ``identification``).
 
 Python knows one module of a name. So the modules of a folder with such a package are loaded under another name:
-``controllers.pid`` becomes ``nanobench_tools.user_folder.in_XYZ.controllers.pid``, where XYZ is the coded path of the
-folder. The name gives the place, so another process can import what was sent to it. In these modules
+``controllers.pid`` becomes ``nanobench_tools.lookup.user_folder.in_XYZ.controllers.pid``, where XYZ is the coded path
+of the folder. The name gives the place, so another process can import what was sent to it. In these modules
 ``from controllers.gains import Gains`` means the user's file: each has an ``__import__`` that looks into the folder
 first. ``importlib.import_module`` with an absolute name does not use it and finds ours.
 """
@@ -22,11 +22,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..errors import UsageError
+from ...errors import UsageError
 
 OURS = ("controllers", "estimators", "identification")
 """Our top-level packages whose names a user may well choose, too."""
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 """The folder of our packages: a checkout, or where they were installed."""
 PREFIX = f"{__name__}.in_"
 INSTALLED = {Path(sysconfig.get_path(key)).resolve() for key in ("stdlib", "purelib", "platlib")}

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InputError
-from .flight import Flight
-from .result import to_json
-from .result_files import write_bytes
+from ..errors import InputError
+from ..flight import Flight
+from ..results.result import to_json
+from ..results.result_files import write_bytes
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
@@ -61,7 +61,7 @@ def write_parquet(flight: Flight, path: Path) -> Path:
 
 def write_csv(flight: Flight, path: Path) -> Path:
     """NanoBench CSV with its sheet."""
-    from .sources.nanobench_writer import write_nanobench
+    from ..sources.nanobench_writer import write_nanobench
 
     return write_nanobench(flight, path)
 

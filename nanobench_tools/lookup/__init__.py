@@ -1,0 +1,1 @@
+"""How names are found: entry points, files of users, former names."""
