@@ -6,6 +6,7 @@
     nb.audit(flights[0]).verdict             # what is wrong with it, in one sentence
     nb.estimate(flights, "drag_ekf")         # where was it, against motion capture
     nb.fit(flights)                          # what physics does it obey
+    nb.thrust(flights).thrust_N(0.7, 3.8)    # thrust of a motor from its command and the battery
     nb.diagnose(flights, "simulator.toml")   # where is my simulator wrong
 """
 
@@ -26,6 +27,7 @@ _PLACES = {
     "api.fitted": ("VehicleModel", "fit"),
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
+    "api.thrusts": ("Thrust", "thrust"),
     "api.reported": ("report",),
 }
 """Module -> the public names it holds."""

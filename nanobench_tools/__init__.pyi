@@ -13,6 +13,8 @@ from .api.loading import load as load
 from .api.loading import load_flight as load_flight
 from .api.practised import simulate as simulate
 from .api.reported import report as report
+from .api.thrusts import Thrust as Thrust
+from .api.thrusts import thrust as thrust
 from .errors import InputError as InputError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import NanobenchError as NanobenchError

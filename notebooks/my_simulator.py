@@ -23,7 +23,7 @@ place = os.environ.get("NANOBENCH_NOTEBOOK_DATA")
 flights = nb.load(place) if place else nb.simulate(3, seed=1, seconds=15.0)
 
 # %%
-fitted = nb.fit(flights).greybox.model_
+fitted = nb.fit(flights).model
 believed = Model(replace(fitted.vehicle, mass_kg=1.15 * fitted.vehicle.mass_kg), fitted.as_dict())
 
 # %%

@@ -8,8 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from identification.vehicle.vehicle_fit import fit_vehicle
+from identification.vehicle.vehicle_priors import PriorsFile
 from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.hover import doubts
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, WindowErrors, score
 from nanobench_tools.results.result import OPTIONAL, Result
@@ -18,15 +21,19 @@ from .fit import GreyBox, nuisances_of
 from .fit_result import FitResult
 from .fit_windows import MOST_WINDOWS, cut
 from .fitted_predictor import GreyBoxPredictor
+from .flyability import flies
 from .ladder import LADDER, Rung
 
-SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed")
+SHORT = ("fit_thrust_voltage", "fit_balanced", "fit_observed", "fit_vehicle")
 """The rungs of the main job."""
 HELD_OUT_WINDOWS = 600
 """A fit that only ranks models takes about so many windows: half of what a fit takes that is shown."""
 
 Terms = Mapping[str, Mapping[str, Any]]
 """{term: {parameter: number, or list of numbers}}"""
+PHYSICAL_NOTE = ("It is the vehicle that flew, with the mean trim of the training flights. Without a controller, a "
+                 "slightly different trim turns it over within half a second, as it turns the real one: compare it in "
+                 "closed loop")
 NOTES = {"none": "",
          "inputs": "It holds the mean thrust and trim of the training flights; the row it is made from sets both, the "
                    "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
@@ -60,7 +67,8 @@ class Made(Result):
 @dataclass(frozen=True, repr=False)
 class FittedRung(Result):
     """One rung fitted. simulator: terms of the vehicle that is the same in every window; uses: its sentence; backward:
-    what is set per window, learnt for starts that look back only, if asked for (None where nothing is set)."""
+    what is set per window, learnt for starts that look back only, if asked for (None where nothing is set); physical:
+    as of ``Rung``."""
 
     predictor: Made
     simulator: Terms
@@ -69,25 +77,34 @@ class FittedRung(Result):
     summary: str
     uses: str
     backward: Gains | None = field(default=None, metadata=OPTIONAL)
+    physical: bool = False
 
 
-def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float) -> FittedRung:
+def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float,
+             priors: PriorsFile | None = None) -> FittedRung:
     """One rung fitted to ``cases``."""
-    return fit_together(cases, [rung], seed, mass_kg)[rung.name]
+    return fit_together(cases, [rung], seed, mass_kg, priors=priors)[rung.name]
 
 
 def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
                  windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True,
-                 sessions: Mapping[str, int] | None = None) -> dict[str, FittedRung]:
-    """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window: their parameters
-    are searched once. ``windows``: about how many are fitted to. judged, sessions: as of ``GreyBox``. backward: what is
-    set per window is also learnt for starts that look back only."""
+                 sessions: Mapping[str, int] | None = None, priors: PriorsFile | None = None) -> dict[str, FittedRung]:
+    """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window.
+
+    Their parameters are searched once. ``windows``: about how many are fitted to. judged, sessions: as of ``GreyBox``.
+    backward: what is set per window is also learnt for starts that look back only. priors: the user's file, for a
+    physical vehicle.
+    """
     vehicle = Vehicle(mass_kg=mass_kg)
     found: dict[str, FittedRung] = {}
     first: GreyBox | None = None
+    sessions = sessions or sessions_of([case.flight for case in cases])
     for rung in rungs:
+        if rung.physical:
+            found[rung.name] = _physical(cases, rung, vehicle, seed, windows, backward, priors)
+            continue
         model = GreyBox(rung.terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=rung.hold,
-                        judged=judged, sessions=sessions or sessions_of([case.flight for case in cases]))
+                        judged=judged, sessions=sessions)
         model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
         first = first or model
         gains = _backward(cases, rung, model) if backward and rung.adapt != "none" else None
@@ -95,10 +112,29 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_k
     return found
 
 
+def _physical(cases: Sequence[Case], rung: Rung, vehicle: Vehicle, seed: int, windows: int, backward: bool,
+              priors: PriorsFile | None) -> FittedRung:
+    """The vehicle of ``cases``, and what it sets per window. Sessions are those of ``cases`` alone, so that it depends
+    on these flights only."""
+    sessions = sessions_of([case.flight for case in cases])
+    fitted = fit_vehicle(cases, vehicle, seed, sessions, priors)
+    terms = fitted.model.as_dict()
+    model = GreyBox(terms, vehicle=vehicle, adapt=rung.adapt, name=rung.name, seed=seed, hold=tuple(terms),
+                    judged=False, sessions=sessions).fit_cuts(cut(cases, most=windows))
+    flown = flies(fitted.model, model.data_)
+    wrong = [*([] if flown.flies else [f"does not fly: {flown}"]), *doubts(fitted.model)]
+    model.model_, model.parameters_ = fitted.model, dict(fitted.parameters)
+    model.result_ = replace(model.result_, parameters=fitted.parameters, flown=flown, trouble="; ".join(wrong),
+                            not_identified=fitted.notes, priors=fitted.priors,
+                            nuisances=(), n_flights=fitted.flights, steps=0, cost=0.0)
+    model.predictor_ = replace(model.predictor_, parameters=fitted.parameters)
+    return _found(rung, model, vehicle.mass_kg, _backward(cases, rung, model) if backward else None)
+
+
 def held_out_item(cases: Sequence[Case], others: Sequence[Case], rungs: Sequence[Rung], seed: int,
-                  mass_kg: float) -> dict[str, list[WindowErrors]]:
+                  mass_kg: float, priors: PriorsFile | None = None) -> dict[str, list[WindowErrors]]:
     """{rung: [score of each of ``others``]} of rungs with the same terms, fitted to ``cases``; onboard truth."""
-    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS, judged=False)
+    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS, judged=False, priors=priors)
     predictors = {name: predictor_of(value) for name, value in fitted.items()}
     return {name: [score(case, cast("Predictor", predictor), "onboard") for case in others]
             for name, predictor in predictors.items()}
@@ -128,7 +164,8 @@ def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> Gains:
 def _found(rung: Rung, model: GreyBox, mass_kg: float, backward: Gains | None) -> FittedRung:
     made = model.predictor_
     return FittedRung(Made(made.terms, made.gains, made.scale, made.adapt, mass_kg), model.model_.as_dict(),
-                      NOTES[rung.adapt], model.result_, model.result_.summary(), rung.sentence, backward)
+                      PHYSICAL_NOTE if rung.physical else NOTES[rung.adapt], model.result_, model.result_.summary(),
+                      rung.sentence, backward, rung.physical)
 
 
 def predictor_of(fitted: FittedRung, start: str = "centred") -> GreyBoxPredictor:

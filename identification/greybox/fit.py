@@ -12,7 +12,6 @@ import numpy as np
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
-from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
 from nanobench_tools.metrics.statistics import UNKNOWN, why_not
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.model import find_term, typical
@@ -23,7 +22,7 @@ from nanobench_tools.settings import number
 
 from .arrays import FitWindows
 from .fit_result import FitResult
-from .fit_windows import Cut, cases_of, cut, gather
+from .fit_windows import Cut, cases_of, cut, gather, mean_errors
 from .fitted_predictor import GreyBoxPredictor
 from .flyability import Flight as Flown
 from .flyability import flies
@@ -167,15 +166,7 @@ class GreyBox:
 
     def score(self, flights: Sequence[Flight | Case]) -> dict[str, dict[str, float]]:
         """Task 1 errors {metric: {"1", "10", "50", "sum"}} over all windows of ``flights``, onboard truth."""
-        self._check()
-        sums, count = dict.fromkeys(QUANTITIES, 0.0), 0
-        for c in cut(_cases(flights), past=self.adapt == "past", thin=1):
-            for name, error in window_errors(self.predict(c.windows), c.came).items():
-                sums[name] = sums[name] + error.sum(axis=0)
-            count += len(c.windows)
-        if not count:
-            raise UsageError("no window of clean flight to score")
-        return {name: multi_horizon(np.asarray(total) / count) for name, total in sums.items()}
+        return mean_errors(self.predict, cut(_cases(flights), past=self.adapt == "past", thin=1))
 
     def profile(self, name: str, values: Sequence[float]) -> list[dict[str, float]]:
         """Profile likelihood of one parameter, see ``intervals.profile``."""

@@ -11,6 +11,8 @@ from nanobench_tools.results.result import Result
 
 from .flyability import Flight
 
+COLOURS = {"from the flights": "#2563eb", "prior": "#888888", "no interval": "#d97706"}
+
 
 @dataclass(frozen=True, repr=False)
 class FitResult(Result):
@@ -37,11 +39,14 @@ class FitResult(Result):
     def summary(self) -> str:
         """Parameters with units and intervals, and all that has to be said beside them."""
         wide = max(map(len, self.parameters), default=0)
-        lines = [f"{self.name}: {self.n_windows} windows of {self.n_flights} flights, {self.steps} steps"]
+        lines = [f"{self.name}: {self.n_windows} windows of {self.n_flights} flights"
+                 + f", {self.steps} steps" * bool(self.steps)]
         for name, entry in self.parameters.items():
             ends = entry.ci95
             between = "" if ends is None else f"  [{ends[0]:.4g}, {ends[1]:.4g}]"
-            lines.append(f"  {name:<{wide}}  {entry.value:>11.5g}{between}  {entry.unit}")
+            share = "" if entry.prior_share is None else (
+                "  prior" if entry.prior_share == 1.0 else f"  prior {100.0 * entry.prior_share:.0f} %")
+            lines.append(f"  {name:<{wide}}  {entry.value:>11.5g}{between}  {entry.unit}{share}")
         if self.n_flights < 3:
             lines.append(f"  no intervals: {self.n_flights} flight(s) tell nothing about how flights differ")
         lines += [f"  prior: {text}" for text in self.priors]
@@ -54,17 +59,21 @@ class FitResult(Result):
         return "\n".join(lines)
 
     def plot(self) -> Any:
-        """A plotly figure: every parameter in units of the half-width of its interval around its value."""
+        """A plotly figure: 95 % intervals of all parameters, relative to their values; priors in grey, parameters
+        without an interval as a point."""
         import plotly.graph_objects as go
 
         figure = go.Figure()
+        shown = set()
         for name, entry in self.parameters.items():
-            if entry.ci95 is None:
-                continue
             size = abs(entry.value) or 1.0
-            low, high = ((end - entry.value) / size for end in entry.ci95)
-            figure.add_trace(go.Scatter(x=[100 * low, 0.0, 100 * high], y=[name] * 3, mode="lines+markers",
-                                        showlegend=False, name=name))
-        figure.update_layout(title=f"{self.name}: 95 % intervals over {self.n_flights} flights",
+            low, high = ((end - entry.value) / size for end in entry.ci95 or (entry.value, entry.value))
+            kind = ("prior" if entry.prior_share == 1.0 else "from the flights") if entry.ci95 else "no interval"
+            label = f"{name} = {entry.value:.4g} {entry.unit}"
+            figure.add_trace(go.Scatter(x=[100 * low, 0.0, 100 * high], y=[label] * 3, mode="lines+markers", name=kind,
+                                        legendgroup=kind, showlegend=kind not in shown, hovertext=entry.ci_why,
+                                        line={"color": COLOURS[kind]}))
+            shown.add(kind)
+        figure.update_layout(title=f"{self.name}: 95 % intervals, {self.n_flights} flights",
                              xaxis_title="difference from the value, %", yaxis={"autorange": "reversed"})
         return figure

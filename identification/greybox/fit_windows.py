@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.auditing.verb_needs import SYSID
-from nanobench_tools.errors import InputError
+from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Past, Prediction, Windows
+from nanobench_tools.metrics.prediction import multi_horizon, window_errors
 from nanobench_tools.protocols.task1 import Case, training_cases
 from nanobench_tools.protocols.windows import cut_windows
 from nanobench_tools.results import array_fields
@@ -55,6 +56,18 @@ def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin:
     return [Cut(case.flight.name, array_fields.rows(windows, slice(number % thin, None, thin)),
                 array_fields.rows(came, slice(number % thin, None, thin)), thin)
             for number, (case, (windows, came)) in enumerate(whole)]
+
+
+def mean_errors(predict: Callable[[Windows], Prediction], cuts: Sequence[Cut]) -> dict[str, dict[str, float]]:
+    """Task 1 errors {metric: {"1", "10", "50", "sum"}} over all windows of ``cuts``. UsageError where there is none."""
+    sums: dict[str, np.ndarray] = {}
+    for c in cuts:
+        for name, error in window_errors(predict(c.windows), c.came).items():
+            sums[name] = sums.get(name, 0.0) + error.sum(axis=0)
+    count = sum(len(c.windows) for c in cuts)
+    if not count:
+        raise UsageError("no window of clean flight to score")
+    return {name: multi_horizon(total / count) for name, total in sums.items()}
 
 
 def gather(cuts: Sequence[Cut], place: str = "training flights") -> FitWindows:

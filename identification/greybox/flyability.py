@@ -10,20 +10,23 @@ from nanobench_tools import so3
 from nanobench_tools.physics import Model, numeric
 from nanobench_tools.physics.inputs import settled
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY
-from nanobench_tools.settings import number
+from nanobench_tools.settings import count, number, setting
 
 from .arrays import FitWindows
 
 SECONDS = number("greybox.flyability.seconds")
 POSITION_GAIN = number("greybox.flyability.position_gain")
 VELOCITY_GAIN = number("greybox.flyability.velocity_gain")
-ATTITUDE_GAIN = number("greybox.flyability.attitude_gain")
-RATE_GAIN = number("greybox.flyability.rate_gain")
-"""1/s^2 and 1/s: a crossover near 8 rad/s, slow enough for 0.1 s of delay and lag."""
+ATTITUDE_GAINS: tuple[tuple[float, float], ...] = setting("greybox.flyability.attitude_gains")
+"""(attitude 1/s^2, rate 1/s): a slow loop for vehicles with 0.1 s of delay and lag, and a fast one for those that the
+air tips over as they move. A vehicle flies if either holds it."""
 NEAR_M = number("greybox.flyability.near_m")
 NEAR_RAD = number("greybox.flyability.near_rad")
 SLOW_M_S = number("greybox.flyability.slow_m_s")
 SLOW_RAD_S = number("greybox.flyability.slow_rad_s")
+STEADY_M_S2 = number("greybox.flyability.steady_m_s2")
+IDLE = number("greybox.flyability.idle")
+FEWEST_WINDOWS = count("greybox.flyability.fewest_windows")
 HOVER_WITHIN = number("greybox.flyability.hover_within")
 LEVELS = 200
 
@@ -31,11 +34,13 @@ LEVELS = 200
 @dataclass(frozen=True)
 class Flight:
     """stable: a controller brings the model from off-set starts to the point; error_m at the end; hover_ratio: PWM that
-    holds the model over the PWM logged near hover, at the same voltage."""
+    holds the model over ``logged_hover``, the mean PWM ratio logged near hover, at the same voltage battery_V."""
 
     stable: bool
     error_m: float
     hover_ratio: float
+    logged_hover: float
+    battery_V: float
 
     @property
     def flies(self) -> bool:
@@ -43,15 +48,19 @@ class Flight:
 
     def __str__(self) -> str:
         held = f"held by a plain controller ({1e3 * self.error_m:.0f} mm after {SECONDS:.0f} s)"
-        return (f"{held if self.stable else 'NOT held by a plain controller'}, "
-                f"hovers at {100.0 * self.hover_ratio:.1f} % of the logged PWM")
+        modelled = self.hover_ratio * self.logged_hover
+        return (f"{held if self.stable else 'NOT held by a plain controller'}, hovers at "
+                f"{100.0 * self.hover_ratio:.1f} % of the logged PWM ({modelled:.4f} against {self.logged_hover:.4f}, "
+                f"{self.battery_V:.2f} V)")
 
 
 def flies(model: Model, data: FitWindows) -> Flight:
     """Flies ``model`` for a few seconds; ``data`` tells what was logged near hover."""
-    error, tilt = _hold(model, float(np.median(data.battery_V)))
-    stable = bool(np.isfinite(error) and error < NEAR_M and tilt < NEAR_RAD)
-    return Flight(stable, float(error), hover_ratio(model, data))
+    battery_V = float(np.median(data.battery_V))
+    found = [_hold(model, battery_V, *gains) for gains in ATTITUDE_GAINS]
+    stable = [bool(np.isfinite(error) and error < NEAR_M and tilt < NEAR_RAD) for error, tilt in found]
+    held = stable.index(True) if any(stable) else 0
+    return Flight(any(stable), float(found[held][0]), *hover(model, data))
 
 
 def thrusts(model: Model, u: np.ndarray, battery_V: float) -> np.ndarray:
@@ -62,19 +71,30 @@ def thrusts(model: Model, u: np.ndarray, battery_V: float) -> np.ndarray:
     return settled(model, row, row_hz=model.vehicle.rate_hz)
 
 
-def hover_ratio(model: Model, data: FitWindows) -> float:
-    """PWM the model needs to carry its weight over the mean PWM logged at the starts of slow windows."""
-    slow = ((np.linalg.norm(data.start[:, VELOCITY], axis=1) < SLOW_M_S)
-            & (np.linalg.norm(data.start[:, RATE], axis=1) < SLOW_RAD_S))
-    slow = slow if slow.sum() >= 10 else np.ones(len(slow), bool)
-    logged, volts = float(data.past[0][slow].mean()), float(data.battery_V[slow].mean())
+def hover(model: Model, data: FitWindows) -> tuple[float, float, float]:
+    """(PWM the model needs over the mean PWM logged in windows that hover, that mean, their mean voltage V); of all
+    windows in the air where few hover.
+
+    The thrust needed is the mass times the measured acceleration against free fall, mean over each window.
+    """
+    seconds = data.motor.shape[1] / data.row_hz
+    gained = (data.truth[:, -1, VELOCITY] - data.start[:, VELOCITY]) / seconds
+    lift = model.vehicle.mass_kg * np.linalg.norm(gained + np.array([0.0, 0.0, model.vehicle.gravity_m_s2]), axis=1)
+    volts = (data.motor.mean(axis=2) * data.battery_V).mean(axis=1)
+    flown = volts > IDLE * np.median(volts)
+    ends = (data.start, data.truth[:, -1])
+    slow = np.all([np.linalg.norm(state[:, VELOCITY], axis=1) < SLOW_M_S for state in ends]
+                  + [np.linalg.norm(state[:, RATE], axis=1) < SLOW_RAD_S for state in ends], axis=0)
+    hovers = flown & slow & (np.linalg.norm(gained, axis=1) < STEADY_M_S2)
+    used = hovers if hovers.sum() >= FEWEST_WINDOWS else flown
     u = np.linspace(0.0, 1.5, LEVELS)
-    lift = thrusts(model, u, volts).sum(axis=0)
-    weight = model.vehicle.mass_kg * model.vehicle.gravity_m_s2
-    return float(np.interp(weight, np.maximum.accumulate(lift), u)) / logged
+    battery_V, logged = float(data.battery_V[used].mean()), float(data.motor[used].mean())
+    curve = thrusts(model, u, battery_V).sum(axis=0)
+    needed = float(np.interp(lift[used].mean(), np.maximum.accumulate(curve), u))
+    return needed / logged, logged, battery_V
 
 
-def _hold(model: Model, battery_V: float) -> tuple[float, float]:
+def _hold(model: Model, battery_V: float, attitude_gain: float, rate_gain: float) -> tuple[float, float]:
     """(largest distance m, largest tilt rad) at the end, of starts beside the point and tilted."""
     rng = np.random.default_rng(0)
     n, row_s, point = 8, 1.0 / model.vehicle.rate_hz, np.array([0.0, 0.0, 1.0])
@@ -98,7 +118,7 @@ def _hold(model: Model, battery_V: float) -> tuple[float, float]:
             wanted[:, 2] += model.vehicle.gravity_m_s2
             body = so3.rotate_inverse(state[:, QUATERNION], wanted)
             lean = np.stack([-body[:, 1], body[:, 0]], axis=1) / np.maximum(body[:, 2:], 1.0)
-            moment = inertia[:2] * (ATTITUDE_GAIN * lean - RATE_GAIN * state[:, RATE][:, :2])
+            moment = inertia[:2] * (attitude_gain * lean - rate_gain * state[:, RATE][:, :2])
             lift = model.vehicle.mass_kg * np.linalg.norm(wanted, axis=1)
             commanded = np.column_stack([lift, moment]) @ mix.T
             u = np.stack([np.interp(commanded[:, i], np.maximum.accumulate(curve[i]), levels) for i in range(4)],

@@ -29,13 +29,14 @@ AIR_MOMENT: Terms = setting("greybox.ladder.air_moment")
 class Rung:
     """name of the row; sentence what it adds; terms with where a fit starts; adapt: what is set per window
     (``none``, ``inputs`` before the start, ``past``: all streams before the start); hold: terms that stay as they
-    are."""
+    are; physical: parameters are those of the vehicle (``identification.vehicle``), not those that predict best."""
 
     name: str
     sentence: str
     terms: Terms = field(default_factory=dict)
     adapt: str = "none"
     hold: tuple[str, ...] = ()
+    physical: bool = False
 
     @property
     def information(self) -> str:
@@ -46,6 +47,12 @@ FULL: Terms = {**THRUST, **LAG, **DRAG, **TURNING, **AIR_MOMENT}
 """inflow, and a prior for drag from the accelerometer, were tried too: whole training flights held out in turn, they
 lower no error."""
 
+VEHICLE = Rung("fit_vehicle", "a physical vehicle: parameters from whole flights, priors where these cannot identify "
+               "them; thrust, trim, tilt and start follow from the inputs of the half second before", adapt="inputs",
+               physical=True)
+BALANCED = Rung("fit_balanced", "full; thrust, trim, tilt and start follow from the inputs of the half second before",
+                FULL, "inputs")
+
 LADDER = (
     Rung("fit_thrust_pwm", "thrust from PWM alone, rate held", {**THRUST_PWM, **RATE_HELD}),
     Rung("fit_thrust_voltage", "thrust from PWM and voltage, rate held", {**THRUST, **RATE_HELD}),
@@ -53,10 +60,10 @@ LADDER = (
     Rung("fit_drag", "+ drag", {**THRUST, **LAG, **DRAG, **RATE_HELD}),
     Rung("fit_torque", "+ moments of the motors, damping", {**THRUST, **LAG, **DRAG, **TURNING}),
     Rung("fit_full", "+ moment of lateral air", FULL),
-    Rung("fit_balanced", "full; thrust, trim, tilt and start follow from the inputs of the half second before", FULL,
-         "inputs"),
+    BALANCED,
     Rung("fit_observed", "full; thrust, trim, tilt and start learnt from all streams of the two seconds before", FULL,
          "past"),
+    VEHICLE,
     *(Rung(f"fit_{name}", f"full + {name}", {**FULL, name: typical(term, Vehicle().rotors)})
       for name, term in added().items() if not term.is_map and name not in FULL),
 )

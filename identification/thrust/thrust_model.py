@@ -21,6 +21,7 @@ from .inverse import Inverse, invert
 from .map_export import Exported, casadi_function, export, flight_terms
 from .stand_fit import Fit
 from .stand_series import MOTORS, Stand
+from .thrust_formula import ThrustFormula, formula_of, written
 from .thrust_rows import Rows, cases_of, fit_to_fly, flown_rows, load, sort_out, stand_rows
 from .thrust_study import DRAWS, File, Study, errors, study, target
 
@@ -111,6 +112,13 @@ class ThrustModel:
         if u.size and (np.nanmax(u) > 1.0 + 1e-9 or np.nanmin(u) < 0.0):
             raise UsageError(f"pwm {np.nanmin(u):g} to {np.nanmax(u):g} is no ratio 0..1; divide counts by 65535")
         return self.scale_ * self.fit_.predict(u, np.asarray(voltage, float))
+
+    @property
+    def formula_(self) -> ThrustFormula:
+        """The map in use with its numbers, at hover and at full command of a full and an empty battery."""
+        volts = np.concatenate([f.voltage for f in self.study_.train])
+        return formula_of(written(self.fit_.map, self.fit_.values, self.scale_),
+                          self.predict, self.mass_kg, GRAVITY_M_S2, (float(volts.min()), float(volts.max())))
 
     def predict_interval(self, pwm: np.ndarray, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(low, high) [N] that holds 95 % of the rows of a new file, per motor; from files that were held out."""

@@ -27,6 +27,7 @@ from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 
 from .error_rows import ErrorRow, InverseTable, Points
+from .thrust_formula import MEANING
 from .thrust_result import FlightResult, Series, StandResult, ThrustResult
 
 SECTIONS = {"stand": "Thrust stand", "flight": "Flights"}
@@ -40,7 +41,7 @@ def thrust_page(found: ThrustResult, synthetic: bool) -> str:
     """The page as text. ``synthetic``: every caption says so."""
     parts = [part(kind, mine, [r for r in found.rows if r.kind == kind])
              for kind, mine in (("stand", found.stand), ("flight", found.flight)) if mine is not None]
-    drawings = {f"{p['kind']}-{name}": figure for p in parts for name, figure in p["figures"].items()}
+    drawings = {f"{p['kind']}-{name}": figure for p in parts for name, figure in (p["lead"] | p["figures"]).items()}
     return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=library(),
         css=template("report.css"), scripts=[template(name) for name in FIGURE_SCRIPTS], left_out=found.left_out,
@@ -53,6 +54,8 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) 
     before = getattr(mine, "as_recorded", None)
     rows = sorted([*(before.rows if before else ()), *rows], key=lambda r: r.split != "test")  # held out first
     chosen = mine.chosen
+    drawn = figures(kind, mine)
+    lead = {"map": drawn.pop("map")} if "map" in drawn else {}
     return {"kind": kind, "title": SECTIONS[kind], "best": mine.best, "split": mine.split, "unit": unit,
             "words": words(kind, mine, rows), "rows": [_row(r, factor, digits, mine.best) for r in rows],
             "parameters": [_parameter(name, value) for name, value in mine.parameters.get(mine.best or "", {}).items()],
@@ -60,7 +63,9 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) 
             "inverse": None if chosen is None else _inverse(chosen.inverse),
             "toml": "" if chosen is None else chosen.toml, "firmware": "" if chosen is None else chosen.firmware,
             "firmware_note": "" if chosen is None else chosen.firmware_note,
-            "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "figures": figures(kind, mine)}
+            "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "figures": drawn, "lead": lead,
+            "formula": "" if chosen is None else chosen.formula.text, "symbols": MEANING,
+            "levels": "" if chosen is None else chosen.formula.sentence}
 
 
 def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:

@@ -29,6 +29,7 @@ from .flight_levels import level_rows, weight_row
 from .prediction_intervals import in_turn
 from .stand_fit import Fit
 from .stand_series import Stand
+from .thrust_formula import ThrustFormula
 from .thrust_model import ThrustModel
 from .thrust_rows import Case, fit_to_fly, flown_rows
 from .thrust_study import Study, study
@@ -50,7 +51,8 @@ class Curve(Result):
 class ChosenMap(Result):
     """Everything about the chosen map. interval_half_width: of the 95 % interval of a row of a new file, N per motor or
     m/s^2; scale: as of ``ThrustModel.scale_``; terms, toml: for a simulator, terms_rms_N from the map; firmware:
-    lines for the firmware, firmware_note: how good, or why there are none."""
+    lines for the firmware, firmware_note: how good, or why there are none; formula: with numbers, at hover and at full
+    command."""
 
     interval_half_width: float
     scale: float
@@ -60,6 +62,7 @@ class ChosenMap(Result):
     toml: str
     firmware: str
     firmware_note: str
+    formula: ThrustFormula
     points: tuple[Points, ...]
     curves: tuple[Curve, ...]
 
@@ -234,6 +237,7 @@ def _chosen(found: Study, best: str, results: Sequence[Scored], mass_kg: float, 
         found.half_width[best], model.scale_,
         inverse_table(model, voltages, np.linspace(0.0, most, DRAWN_THRUSTS + 1)[1:]),
         tuple(dict(t) for t in exported.terms), exported.rms_N, exported.toml(), exported.firmware, exported.note,
+        model.formula_,
         tuple(points(found.fits[best], f, split) for f, split in files),
         tuple(Curve(v, pwm, model.predict(pwm, v)) for v in voltages))
 

@@ -136,7 +136,7 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
     else:
         believed, name = simulator, getattr(simulator, "__name__", type(simulator).__name__)
     if isinstance(believed, VehicleModel):
-        believed = believed.greybox.model_
+        believed = believed.model
     elif isinstance(believed, (Flight, Iterable)):
         theirs = some(believed)
         believed = beliefs_of(given(theirs, seed=seed), read, theirs, mass_kg)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,9 @@ from ..results.flight_figure import missing, plotly, thinned
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from identification.thrust.error_rows import Points
+    from identification.thrust.thrust_result import Curve
 
 SHADES = {"gap": "#888", "clock_wander": "#3b82f6", "clock_offset": "#3b82f6", "clock_drift": "#3b82f6"}
 FAULT, USABLE = "#d97706", "#16a34a"
@@ -78,6 +81,34 @@ def end_errors_figure(metrics: pd.DataFrame) -> Any:
         missing(figure, "no trajectory and no blackout was scored")
     figure.update_layout(title="Error after the last pose, mean over flights", xaxis_title="s after the last pose",
                          yaxis_title="m")
+    return figure
+
+
+def prediction_figure(title: str, table: pd.DataFrame) -> Any:
+    """Errors of position and attitude at the last step over the time of the flight, one below the other."""
+    go, make_subplots = plotly()
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    for row, (name, label) in enumerate((("position_mae_m", "position, m"), ("attitude_mae_rad", "attitude, rad")), 1):
+        last = max(h for quantity, h in table.columns if quantity == name)
+        figure.add_trace(go.Scatter(x=table.index, y=table[name, last], mode="lines", name=label), row=row, col=1)
+        figure.update_yaxes(title_text=label, row=row, col=1)
+    figure.update_xaxes(title_text="start of the half second, s", row=2, col=1)
+    figure.update_layout(title=title, showlegend=False)
+    return figure
+
+
+def thrust_figure(name: str, curves: Sequence[Curve], points: Sequence[Points]) -> Any:
+    """Thrust of one motor over the PWM ratio at several battery voltages, and the rows of stand series."""
+    go, _ = plotly()
+    figure = go.Figure()
+    for curve in curves:
+        figure.add_trace(go.Scatter(x=curve.pwm, y=curve.thrust_N, mode="lines", name=f"{curve.voltage_V:g} V"))
+    for series in points:
+        figure.add_trace(go.Scatter(x=series.pwm, y=series.measured, mode="markers", marker={"size": 3},
+                                    name=f"{series.file} ({series.split})"))
+    if not curves:
+        missing(figure, "no map is a result")
+    figure.update_layout(title=f"Thrust of one motor: {name}", xaxis_title="PWM ratio", yaxis_title="thrust, N")
     return figure
 
 

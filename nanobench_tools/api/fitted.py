@@ -1,89 +1,168 @@
-"""``nb.fit``: a model of physical terms from flights."""
+"""``nb.fit``: a vehicle, or a model of chosen physical terms, from flights."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
 
 from ..errors import UsageError
 from ..flight import Flight
-from ..methods import Prediction, Windows
+from ..methods import Prediction, Predictor, Windows
 from .quiet_options import some
 
 if TYPE_CHECKING:
     import control
     import pandas as pd
 
-    from identification.greybox.fit import GreyBox
+    from identification.greybox.fit_result import FitResult
+
+    from ..physics import Model
+
+VEHICLE_ROW = "simulator.toml"
+"""Name of the exported vehicle by itself, as in the rows of ``nanobench sysid``."""
+
+
+@dataclass(frozen=True, repr=False)
+class FlightPrediction:
+    """Half-second predictions of one flight from n starts: start_s (n,) s from its first row; predicted and measured:
+    states 1..50 steps of 10 ms later."""
+
+    flight: str
+    model: str
+    start_s: np.ndarray
+    predicted: Prediction
+    measured: Prediction
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Errors: index start_s, columns (quantity, steps of 10 ms) in m, m/s, rad and rad/s."""
+        import pandas as pd
+
+        from ..metrics.prediction import HORIZONS, window_errors
+
+        found = {(name, h): error[:, h - 1] for name, error in window_errors(self.predicted, self.measured).items()
+                 for h in HORIZONS}
+        return pd.DataFrame(found, index=pd.Index(self.start_s, name="start_s"))
+
+    def plot(self) -> Any:
+        """A plotly figure: errors after half a second over the time of the flight."""
+        from .figures_of_results import prediction_figure
+
+        return prediction_figure(f"{self.flight} by {self.model}: error after half a second", self.table)
+
+    def __repr__(self) -> str:
+        if not len(self.start_s):
+            return f"{self.flight}: no half second of clean flight to predict"
+        error = np.linalg.norm(self.predicted.position_m[:, -1] - self.measured.position_m[:, -1], axis=1).mean()
+        return f"{self.flight} by {self.model}: {len(self.start_s)} half seconds, {error:.3f} m off at their end (mean)"
 
 
 class VehicleModel:
-    """A fitted vehicle. ``greybox`` is what fitted it, ``trouble`` why it is no result (empty: it is one)."""
+    """A fitted vehicle.
 
-    def __init__(self, greybox: GreyBox) -> None:
-        self.greybox = greybox
+    ``model``: its physics, as exported. ``result``: parameters, what the flights cannot identify, and whether it flies.
+    ``predictor``: what predicts flights best, made at its first use. ``trouble``: why it is no result (empty: it is
+    one).
+    """
+
+    def __init__(self, model: Model, result: FitResult, predictor: Callable[[], Predictor]) -> None:
+        self.model, self.result = model, result
+        self._make = predictor
+        self._predictor: Predictor | None = None
+
+    @property
+    def predictor(self) -> Predictor:
+        if self._predictor is None:
+            self._predictor = self._make()
+        return self._predictor
 
     @property
     def parameters_(self) -> pd.DataFrame:
-        """Index name; value, ci95_low, ci95_high (nan without an interval), unit, and why there is no interval."""
+        """Index name; value, ci95_low, ci95_high (nan without an interval), unit, prior_share (1: the flights cannot
+        identify it and its prior is kept; nan: no prior was weighed), and why there is no interval."""
         import pandas as pd
 
-        rows = [(p.value, *(p.ci95 or (float("nan"),) * 2), p.unit, p.ci_why)
-                for p in self.greybox.parameters_.values()]
-        return pd.DataFrame(rows, index=pd.Index(list(self.greybox.parameters_), name="parameter"),
-                            columns=["value", "ci95_low", "ci95_high", "unit", "ci_why"])
+        rows = [(p.value, *(p.ci95 or (np.nan, np.nan)), p.unit, np.nan if p.prior_share is None else p.prior_share,
+                 p.ci_why) for p in self.result.parameters.values()]
+        return pd.DataFrame(rows, index=pd.Index(list(self.result.parameters), name="parameter"),
+                            columns=["value", "ci95_low", "ci95_high", "unit", "prior_share", "ci_why"])
 
     @property
     def trouble(self) -> str:
-        return self.greybox.result_.trouble
+        return self.result.trouble
 
-    def predict(self, windows: Windows) -> Prediction:
-        """States 1..H steps after the start of every window."""
-        return self.greybox.predict(windows)
+    def predict(self, what: Windows | Flight, by: str = "predictor") -> Prediction | FlightPrediction:
+        """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
+
+        by: ``predictor``, what predicts best (``fit_balanced`` of ``nanobench sysid``, fitted to the same flights at
+        the first call), or ``vehicle``, the exported vehicle by itself.
+        """
+        if by not in ("predictor", "vehicle"):
+            raise UsageError(f"by is {by!r}; it can be predictor or vehicle")
+        predictor = self.predictor if by == "predictor" else self._vehicle()
+        if isinstance(what, Windows):
+            return predictor.predict(what)
+        return _predicted(some(what)[0], predictor)
 
     def score(self, flights: Flight | Iterable[Flight]) -> pd.DataFrame:
-        """Mean errors of its predictions on ``flights`` after 1, 10 and 50 steps of 10 ms (rows: quantities)."""
+        """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum; index (model, quantity): the
+        predictor and the exported vehicle by itself."""
         import pandas as pd
 
-        return pd.DataFrame(self.greybox.score(some(flights))).T
+        from identification.greybox.fit_windows import cases_of, cut, mean_errors
+
+        cases = cases_of(some(flights))
+        found: dict[tuple[str, str], dict[str, float]] = {}
+        for predictor in (self.predictor, self._vehicle()):
+            cuts = cut(cases, past=predictor.information == "past", thin=1)
+            found |= {(predictor.name, name): row for name, row in mean_errors(predictor.predict, cuts).items()}
+        return pd.DataFrame(found).T.rename_axis(["model", "quantity"])
+
+    def _vehicle(self) -> Predictor:
+        from ..physics.predictor import ModelPredictor
+
+        return ModelPredictor(self.model, VEHICLE_ROW)
 
     def summary(self) -> str:
-        """Parameters with units and intervals, and all that has to be said beside them."""
-        return self.greybox.result_.summary()
+        """Parameters with units and intervals, which are priors, and all that has to be said with them."""
+        return self.result.summary()
 
     def plot(self) -> Any:
-        """A plotly figure of the intervals."""
-        return self.greybox.result_.plot()
+        """A plotly figure of the intervals; priors are marked."""
+        return self.result.plot()
 
     def linearize(self, battery_V: float = 3.7) -> control.StateSpace:
         """The vehicle about its hover for python-control (extra ``control``): inputs ``motor_1`` .. [PWM ratio],
         outputs position, velocity, turn, rate and thrust by name [m, m/s, rad, rad/s, N]; a delay by Pade.
 
         >>> import nanobench_tools as nb
-        >>> terms = ["thrust_voltage", "motor_lag", "inertia"]
-        >>> vehicle = nb.fit(nb.simulate(2, seed=1, seconds=12.0), terms=terms).linearize()
+        >>> vehicle = nb.fit(nb.simulate(2, seed=1, seconds=12.0)).linearize()
         >>> vehicle.output_labels[9:12]
         ['rate_x', 'rate_y', 'rate_z']
         """
         from ..physics.linear import linearize
 
-        return linearize(self.greybox.model_, battery_V)
+        return linearize(self.model, battery_V)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """The vehicle as simulator.toml, written to ``path`` where one is given. UsageError for a fit that is none."""
         from ..physics.simulator import dumps, write_simulator
 
         if self.trouble:
-            raise UsageError(f"this fit is no vehicle: {self.trouble}")
+            raise UsageError(f"this fit is not a plausible vehicle: {self.trouble}")
         if path is not None:
-            write_simulator(self.greybox.model_, Path(path))
-        return dumps(self.greybox.model_)
+            write_simulator(self.model, Path(path))
+        return dumps(self.model)
 
     def __repr__(self) -> str:
-        result = self.greybox.result_
-        return (f"VehicleModel of {result.n_flights} flights, {len(result.parameters)} parameters"
+        priors = sum(p.prior_share == 1.0 for p in self.result.parameters.values())
+        return (f"VehicleModel of {self.result.n_flights} flights, {len(self.result.parameters)} parameters"
+                + f", {priors} of them priors" * bool(priors)
                 + (f"; NO RESULT: {self.trouble}" if self.trouble else ""))
 
     def _repr_html_(self) -> str:
@@ -93,24 +172,56 @@ class VehicleModel:
 
 
 def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, Mapping[str, Any]] | None = None,
-        mass_kg: float = 0.04085, seed: int = 0) -> VehicleModel:
-    """Fits physical terms to what they predict half a second ahead; intervals over sessions and flights.
+        mass_kg: float = 0.04085, seed: int = 0, priors: str | os.PathLike[str] | None = None) -> VehicleModel:
+    """The vehicle that flew: the same as ``nanobench sysid --train`` exports from the same flights.
 
-    terms: names of effects (``nanobench sysid --list``; None: thrust by voltage, lag, drag, moments). mass_kg: of the
-    scale, since flights tell only ratios to it. InputError where the flights cannot tell anything.
+    Thrust level, drag, moment of the air, trim and inertia are read from whole flights. What flights cannot identify
+    keeps its prior and is marked (``parameters_.prior_share``).
+
+    terms: names of effects (``nanobench sysid --list``) to fit to what they predict half a second ahead instead; such
+    a model predicts, and need not be a vehicle. mass_kg: of the scale, since flights show only ratios to it. priors: a
+    file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle. InputError where no
+    flight can be used.
 
     >>> import nanobench_tools as nb
-    >>> model = nb.fit(nb.simulate(2, seed=1, seconds=12.0), terms=["thrust_voltage", "motor_lag", "inertia"])
-    >>> bool(model.parameters_.loc["thrust_voltage.c[0]", "value"] > 0)
+    >>> model = nb.fit(nb.simulate(3, seed=1, seconds=12.0))
+    >>> bool(0.5 < model.parameters_.loc["thrust_scale.s", "value"] < 1.5)
     True
     """
+    from identification.greybox.ablation_study import fit_item, predictor_of
     from identification.greybox.fit import GreyBox
+    from identification.greybox.fit_windows import cases_of
+    from identification.greybox.ladder import BALANCED, VEHICLE
+    from identification.vehicle.vehicle_priors import PriorsFile
 
-    from ..physics import Vehicle
+    from ..auditing.selection import distinct
+    from ..physics import Model, Vehicle
     from ..physics.vehicle import BOUNDS
 
     low, high = BOUNDS["mass_kg"]
     if not low <= mass_kg <= high:
         raise UsageError(f"mass_kg {mass_kg:g} is outside {low:g} to {high:g}; is it in grams?")
-    what: dict[str, Any] = {} if terms is None else {"terms": terms}
-    return VehicleModel(GreyBox(vehicle=Vehicle(mass_kg=mass_kg), seed=seed, **what).fit(some(flights)))
+    cases = cases_of(distinct(some(flights))[0])
+    if terms is not None:
+        if priors is not None:
+            raise UsageError("priors belong to the vehicle; a fit of chosen terms takes none")
+        greybox = GreyBox(terms, vehicle=Vehicle(mass_kg=mass_kg), seed=seed).fit(cases)
+        return VehicleModel(greybox.model_, greybox.result_, lambda: cast("Predictor", greybox.predictor_))
+    given = None if priors is None else PriorsFile.read(priors)
+    found = fit_item(cases, VEHICLE, seed, mass_kg, given)
+    return VehicleModel(Model(Vehicle(mass_kg=mass_kg), found.simulator), found.result,
+                        lambda: cast("Predictor", predictor_of(fit_item(cases, BALANCED, seed, mass_kg))))
+
+
+def _predicted(flight: Flight, predictor: Predictor) -> FlightPrediction:
+    from identification.greybox.fit_windows import cases_of
+
+    from ..protocols.windows import cut_windows, start_times
+
+    case = next(iter(cases_of([flight])), None)
+    cut = None if case is None else cut_windows(case.flight, case.spans, "onboard", predictor.information == "past")
+    if case is None or cut is None:
+        raise UsageError(f"{flight.name}: no half second of clean flight to predict; nb.audit(flight) shows why")
+    windows, came = cut
+    return FlightPrediction(flight.name, predictor.name, start_times(case.flight, case.spans),
+                            predictor.predict(windows), came)

@@ -25,6 +25,8 @@ from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
+    from identification.vehicle.vehicle_priors import PriorsFile
+
     from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..protocols.task1 import PredictionRow, Split
@@ -48,6 +50,8 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle.")
+@click.option("--priors", type=click.Path(path_type=Path), metavar="FILE",
+              help="Prior knowledge of your own vehicle, in the form of identification/vehicle/priors.toml.")
 @click.option("--learned", type=click.Choice(["all", "own"]),
               help="Train and score learned rows too: published networks and networks on the fitted physics, or these "
                    "(own) alone.")
@@ -56,12 +60,14 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
 @click.option("--train-trajectory", "train_family", metavar="NAME",
               help="Train on the recordings of this trajectory, test on all others.")
 def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[Path, ...], test: tuple[Path, ...],
-          wanted: str, mass_kg: float, learned: str | None, epochs: int, train_family: str | None) -> int:
+          wanted: str, mass_kg: float, priors: Path | None, learned: str | None, epochs: int,
+          train_family: str | None) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
 
     Windows start every 10 rows of clean flight. The default split trains on the earliest flight of each trajectory of
     five families and tests on the others, seen and unseen families apart. Models of physical terms are fitted to the
-    training flights, one effect more at a time; the best of class "state" is written as simulator.toml into --out.
+    training flights, one effect more at a time. The physical vehicle is written as simulator.toml into --out; the model
+    that predicts best need not be a vehicle, and both have rows.
     """
     if learned:
         from identification.learned.libraries import share_process
@@ -80,6 +86,14 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         raise UsageError("--only goes with --method")
     from ..protocols.task1 import JUDGED
 
+    known = None
+    if priors is not None:
+        from identification.vehicle.vehicle_priors import PriorsFile, priors_of
+
+        from ..physics import Vehicle
+
+        known = PriorsFile.read(priors)
+        priors_of(Vehicle(mass_kg=mass_kg), known)  # what is wrong with it is said before anything is read
     predictors = load_methods("predictors", (*(() if only else DEFAULT_METHODS), *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
@@ -95,8 +109,8 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
 
         parts = family_parts(flights, train_family)
     body = sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
-                      epochs=epochs if learned else None, published=learned != "own", recorded=recorded)
-    screen = task1_screen(to_json(body), options.synthetic)
+                      epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
+    screen = [*task1_screen(to_json(body), options.synthetic), *filter(None, [body.models.simulator_note])]
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
@@ -110,11 +124,12 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
                mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None,
-               published: bool = True, recorded: Sequence[Flight] | None = None) -> SysidBody:
+               published: bool = True, recorded: Sequence[Flight] | None = None,
+               priors: PriorsFile | None = None) -> SysidBody:
     """sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
     models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
     learned rows, None for no such rows; ``published``: the published ones too; ``recorded``: the flights on the clock
-    they were recorded on, where ``flights`` have another."""
+    they were recorded on, where ``flights`` have another; ``priors``: the user's, of the vehicle."""
     from ..auditing.verb_needs import SYSID
     from ..harness import make_item
     from ..protocols import compare, response, task1
@@ -124,7 +139,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
     if recorded is not None:
         chosen = chosen.as_recorded(recorded)
-    fits, held_out = fitted(options, chosen.train, wanted, mass_kg)
+    fits, held_out = fitted(options, chosen.train, wanted, mass_kg, priors)
     choice = choose(options, chosen.train, predictors, fits, held_out)
     written = exported(options, fits, choice.exported, simulator)
     predictors = [*predictors, *(predictor for predictor, _ in fits.values()), *written.predictors]
@@ -164,7 +179,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
         choice.best, choice.chosen_on([p.name for p in learned if p.information == "state"]),
         {p.name: p.parameters for p in predictors if hasattr(p, "parameters") and p.name != SIMULATOR
          and not (p.name in fits and fits[p.name][1].result.trouble)},
-        written.path, fits[choice.exported][1].simulator_note if choice.exported is not None else "",
+        written.path, "" if choice.exported is None else " ".join(filter(None, (
+            trade(rows, choice.exported, choice.best), fits[choice.exported][1].simulator_note))),
         {name: value.result for name, (_, value) in fits.items()})
     train, test = ([case.flight.name for case in cases] for cases in (chosen.train, chosen.test))
     return SysidBody(rows, compare.flight_means(scored, options.clock), note, models, chosen.note, train, test,
@@ -184,10 +200,26 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
                      + f". Chosen on {escape(choice.chosen_on().how)}.")
     if best is not None and best in fits:
         options.detail(escape(fits[best][1].summary))
+    if choice.exported is not None and choice.exported != best:
+        options.detail(escape(fits[choice.exported][1].summary))
     if choice.exported is not None:
         options.detail(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, "
                                                    "read back and judged by itself.",
                                                    fits[choice.exported][1].simulator_note)))))
+
+
+def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str:
+    """By how much the exported vehicle and the best predictor differ after half a second; empty without both rows."""
+    found = {row.model: row.metrics for row in rows
+             if (row.group, row.truth, row.start) == ("all", "onboard", "centred")}
+    if exported == best or best not in found or SIMULATOR not in found:
+        return ""
+
+    def errors(model: str) -> str:
+        return ", ".join(f"{found[model][name]['50']:.3g} {heading.partition(' ')[2]}" for name, heading in SHOWN)
+
+    return (f"Exported is {exported}, a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
+            f"controller. {best} predicts best ({errors(best)}) and is no vehicle: it responds less to commands.")
 
 
 def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:

@@ -14,6 +14,7 @@ from .convert import SIMULATORS, export_simulators
 
 if TYPE_CHECKING:
     from identification.greybox.ablation_study import FittedRung
+    from identification.vehicle.vehicle_priors import PriorsFile
 
     from ..physics import Model
     from ..physics.predictor import ModelPredictor
@@ -29,8 +30,8 @@ Scores = Mapping[str, Sequence["WindowErrors"]]
 """Scores of whole flights by name of the model."""
 
 
-def fitted(options: Options, train: Sequence[Case], wanted: str,
-           mass_kg: float) -> tuple[dict[str, tuple[Any, FittedRung]], Scores]:
+def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float,
+           priors: PriorsFile | None = None) -> tuple[dict[str, tuple[Any, FittedRung]], Scores]:
     """((predictor, what the fit gave) by name, scores of models of class ``state`` on training flights that were held
     out in turn); ``wanted``: all, short or none. Empty, and said why, without CasADi or training flights."""
     from ..harness import make_item
@@ -47,7 +48,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str,
     from identification.greybox.ablation_study import SHORT, alike, fit_together, held_out_item, predictor_of, rungs
 
     chosen = rungs(None if wanted == "all" else SHORT)
-    place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg}
+    place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg, "priors": priors}
     sessions = options.sessions.by_name(case.flight for case in train)
     items = [make_item(fit_together, {"cases": list(train), "rungs": lot, **shared, "backward": True,
                                       "sessions": sessions},
@@ -69,8 +70,8 @@ def fitted(options: Options, train: Sequence[Case], wanted: str,
 
 @dataclass(frozen=True)
 class Choice:
-    """best: name of the best model of class ``state``; exported: of the best fitted one; scores {model: criterion} on
-    training ``cases``, held out where a model is fitted to them."""
+    """best: name of the best model of class ``state``; exported: the physical vehicle, or the best fitted one where
+    that is no result; scores {model: criterion} on training ``cases``, held out where a model is fitted to them."""
 
     best: str | None
     exported: str | None
@@ -101,7 +102,9 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
     for name, item in as_they_are:
         found[name] += [values[item.key]] if item.key in values else []
     scores = {name: choice.criterion(mine) if len(mine) == len(train) else None for name, mine in found.items()}
-    return Choice(choice.best_of(scores), choice.best_of({name: scores[name] for name in good}), train, scores)
+    vehicle = next((name for name in good if fits[name][1].physical), None)
+    return Choice(choice.best_of(scores), vehicle or choice.best_of({name: scores[name] for name in good}), train,
+                  scores)
 
 
 @dataclass(frozen=True)

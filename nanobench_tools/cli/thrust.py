@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import InputError, UsageError
+from ..errors import UsageError
 from ..protocols.sessions import short_note
 from ..results.result import to_json
-from ..steps.options import Options, one_line
+from ..steps.options import Options
 from ..steps.sentences import interval
 from ..steps.show import data_word
+from ..steps.thrusting import UNITS, thrust_maps, thrust_sentence
 from ..tables.result_table import Table
 from .closing import again, close, shown_page
 from .shared_options import PATH, no_paths_beside, shared_options
@@ -22,11 +22,7 @@ if TYPE_CHECKING:
     from identification.thrust.error_rows import ErrorRow
     from identification.thrust.thrust_result import FlightResult, Part, StandResult, ThrustResult
 
-    from ..auditing.recording_audit import Audit
-    from ..flight import Flight
 
-UNITS = {"stand": ("mN per motor", 1e3, 2), "flight": ("m/s²", 1.0, 4)}
-"""Of errors as shown, times what is stored, digits."""
 
 
 @click.command()
@@ -59,7 +55,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
         inside = [any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
-    found, kinds = thrust_result(options, flights, parts, mass_kg)
+    found, kinds = thrust_maps(options, flights, parts, mass_kg)
     if options.out is not None:
         _write(options, options.out, found)
     why, command = ("see it", shown_page(options.out / "thrust.html")) if options.out is not None else (
@@ -68,118 +64,6 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
           screen=[p for part in kinds for p in maps_screen(options, part)],
           detail=[p for part in kinds for p in maps_detail(options, part)])
     return options.finish("thrust", to_json(found))
-
-
-def thrust_sentence(found: ThrustResult) -> str:
-    """The chosen map, and how far off it is on files it was not fitted to."""
-    part, kind = (found.flight, "flight") if found.flight is not None else (found.stand, "stand")
-    if found.best is None or part is None:
-        return "no map is a result"
-    unit, factor, digits = UNITS[kind]
-    return (f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on "
-            "training files held out in turn")
-
-
-def thrust_result(options: Options, flights: Sequence[Flight],
-                  given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
-                  mass_kg: float = 0.04085) -> tuple[ThrustResult, list[Part]]:
-    """What was found, and its parts with the fits; ``given`` (train, test) replaces the splits. InputError when nothing
-    can be fitted."""
-    from identification.thrust.thrust_result import whole
-    from identification.thrust.thrust_rows import sort_out
-
-    left: dict[str, str] = {}
-    stands, flown = sort_out(flights)
-    names = None if given is None else ({f.name for f in given[0]}, {f.name for f in given[1]})
-    found = [part for part in (_stands(options, stands, names, mass_kg, left),
-                               _flights(options, flown, names, mass_kg, left)) if part is not None]
-    for name, reason in left.items():
-        options.say(f"left out: {one_line(name)}: {reason}")
-    if not found:
-        place = flights[0].provenance.path
-        reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")
-        more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
-        raise InputError(place, f"nothing to fit: {reason}{more}")
-    return whole(found, left), found
-
-
-def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
-            left: dict[str, str]) -> Part | None:
-    from identification.thrust.thrust_result import stand_part
-    from identification.thrust.thrust_rows import stand_rows
-
-    rows = stand_rows(stands)
-    left |= rows.reasons
-    if not rows.files:
-        return None
-    if names is None:
-        return stand_part(rows.files, None, mass_kg, options.seed)
-    train = [f for f in rows.files if f.name in names[0]]
-    test = [f for f in rows.files if f.name in names[1]]
-    if not train or not test:
-        for f in (*train, *test):
-            left[f.name] = f"a stand series, but none of --{'test' if train else 'train'} can be used beside it"
-        return None
-    return stand_part(train, test, mass_kg, options.seed)
-
-
-def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
-             left: dict[str, str]) -> Part | None:
-    from identification.thrust.thrust_result import AsRecorded, flight_part
-
-    if not flights:
-        return None
-    audits, _ = options.audit(flights)
-    found: Part | None = None
-    before: AsRecorded | None = None
-    for clock in dict.fromkeys(("as-recorded", options.clock)):
-        on_clock, verdicts = (flights, audits) if clock == "as-recorded" else options.on_clock(flights, audits)
-        train, test, note, reasons = _split(on_clock, verdicts, names)
-        part = flight_part(train, test, mass_kg, options.seed, clock, note, before)
-        if clock == options.clock:
-            left |= reasons | (part.reasons if part else {})
-        if part is not None:
-            found, before = part, AsRecorded(part.rows, part.result.best)
-    return found
-
-
-def _split(flights: Sequence[Flight], audits: Mapping[str, Audit],
-           names: tuple[set[str], set[str]] | None) -> tuple[list[Any], list[Any], str, dict[str, str]]:
-    """(training cases, test cases, how they were chosen, reasons of the recordings in neither)."""
-    from identification.thrust.thrust_rows import cases_of
-
-    from ..auditing.selection import apart, distinct
-    from ..protocols import task1
-
-    cases, reasons = cases_of(flights, audits)
-    by_name = {flight.name: (flight, spans) for flight, spans in cases}
-    usable = [_comparable(flight) for flight, _ in cases]
-    if names is None:
-        kept = distinct(usable)[0]
-        try:
-            chosen = {case.flight.name for case in task1.split(flights, audits).train}
-            note = "train: earliest recording of each trajectory of five families; test: the others"
-        except InputError as error:
-            chosen, note = {f.name for f in kept}, f"all flights train, none is held out ({error.found})"
-        train = [f for f in kept if f.name in chosen]
-        test = [f for f in kept if f.name not in chosen]
-        if not train:
-            train, test, note = test, [], "all flights train: none is of the families that train in Task 1"
-    else:
-        train = distinct([f for f in usable if f.name in names[0]])[0]
-        test = [f for f in usable if f.name in names[1]]
-        note = "train and test as given"
-    others, shared = apart(train, test)
-    test = distinct(others)[0]
-    used = {f.name for f in (*train, *test)}
-    reasons |= {f.name: shared.get(f.name, "copy or slice of another recording") for f in usable if f.name not in used}
-    return [by_name[f.name] for f in train], [by_name[f.name] for f in test], note, reasons
-
-
-def _comparable(flight: Flight) -> Flight:
-    """The flight, without a motion capture that holds no positions: copies are found by these."""
-    whole = "mocap" not in flight or all(q in flight["mocap"] for q in ("px", "py", "pz"))
-    return flight if whole else flight.without_streams("mocap")
 
 
 def _write(options: Options, out: Path, found: ThrustResult) -> None:
@@ -229,16 +113,23 @@ def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
 
 
 def formula(part: Part) -> str:
-    """The chosen map as a formula with its coefficients, units and intervals."""
+    """The chosen map with its numbers and units, and what it gives at hover and at full command."""
+    from identification.thrust.thrust_formula import MEANING
+
     result = part.result
     if result.best is None:
         return "No map is a result: none predicts held-out rows better than a constant" + "".join(
             f"; {name}: {why}" for name, why in result.no_result.items())
-    candidate: Any = part.found.candidates[result.best]
-    equation = getattr(candidate, "map", candidate).equation
-    parameters = "; ".join(f"{name} = {p.value:.5g} {p.unit}{interval(p.ci95)}"
-                           for name, p in result.parameters[result.best].items())
-    return f"{result.best}: {equation} [N per motor; u = PWM / 65535, V in volts]; {parameters}"
+    if result.chosen is None:
+        return result.best
+    found = result.chosen.formula
+    return f"{result.best}: {found.text}. {MEANING}. {found.sentence}"
+
+
+def coefficients(part: Part) -> list[str]:
+    """Parameters of the chosen map with their intervals."""
+    return [f"{name} = {p.value:.5g} {p.unit}{interval(p.ci95)}"
+            for name, p in part.result.parameters.get(part.result.best or "", {}).items()]
 
 
 def maps_detail(options: Options, part: Part) -> list[Table | str]:
@@ -259,7 +150,7 @@ def maps_detail(options: Options, part: Part) -> list[Table | str]:
         rows.append((name, row.clock, row.split, *numbers, str(row.n), files, inside, status))
     table = Table.plain(f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, "
                         f"{part.result.split}", heads, rows, interval_note(part.rows))
-    return [table, formula(part), *_of_chosen(part), *_against_firmware(part.result)]
+    return [table, formula(part), *coefficients(part), *_of_chosen(part), *_against_firmware(part.result)]
 
 
 def _of_chosen(part: Part) -> list[str]:

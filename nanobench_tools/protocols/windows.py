@@ -118,6 +118,12 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str, past: bool = 
     return windows, Prediction(found.position_m[after], velocity[after], quaternion[after], rate[after])
 
 
+def start_times(flight: Flight, spans: Sequence[Span]) -> np.ndarray:
+    """(n,) s: stamps of the starts of all windows that ``cut_windows`` cuts."""
+    time_s, lengths = rows_at_100_hz(flight, spans)
+    return np.asarray(time_s[window_starts(lengths, HORIZON, EVERY)])
+
+
 def looking_back(windows: Windows, flight: Flight, at_s: np.ndarray, before_s: np.ndarray, truth: str) -> Windows:
     """``windows`` that start at ``at_s`` (n,) s, their past rows at ``before_s`` (n, PAST_ALL), with what had come by
     then of ``flight``, its streams on the clock they were recorded on. Rows of ``past`` that had not come hold the

@@ -18,12 +18,14 @@ class Value(Result):
 
 @dataclass(frozen=True, repr=False)
 class Estimate(Result):
-    """A parameter; ci95: 95 % interval; ci_why: why it is missing or not to be trusted."""
+    """A parameter; ci95: 95 % interval; ci_why: why it is missing or not to be trusted; prior_share: how much of the
+    value is prior knowledge, 1 where the flights cannot identify it, None where no prior was weighed."""
 
     value: float
     ci95: tuple[float, float] | None
     unit: str
     ci_why: str = field(default="", metadata=OPTIONAL)
+    prior_share: float | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True, repr=False)

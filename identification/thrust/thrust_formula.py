@@ -1,0 +1,127 @@
+"""A thrust map as a formula with its numbers and units, and what it gives at hover and at full command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.results.result import Result
+
+from .maps import MONOMIALS, Map
+
+MEANING = "T: thrust of one motor [N]; u: PWM / 65535 [0..1]; V: battery voltage under load [V]"
+FULL_CELL_V, EMPTY_CELL_V = 4.2, 3.0
+"""Voltage of a lithium cell after charging, and where it has to be spared."""
+MOST_CELL_V = 4.35
+"""More than this is more than one cell in series."""
+DIGITS = 4
+MOTORS = 4
+Predict = Callable[[np.ndarray, float], np.ndarray]
+"""(PWM ratios, battery voltage V) -> thrust of one motor N."""
+
+
+@dataclass(frozen=True, repr=False)
+class ThrustLevel(Result):
+    """At one battery voltage: hover_pwm, the ratio that carries the weight (None: full command does not); full_N of one
+    motor at full command; thrust_to_weight of all motors there; measured: the voltage is one of the training rows'."""
+
+    battery: str
+    voltage_V: float
+    hover_pwm: float | None
+    full_N: float
+    thrust_to_weight: float
+    measured: bool
+
+
+@dataclass(frozen=True, repr=False)
+class ThrustFormula(Result):
+    """text: with numbers and units; levels at a full and an empty battery; hover_N of one motor, of mass_kg; voltage_V:
+    of the training rows, lowest and highest."""
+
+    text: str
+    mass_kg: float
+    hover_N: float
+    voltage_V: tuple[float, float]
+    levels: tuple[ThrustLevel, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Thrust at hover and at full command, one line."""
+        parts = []
+        for level in self.levels:
+            hover = "no hover" if level.hover_pwm is None else f"hover at u = {level.hover_pwm:.3f}"
+            beyond = "" if level.measured else ", extrapolated"
+            parts.append(f"{level.battery} battery ({level.voltage_V:.2f} V{beyond}): {hover}, "
+                         f"{1e3 * level.full_N:.1f} mN at full command ({level.thrust_to_weight:.2f} x weight)")
+        return (f"Hover of {1e3 * self.mass_kg:g} g takes {1e3 * self.hover_N:.1f} mN per motor. " + "; ".join(parts)
+                + f". Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V.")
+
+
+def written(candidate: Map, values: Mapping[str, float], scale: float = 1.0) -> str:
+    """The map as text: numbers with units, ``^`` for powers, ``scale`` multiplied into its coefficients.
+
+    Evaluated with u and V it gives the thrust of one motor before it is cut at zero.
+    """
+    numbers = [scale * values[name] for name, _ in candidate.linear]
+    units = [unit for _, unit in candidate.linear]
+    terms = [(c, unit, column) for c, unit, column in zip(numbers, units, _columns(candidate, values), strict=True)]
+    text = ""
+    for c, unit, column in terms:
+        factor = f"{abs(c):.{DIGITS}g}" + ("" if unit == "1" else f" {unit}") + (f" * {column}" if column else "")
+        text += (" - " if text else "-") * (c < 0.0) + " + " * (bool(text) and c >= 0.0) + factor
+    return f"T = {text}"
+
+
+def _columns(candidate: Map, values: Mapping[str, float]) -> list[str]:
+    """What each coefficient multiplies; empty for a constant."""
+
+    def powers(base: str, count: int) -> list[str]:
+        return ["", base, *(f"{base}^{k}" for k in range(2, count))][:count]
+
+    def number(name: str, unit: str) -> str:
+        return f"{values[name]:.{DIGITS}g} {unit}"
+
+    name, count = candidate.name, len(candidate.linear)
+    if name == "thrust_pwm":
+        return powers("u", count)
+    if name == "thrust_voltage" or candidate.fixed is not None:
+        return powers("(u * V)", count)
+    if name.startswith("scaled_"):
+        published = next(c for key, c in _cubics().items() if name.endswith(key))
+        cubic = " + ".join(f"{c:.{DIGITS}g} N{f'/V^{k}' if k > 1 else '/V' * k}" + f" * {x}" * bool(x)
+                           for k, (c, x) in enumerate(zip(published, powers("(u * V)", 4), strict=True)))
+        return [f"({cubic})"]
+    if name == "power_law":
+        return [f"u^{values['a']:.{DIGITS}g} * V^{values['b']:.{DIGITS}g}"]
+    if name == "dc_motor":
+        drive = f"(u * V + {number('e_0', 'V')})"
+        return [f"(2 * {drive} / (1 + (1 + 4 * {number('rho', '1/V')} * {drive})^0.5))^2"]
+    if name == "switched_motor":
+        return [f"(u * (V + {number('s', 'V')}) + {number('e_0', 'V')})^2"]
+    return [" * ".join(filter(None, (f"u^{a}" if a > 1 else "u", "" if not b else f"V^{b}" if b > 1 else "V")))
+            for a, b in MONOMIALS]
+
+
+def _cubics() -> dict[str, tuple[float, ...]]:
+    from .firmware import LEGACY, PLUS
+
+    return {propellers.name: tuple(propellers.c) for propellers in (PLUS, LEGACY)}
+
+
+def formula_of(text: str, predict: Predict, mass_kg: float, gravity_m_s2: float,
+               voltage_V: tuple[float, float]) -> ThrustFormula:
+    """What the map gives at hover and at full command; voltage_V: lowest and highest of the training rows."""
+    hover_N = mass_kg * gravity_m_s2 / MOTORS
+    low, high = voltage_V
+    cells = max(1, int(np.ceil(high / MOST_CELL_V))) if np.isfinite(high) else 1
+    levels = []
+    for battery, cell_V in (("full", FULL_CELL_V), ("empty", EMPTY_CELL_V)):
+        volts = cells * cell_V
+        u = np.linspace(0.0, 1.0, 1001)
+        curve = np.maximum.accumulate(predict(u, volts))
+        full_N = float(curve[-1])
+        hover = float(np.interp(hover_N, curve, u)) if full_N >= hover_N else None
+        levels.append(ThrustLevel(battery, volts, hover, full_N, full_N / hover_N, bool(low <= volts <= high)))
+    return ThrustFormula(text, mass_kg, hover_N, voltage_V, tuple(levels))

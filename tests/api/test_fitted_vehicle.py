@@ -1,0 +1,112 @@
+"""``nb.fit`` and ``nanobench sysid`` give one vehicle; what it predicts and draws; real flights of every kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("casadi")
+
+import nanobench_tools as nb
+from identification.greybox import ablation_study
+from nanobench_tools.cli.main import main
+from nanobench_tools.sources.labels import family_of
+
+SIX = ("B2_circle_medium_rep1", "B3_figure8_slow_rep1", "B5_helix_slow_rep1", "B7_oval_slow_rep2",
+       "B8_star_medium_rep2", "B9_trefoil_medium_rep14")
+
+
+@pytest.fixture(scope="module")
+def flights(crowd):
+    return [crowd.flight(name) for name in ("short circle", "short trefoil", "short helix")]
+
+
+@pytest.fixture(scope="module")
+def fitted(flights):
+    return nb.fit(flights)
+
+
+def test_the_command_line_exports_the_same_vehicle(recordings_apart, monkeypatch, tmp_path):
+    monkeypatch.setattr(ablation_study, "SHORT", ("fit_vehicle",))
+    train, test = recordings_apart
+    assert main(["sysid", "--train", str(train), "--test", str(test), "--fit", "short", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "simulator.toml").read_text() == nb.fit(nb.load(train)).to_toml()
+
+
+@pytest.fixture
+def recordings_apart(flights, tmp_path):
+    """Folders of two flights that train and one that tests."""
+    from nanobench_tools.sources.nanobench_writer import write_nanobench
+
+    folders = tmp_path / "train", tmp_path / "test"
+    for number, flight in enumerate(flights):
+        folder = folders[number == 2]
+        folder.mkdir(exist_ok=True)
+        write_nanobench(flight, folder / f"{flight.name}.csv")
+    return folders
+
+
+def test_priors_are_marked_in_the_table(fitted):
+    table = fitted.parameters_
+    assert table.loc["yaw_torque.k_m", "prior_share"] == 1.0
+    assert table.loc["yaw_torque.k_m", "ci_why"].startswith("prior: ")
+    assert table.loc["thrust_scale.s", "prior_share"] < 0.5
+    assert "priors" in repr(fitted)
+    assert "prior" in fitted.summary()
+
+
+def test_the_vehicle_predicts_a_flight_by_itself(fitted, flights):
+    found = fitted.predict(flights[0], by="vehicle")
+    assert len(found.start_s) == len(found.predicted.position_m) > 20
+    assert (np.diff(found.start_s) > 0.05).all()
+    start = found.measured.position_m[:, 0]
+    np.testing.assert_allclose(found.predicted.position_m[:, 0], start, atol=0.01)
+    assert found.table["position_mae_m", 1].mean() < found.table["position_mae_m", 50].mean()
+    assert flights[0].name in repr(found)
+
+
+def test_pictures_are_not_empty(fitted, flights):
+    pytest.importorskip("plotly")
+    assert len(fitted.plot().data) == len(fitted.result.parameters)
+    assert len(fitted.predict(flights[0], by="vehicle").plot().data) == 2
+
+
+def test_mistakes_are_one_line(fitted, flights, tmp_path):
+    with pytest.raises(nb.UsageError, match="predictor or vehicle"):
+        fitted.predict(flights[0], by="magic")
+    with pytest.raises(nb.InputError, match="cannot be read"):
+        nb.fit(flights, priors=tmp_path / "none.toml")
+    with pytest.raises(nb.UsageError, match="priors belong"):
+        nb.fit(flights, terms=["thrust_voltage"], priors=tmp_path / "none.toml")
+
+
+@pytest.mark.slow
+def test_the_predictor_scores_beside_the_vehicle(fitted, flights):
+    table = fitted.score(flights[:1])
+    assert set(table.index.get_level_values("model")) == {"fit_balanced", "simulator.toml"}
+    assert (table.loc["fit_balanced", "50"] > 0.0).all()
+    assert fitted.predict(flights[0]).model == "fit_balanced"
+
+
+@pytest.mark.slow
+@pytest.mark.real
+def test_every_kind_of_real_flights_gives_the_same_plausible_vehicle(real_data):
+    """Six mixed flights and every family by itself: hover within 2 % of the logged command, inertia within 20 % and
+    drag within 10 % of what rotor speeds and accelerometers of others and all flights together give."""
+    folder = next(real_data.glob("nanobench/datasets/dataset"))
+    flights = list(nb.load(folder))
+    sets = {"six": [f for f in flights if f.name in SIX]}
+    for flight in flights:
+        sets.setdefault(family_of(flight), []).append(flight)
+    for name, mine in sets.items():
+        if len(mine) < 3:
+            continue
+        found = nb.fit(mine)
+        assert found.trouble == "", (name, found.trouble)
+        assert found.result.flown.hover_ratio == pytest.approx(1.0, abs=0.02), name
+        value = found.parameters_["value"]
+        assert value["inertia.inertia_kg_m2[0]"] == pytest.approx(1.6e-5, rel=0.2), name
+        assert 6e-3 <= value["yaw_torque.k_m"] <= 7e-3, name
+        assert value["motor_lag.tau_up_s"] == pytest.approx(0.055, abs=0.01), name
+        if name != "linear_ramp":  # it flies 2 m along x and never sideways
+            assert value["drag_linear.d[1]"] == pytest.approx(0.016, rel=0.1), name
