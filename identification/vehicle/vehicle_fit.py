@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import InputError
-from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.metrics.statistics import UNKNOWN, refit_weights, why_not
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.term import Belief
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
+from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.settings import number
 
 from .motion_sums import EDGE_SHARE, SHORTEST_S, MotionSums, motion_sums
