@@ -25,6 +25,7 @@ _PLACES = {
     "api.audited": ("FlightAudit", "FlightAudits", "audit"),
     "api.estimated": ("Estimates", "compare", "estimate"),
     "api.fitted": ("VehicleModel", "fit"),
+    "api.controlled": ("Tracking", "control"),
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
     "api.thrusts": ("Thrust", "thrust"),

@@ -1,6 +1,8 @@
 from .api.audited import FlightAudit as FlightAudit
 from .api.audited import FlightAudits as FlightAudits
 from .api.audited import audit as audit
+from .api.controlled import Tracking as Tracking
+from .api.controlled import control as control
 from .api.diagnosed import Diagnosis as Diagnosis
 from .api.diagnosed import diagnose as diagnose
 from .api.estimated import Estimates as Estimates

@@ -112,6 +112,21 @@ def thrust_figure(name: str, curves: Sequence[Curve], points: Sequence[Points]) 
     return figure
 
 
+def tracking_figure(table: pd.DataFrame) -> Any:
+    """RMSE in m of ``Tracking.table``, a bar a row, with its interval."""
+    go, _ = plotly()
+    figure = go.Figure()
+    if table.empty:
+        missing(figure, "no flight was scored")
+    else:
+        labels = [f"{row.controller} {row.reference} {row.speed or ''}" for row in table.itertuples()]
+        up, down = table["rmse_m_high"] - table["rmse_m"], table["rmse_m"] - table["rmse_m_low"]
+        figure.add_trace(go.Bar(x=labels, y=table["rmse_m"], error_y={
+            "type": "data", "symmetric": False, "array": up, "arrayminus": down}))
+    figure.update_layout(title="Tracking error of logged flights", yaxis_title="RMSE, m")
+    return figure
+
+
 def improvement_figure(table: pd.DataFrame) -> Any:
     """Bars of the error before and after, by horizon and quantity, on a logarithmic axis."""
     go, _ = plotly()

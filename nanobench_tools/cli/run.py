@@ -109,9 +109,9 @@ def _screen_of(options: Options, body: Result | Mapping[str, object], content: M
     """One task on a terminal, its result in a sentence last."""
     from ..pages.task1_tables import task1_screen
     from ..pages.task3_tables import task3_screen
+    from ..steps.controlling import control_screen
     from ..steps.result_bodies import ControlBody, EstimateBody, SysidBody
     from ..steps.sentences import controlled, estimated, predicted
-    from .control import control_screen
 
     label = ", SYNTHETIC" if options.synthetic else ""
     if isinstance(body, EstimateBody):

@@ -101,7 +101,7 @@ def estimate_on(given: Recordings) -> EstimateBody:
 def control_on(given: Recordings) -> ControlBody:
     """control.json; the gate of the shipped plant on the one clock, by default as recorded."""
     from ..protocols.task2 import PROTOCOLS
-    from .control import control_body
+    from ..steps.controlling import control_body
     from .control_plants import Chosen, gate_body
 
     def recorded(*protocols: str) -> ControlBody:

@@ -65,9 +65,9 @@ def _widths(table: Table, width: int, spreads: str) -> list[int] | None:
     """The width of every column, None where they do not fit. Text is folded, the widest column first."""
     rows = _texts(table, spreads)
     natural = [max((len(row[i]) for row in rows), default=0) for i in range(len(table.columns))]
-    found = [max(n, _longest(c.heading)) for n, c in zip(natural, table.columns, strict=True)]
+    found = [max(n, _longest(_whole(c.heading))) for n, c in zip(natural, table.columns, strict=True)]
     least = [max(min(n, max(FOLDED, *(_longest(row[i]) for row in rows))) if rows and c.kind == "text" else n,
-                 _longest(c.heading)) for i, (n, c) in enumerate(zip(natural, table.columns, strict=True))]
+                 _longest(_whole(c.heading))) for i, (n, c) in enumerate(zip(natural, table.columns, strict=True))]
     over = sum(found) + GAP * (len(found) - 1) - width
     while over > 0:
         i = max(range(len(found)), key=lambda k: (found[k] - least[k] > 0, found[k]))
@@ -76,6 +76,11 @@ def _widths(table: Table, width: int, spreads: str) -> list[int] | None:
         found[i] -= 1
         over -= 1
     return found
+
+
+def _whole(heading: str) -> str:
+    """A heading whose percent sign stays with its number."""
+    return heading.replace(" %", "\u00a0%")
 
 
 def _longest(text: str) -> int:
@@ -101,7 +106,7 @@ def _drawn(table: Table, width: int, most: int | None) -> list[str]:
     spreads = next((s for s in ("all", "first", "none") if _widths(table, width, s) is not None), "none")
     widths = _widths(table, width, spreads) or _forced(table, width)
     right = [c.kind != "text" for c in table.columns]
-    heads = [folded(c.heading, w) for c, w in zip(table.columns, widths, strict=True)]
+    heads = [folded(_whole(c.heading), w) for c, w in zip(table.columns, widths, strict=True)]
     lines = [*_row(heads, widths, right), "-" * (sum(widths) + GAP * (len(widths) - 1))] if any(
         c.heading for c in table.columns) else []
     texts = _texts(table, spreads)

@@ -15,7 +15,7 @@ import nanobench_tools as nb
 from nanobench_tools import Flight, Flights, InputError, UsageError
 from nanobench_tools.api.quiet_options import in_python
 
-EXAMPLES = ("loading", "audited", "practised", "reported")
+EXAMPLES = ("loading", "audited", "controlled", "practised", "reported")
 LONG_EXAMPLES = ("estimated", "fitted", "diagnosed")
 
 

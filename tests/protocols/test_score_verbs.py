@@ -6,12 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
-from nanobench_tools.cli.control import _show
 from nanobench_tools.cli.main import main
 from nanobench_tools.protocols import task2
 from nanobench_tools.protocols.sessions import Drawn
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.sources.nanobench_writer import write_nanobench
+from nanobench_tools.steps.controlling import _show
 from nanobench_tools.steps.options import Options
 
 
