@@ -94,7 +94,8 @@ def _given(part: Part) -> dict[str, str]:
 def maps_screen(options: Options, part: Part) -> list[Table | str]:
     """Every map on rows held out, then the formula of the chosen one."""
     unit = UNITS[part.kind][0]
-    rows = [row for row in part.rows if row.split == "test"] or part.rows
+    rows = sorted([row for row in part.rows if row.split == "test"] or part.rows,
+                  key=lambda row: row.model != part.result.best)
     width = {True: "in 95 % interval", False: ""}[any(row.coverage95 is not None for row in rows)]
     heads = ("map", f"RMS {unit}", "95 %", "files", *filter(None, [width]), "status")
     table = Table.plain(
