@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..flight import Flight
-from ..result import to_json
+from ..results.result import to_json
 from ..steps.controlling import control_body
 from ..steps.result_bodies import ControlBody
 from ..steps.sentences import controlled
