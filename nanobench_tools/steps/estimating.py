@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..time_offsets.moving.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, blackout_bands
 from .named_methods import load_methods
-from .options import Options, one_line
+from .options import Options
 from .result_bodies import EstimateBody, TakenOut
 from .show import ALL_FAILED, show_left_out
 
@@ -229,8 +229,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     worlds = {method.name: angle_deg for method, _, value in done
               if (angle_deg := value.metrics.get("world_turn_deg")) is not None}
     for name, angle_deg in worlds.items():
-        options.show(one_line(f"{name}: its world is turned by {angle_deg:.1f} deg against that of the motion capture; "
-                              "it is scored after the alignment of its positions"))
+        options.say(f"{name}: its world is turned by {angle_deg:.1f} deg against that of the motion capture; "
+                    "it is scored after the alignment of its positions")
     single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
                           protocol_given, value.metrics) for method, case, value in done]
     return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
