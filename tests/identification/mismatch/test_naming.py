@@ -15,6 +15,7 @@ from identification.mismatch.diagnosis import _named, judge
 from identification.mismatch.fitting import Slopes, fit, slopes
 from identification.mismatch.leftover import Structure, _one_step, _period, gusts
 from identification.mismatch.memory import fit_memory
+from identification.mismatch.moments import moments_of
 from identification.mismatch.naming import _Search, rested
 from identification.mismatch.proof import Proof, turned_better
 from identification.mismatch.recordings import Recordings
@@ -260,18 +261,19 @@ def test_a_burst_counts_as_long_as_it_lasts():
     assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5
 
 
-def test_a_strong_swing_is_found_though_the_residual_remembers_it(plain, right):
+def test_a_strong_swing_is_found_though_the_residual_remembers_it(model):
     """A regression on the samples before predicts a swing: whitened by it, its peak is lost among the others."""
-    moments, _ = right
+    plain = wrench_of(model, seconds=20.0)
+    moments = moments_of(plain, plain.residual(model), np.zeros((len(plain.force_at), 3, 0)), [])
     rng, at = np.random.default_rng(9), plain.force_at
     time, flight = plain.of("time_s", at), plain.flight[at]
     air = lfilter([1.0], [1.0, -0.9], 0.02 * rng.standard_normal((len(at), 3)), axis=0)
-    force = air + np.outer(0.9 * np.sin(2.0 * np.pi * 1.43 * time + flight), [0.65, 0.75, 0.1])
+    force = air + np.outer(0.9 * np.sin(2.0 * np.pi * 1.45 * time + flight), [0.65, 0.75, 0.1])
     runs = moments.channels[0].memory.runs
     channels = [replace(c, memory=fit_memory(x, np.zeros((len(at), 0)), runs, 3))
                 for c, x in zip(moments.channels[:3], force.T, strict=True)]
     remembered = [c.memory.whiten(x) for c, x in zip(channels, force.T, strict=True)]
-    height = [float(np.abs(np.exp(-2j * np.pi * 1.43 * time) @ w) ** 2 / (w @ w)) for w in
+    height = [float(np.abs(np.exp(-2j * np.pi * 1.45 * time) @ w) ** 2 / (w @ w)) for w in
               (remembered[1], _one_step(force[:, 1]))]
     assert height[0] < 0.5 * height[1]
     found = _period(replace(moments, channels=[*channels, *moments.channels[3:]]), force, flight)
