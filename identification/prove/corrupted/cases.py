@@ -1,0 +1,180 @@
+"""The cases of a group: controls, single wrong beliefs of four sizes, pairs, and shapes outside the vocabulary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from identification.mismatch.track import Track
+from identification.prove.truth import TrueEffect, Truth
+from nanobench_tools.errors import InputError
+from nanobench_tools.physics import Model
+
+from .beliefs import BELIEFS, Belief, Flown, flown_by, truth_of
+from .groups import Group
+from .kept import PHYSICS, code_hash, kept, key_of
+from .nominal import as_json
+from .outside import OUTSIDE, Outside
+from .sizes import TIMES, errors, rise, smallest_shown, thinned
+
+SEARCHED_S = 10.0
+"""Of each flight, for the search of the smallest size."""
+PAIRS = 6
+PAIR_TIMES = 3.0
+"""Size of each of a pair, over the smallest that predictions show."""
+OUTSIDE_TIMES = (1.25, 3.0, 8.0)
+OURS = ("identification/prove/corrupted/beliefs.py", "identification/prove/corrupted/sizes.py",
+        "identification/prove/corrupted/outside.py", "identification/mismatch/proof.py")
+
+
+@dataclass(frozen=True)
+class CorruptedCase:
+    """One wrong simulator. name; vehicle, group; kind ``control``, ``single``, ``pair``, ``outside``; beliefs that are
+    wrong (names of the table); nominal and simulator; truth with its effects and their right values; times: size over
+    the smallest that predictions show, 0 for a control; rise: largest relative rise of a prediction error 0.1 or 0.5 s
+    ahead; near: terms that are no false names."""
+
+    name: str
+    vehicle: str
+    group: int
+    kind: str
+    beliefs: tuple[str, ...]
+    flights: tuple[str, ...]
+    nominal: Model
+    simulator: Model
+    truth: Truth
+    times: float
+    rise: float
+    near: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Of what a diagnosis is given."""
+        return key_of(as_json(self.simulator))
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """Of a belief: the size that predictions show, or none up to the most that makes sense."""
+
+    belief: Belief | Outside
+    x: float | None
+
+
+def cases_of(group: Group, seed: int = 0, say: Callable[[str], None] = lambda text: None) -> list[CorruptedCase]:
+    """All cases of a group, in a fixed order; sizes are searched once and kept."""
+    tracks = group.recordings.tracks
+    rng = np.random.default_rng([seed, group.number, sum(map(ord, group.vehicle))])
+    flown = flown_by(group.nominal, tracks, rng)
+    few = thinned(tracks, SEARCHED_S)
+    found = [Smallest(b, _smallest(group, b, flown, few, say)) for b in (*BELIEFS, *OUTSIDE) if b.suits(group.nominal)]
+    draft = [_Draft("control", (), group.nominal, 0.0)]
+    shown = [s for s in found if s.x is not None and isinstance(s.belief, Belief) and not s.belief.once]
+    for s in found:
+        times = (1.0,) if isinstance(s.belief, Belief) and s.belief.once else OUTSIDE_TIMES if isinstance(
+            s.belief, Outside) else TIMES
+        draft += _sized(group.nominal, s, times, flown)
+    draft += [_pair(group.nominal, *pair, flown) for pair in _pairs(shown, rng)]
+    return [_case(group, number, d, seed) for number, d in enumerate(draft)]
+
+
+@dataclass(frozen=True)
+class _Draft:
+    kind: str
+    beliefs: tuple[Belief | Outside, ...]
+    simulator: Model
+    times: float
+    sizes: tuple[float, ...] = field(default=())
+
+
+def _smallest(group: Group, belief: Belief | Outside, flown: Flown, tracks: Sequence[Track],
+              say: Callable[[str], None]) -> float | None:
+    def make() -> list[float | None]:
+        say(f"{group.name}: smallest visible {belief.name}")
+        usual = errors(group.nominal, tracks)
+
+        def at(x: float) -> float:
+            try:
+                return rise(errors(belief.believe(group.nominal, x, flown), tracks), usual)
+            except InputError:  # beyond the physical bounds
+                return -1.0
+
+        return [smallest_shown(at, belief.start, belief.most)]
+
+    key = key_of("size", group.key, belief.name, vars(flown), code_hash((*PHYSICS, *OURS)))
+    found: list[float | None] = kept(key, list[float | None], make)
+    return found[0]
+
+
+def _sized(nominal: Model, smallest: Smallest, times: Sequence[float], flown: Flown) -> list[_Draft]:
+    """Of one belief; where predictions do not show even the largest, that one alone."""
+    belief, x = smallest.belief, smallest.x
+    kind = "outside" if isinstance(belief, Outside) else "single"
+    sizes = {min(t * x, belief.most): t for t in times} if x is not None else {belief.most: 0.5}
+    found = []
+    for size, t in sizes.items():
+        try:
+            found.append(_Draft(kind, (belief,), belief.believe(nominal, size, flown), t, (size,)))
+        except InputError:  # beyond the physical bounds
+            continue
+    return found
+
+
+def _pairs(shown: Sequence[Smallest], rng: np.random.Generator) -> list[tuple[Smallest, Smallest]]:
+    """Beliefs about different terms, drawn."""
+    found: list[tuple[Smallest, Smallest]] = []
+    order = [shown[i] for i in rng.permutation(len(shown))]
+    while len(order) > 1 and len(found) < PAIRS:
+        first = order.pop(0)
+        second = next((s for s in order if isinstance(s.belief, Belief) and isinstance(first.belief, Belief)
+                       and s.belief.term != first.belief.term), None)
+        if second is None:
+            break
+        order.remove(second)
+        found.append((first, second))
+    return found
+
+
+def _pair(nominal: Model, first: Smallest, second: Smallest, flown: Flown) -> _Draft:
+    model, sizes = nominal, []
+    for s in (first, second):
+        assert s.x is not None  # only of those that are shown
+        sizes.append(min(PAIR_TIMES * s.x, s.belief.most))
+        model = s.belief.believe(model, sizes[-1], flown)
+    return _Draft("pair", (first.belief, second.belief), model, PAIR_TIMES, tuple(sizes))
+
+
+def _case(group: Group, number: int, draft: _Draft, seed: int) -> CorruptedCase:
+    names = group.recordings.names
+    name = f"{group.vehicle}_{group.number}_{number:03d}"
+    size = "" if draft.kind == "control" else f"{draft.times:g}"
+    near: tuple[str, ...] = ()
+    if draft.kind == "outside":
+        belief = draft.beliefs[0]
+        assert isinstance(belief, Outside)
+        near = tuple(belief.near)
+        effects: tuple[TrueEffect, ...] = (TrueEffect(belief.name, size, names, foreign=True),)
+    else:
+        effects = truth_of(group.nominal, draft.simulator, size, names)
+    key = key_of("rise", group.key, as_json(draft.simulator), code_hash((*PHYSICS, *OURS)))
+    higher: float = kept(key, float, lambda: rise(errors(draft.simulator, group.recordings.tracks),
+                                                  errors(group.nominal, group.recordings.tracks)))
+    return CorruptedCase(name, group.vehicle, group.number, draft.kind, tuple(b.name for b in draft.beliefs), names,
+                         group.nominal, draft.simulator, Truth(name, draft.kind, effects), draft.times, higher, near)
+
+
+def table_name(case: CorruptedCase) -> str:
+    """What the table calls it."""
+    return " + ".join(case.beliefs) or case.kind
+
+
+__all__ = ["CorruptedCase", "cases_of", "table_name"]
+
+
+def as_values(case: CorruptedCase) -> dict[str, Any]:
+    """A case as JSON values, without its models."""
+    return {"case": case.name, "vehicle": case.vehicle, "group": case.group, "kind": case.kind,
+            "beliefs": list(case.beliefs), "times": case.times, "rise": case.rise}
