@@ -1,0 +1,99 @@
+"""Diagnoses the cases of the test bed; every verdict is kept, so that a killed run goes on where it was."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.results.result import Result, to_json
+
+from .cases import CorruptedCase
+from .engines import Engine
+from .groups import Group
+from .kept import kept, key_of
+from .nominal import from_values
+from .sizes import errors
+
+BODY = ("outcome", "paragraph", "findings", "unknown", "power", "rejected", "corrected")
+"""What of verdict.json is kept."""
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosed(Result):
+    """One verdict. share: how much of the rise of a prediction error the corrected simulator takes away, over what the
+    nominal one does (None where nothing rises or nothing is corrected); cpu_s; error: why there is no verdict."""
+
+    verdict: Mapping[str, Any]
+    share: float | None
+    cpu_s: float
+    error: str = ""
+
+
+@dataclass
+class Judge:
+    """An engine on the cases of groups."""
+
+    engine: Engine
+    groups: Sequence[Group]
+    seed: int = 0
+    _usual: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def diagnose(self, case: CorruptedCase) -> Diagnosed:
+        """From the cache where the same was diagnosed before by the same code."""
+        group = next(g for g in self.groups if (g.vehicle, g.number) == (case.vehicle, case.group))
+        key = key_of("verdict", self.engine.name, self.engine.code, group.key, case.key, self.seed)
+        found: Diagnosed = kept(key, Diagnosed, lambda: self._made(group, case))
+        return found
+
+    def _made(self, group: Group, case: CorruptedCase) -> Diagnosed:
+        start = time.process_time()
+        try:
+            verdict = to_json(self.engine.diagnose(group.recordings, case.simulator, self.seed))
+        except InputError as error:
+            return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, str(error))
+        spent = time.process_time() - start
+        return Diagnosed({k: verdict[k] for k in BODY if k in verdict}, self._share(group, case, verdict), spent)
+
+    def _share(self, group: Group, case: CorruptedCase, verdict: Mapping[str, Any]) -> float | None:
+        """Of the error that the wrong belief raises most."""
+        if case.kind == "control" or verdict.get("corrected") is None:
+            return None if case.kind == "control" else 0.0
+        tracks = group.recordings.tracks
+        usual = self._usual.setdefault(group.name, errors(group.nominal, tracks))
+        wrong, mended = errors(case.simulator, tracks), errors(from_values(verdict["corrected"]), tracks)
+        worst = np.unravel_index(np.nanargmax(wrong / np.maximum(usual, 1e-12)), wrong.shape)
+        raised = float(wrong[worst] - usual[worst])
+        return float(wrong[worst] - mended[worst]) / raised if raised > 0.0 else None
+
+
+def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[CorruptedCase]:
+    """All controls, then cases in an order drawn once, in turn from every belief, so that any number of the first ones
+    spreads over beliefs, sizes and vehicles; at most ``n``."""
+    rng = np.random.default_rng([seed, 47])
+    controls = [c for c in cases if c.kind == "control"]
+    others = [c for c in cases if c.kind != "control"]
+    turn: dict[str, int] = {}
+    ranked = []
+    for i in rng.permutation(len(others)):
+        name = others[i].kind if others[i].kind == "pair" else others[i].beliefs[0]
+        turn[name] = turn.get(name, -1) + 1
+        ranked.append((turn[name], i))
+    return [*controls, *(others[i] for _, i in sorted(ranked, key=lambda r: r[0]))][:n]
+
+
+def run(judge: Judge, cases: Sequence[CorruptedCase], say: Callable[[str], None] = lambda text: None,
+        seconds: float | None = None) -> dict[str, Diagnosed]:
+    """{name of the case: what was found}, until so many CPU seconds are spent."""
+    start, found = time.process_time(), dict[str, Diagnosed]()
+    for number, case in enumerate(cases):
+        if seconds is not None and time.process_time() - start > seconds:
+            break
+        found[case.name] = judge.diagnose(case)
+        say(f"{number + 1} of {len(cases)}: {case.name} {' + '.join(case.beliefs) or case.kind}, "
+            f"{found[case.name].verdict['outcome']}")
+    return found
