@@ -15,6 +15,8 @@ from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
+from .prove_corrupted import DEFAULT_PLACES
+from .prove_corrupted import corrupted as wrong_simulators
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .shared_options import PATH, shared_options
 
@@ -29,22 +31,32 @@ if TYPE_CHECKING:
 CASES, REAL_CASES = 200, 12
 MASS_KG = 0.04085
 """Of the vehicle of NanoBench, as its paper gives it (``published_physics``)."""
-DEFAULT_PLACES = "the default places"
+FLYING = ("practice", "rotorpy", "both")
 
 
 @click.command()
 @shared_options("data", "columns", "clock")
 @click.option("--cases", type=click.IntRange(min=1), metavar="N",
-              help=f"How many. Default: {CASES}, or {REAL_CASES} with --concealed.")
+              help=f"How many. Default: {CASES}, {REAL_CASES} with --concealed, all with --corrupted.")
 @click.option("--kind", "kinds", multiple=True, metavar="KIND",
               help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
-@click.option("--engine", type=click.Choice(("practice", "rotorpy", "both")), default="both", show_default=True,
-              help="Who flies: the engine of this project, RotorPy, or each every other case. What RotorPy cannot fly, "
-                   "and all without it, the first one flies; every case says who it was.")
+@click.option("--engine", metavar="NAME",
+              help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
+                   "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
+                   "--corrupted: what diagnoses, rules (default) or module:function.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "
                    "every other one makes a simulator; without speed and lag the others are diagnosed.")
+@click.option("--corrupted", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
+              help="Real recordings of known vehicles below DIR (default: where other verbs look): a simulator fitted "
+                   "to some flights gets a wrong belief and is diagnosed on others.")
+@click.option("--vehicle", "vehicles", multiple=True, metavar="NAME",
+              help="Of --corrupted: this vehicle only; may repeat.")
+@click.option("--leave-vehicle-out", "left_out", multiple=True, metavar="NAME",
+              help="Of --corrupted: all vehicles but this one; may repeat.")
+@click.option("--groups", type=click.IntRange(min=1), metavar="N",
+              help="Of --corrupted: groups of flights a vehicle. Default: 2.")
 @click.option("--mass", "mass_kg", type=float, default=None, metavar="KG",
               help=f"Mass of the vehicle of --concealed (default {MASS_KG}) or --real (default: what the firmware's "
                    "thrust curve says it carried).")
@@ -57,10 +69,13 @@ DEFAULT_PLACES = "the default places"
                                                              "motors sit, and its mass.")
 @click.option("--same-day", is_flag=True, help="With --real: all folders are of the day of the normal flights.")
 @click.option("--nothing-added", is_flag=True, help="With --real: nothing was put onto the vehicle in any folder.")
-def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str, concealed: str | None,
+def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str | None, concealed: str | None,
+          corrupted: str | None, vehicles: tuple[str, ...], left_out: tuple[str, ...], groups: int | None,
           mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
           simulator: Path | None, same_day: bool, nothing_added: bool) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
+
+    --corrupted diagnoses real flights against simulators with a wrong belief, whose right value is known.
 
     Cases are flown with effects that are concealed from the simulator (single, pair, twin: one that is easily confused
     with another; change: from one flight on), or nothing (null), or wrong data (fault), or physics that no term
@@ -73,6 +88,17 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     """
     if mass_kg is not None:
         check_mass(mass_kg)
+    if corrupted is not None:
+        if concealed is not None or real is not None or kinds:
+            raise UsageError("--corrupted goes with none of --concealed, --real and --kind")
+        _check_installed()
+        return options.finish("corrupted", to_json(wrong_simulators(
+            options, corrupted, cases, engine or "rules", vehicles, left_out, groups)))
+    if vehicles or left_out or groups is not None:
+        raise UsageError("--vehicle, --leave-vehicle-out and --groups belong to --corrupted")
+    if engine not in (None, *FLYING):
+        raise UsageError(f"--engine {engine}: {', '.join(FLYING)} fly cases; another one belongs to --corrupted")
+    engine = engine or "both"
     if real is not None:
         if concealed is not None or kinds or labels is None:
             raise UsageError("--real needs --labels FILE" if labels is None else
@@ -83,8 +109,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
     if same_day or nothing_added:
         raise UsageError(f"--{'same-day' if same_day else 'nothing-added'} belongs to --real DIR")
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
+    _check_installed()
     if concealed is None:
         if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:
             raise MissingExtraError("rotorpy", "rotorpy")
@@ -92,6 +117,11 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     if kinds:
         raise UsageError("--kind and --concealed do not go together")
     return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG)))
+
+
+def _check_installed() -> None:
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
 
 
 def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof:

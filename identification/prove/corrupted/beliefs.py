@@ -198,7 +198,8 @@ def sideways_lift(model: Model, x: float, flown: Flown) -> Model:
 
 def slower_motors(model: Model, x: float, flown: Flown) -> Model:
     old = model.values_of("motor_lag")
-    return model.with_term("motor_lag", tau_up_s=old.get("tau_up_s", 0.0) + x, tau_down_s=old.get("tau_down_s", 0.0) + x)
+    return model.with_term("motor_lag", tau_up_s=old.get("tau_up_s", 0.0) + x,
+                           tau_down_s=old.get("tau_down_s", 0.0) + x)
 
 
 def no_lag(model: Model, x: float, flown: Flown) -> Model:

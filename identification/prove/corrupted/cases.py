@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from identification.mismatch.recordings import Recordings
 from identification.mismatch.track import Track
 from identification.prove.truth import TrueEffect, Truth
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
 
 from .beliefs import BELIEFS, Belief, Flown, flown_by, truth_of
+from .disturbed import DISTURBANCES, Disturbance, disturbed
 from .groups import Group
 from .kept import PHYSICS, code_hash, kept, key_of
 from .nominal import as_json
@@ -27,7 +28,11 @@ PAIR_TIMES = 3.0
 """Size of each of a pair, over the smallest that predictions show."""
 OUTSIDE_TIMES = (1.25, 3.0, 8.0)
 OURS = ("identification/prove/corrupted/beliefs.py", "identification/prove/corrupted/sizes.py",
-        "identification/prove/corrupted/outside.py", "identification/mismatch/proof.py")
+        "identification/prove/corrupted/outside.py", "identification/prove/corrupted/disturbed.py",
+        "identification/mismatch/proof.py")
+
+
+Wrong = Belief | Outside | Disturbance
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,8 @@ class CorruptedCase:
     """One wrong simulator. name; vehicle, group; kind ``control``, ``single``, ``pair``, ``outside``; beliefs that are
     wrong (names of the table); nominal and simulator; truth with its effects and their right values; times: size over
     the smallest that predictions show, 0 for a control; rise: largest relative rise of a prediction error 0.1 or 0.5 s
-    ahead; near: terms that are no false names."""
+    ahead; near: terms that are no false names; recordings: what a diagnosis is given, those of the group unless a
+    force of time was added."""
 
     name: str
     vehicle: str
@@ -48,19 +54,21 @@ class CorruptedCase:
     truth: Truth
     times: float
     rise: float
+    recordings: Recordings
     near: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
-        """Of what a diagnosis is given."""
-        return key_of(as_json(self.simulator))
+        """Of what a diagnosis is given, beside the flights."""
+        added = (self.beliefs, self.times, self.rise) if self.simulator == self.nominal else ()
+        return key_of(as_json(self.simulator), added)
 
 
 @dataclass(frozen=True)
 class Smallest:
     """Of a belief: the size that predictions show, or none up to the most that makes sense."""
 
-    belief: Belief | Outside
+    belief: Wrong
     x: float | None
 
 
@@ -70,27 +78,35 @@ def cases_of(group: Group, seed: int = 0, say: Callable[[str], None] = lambda te
     rng = np.random.default_rng([seed, group.number, sum(map(ord, group.vehicle))])
     flown = flown_by(group.nominal, tracks, rng)
     few = thinned(tracks, SEARCHED_S)
-    found = [Smallest(b, _smallest(group, b, flown, few, say)) for b in (*BELIEFS, *OUTSIDE) if b.suits(group.nominal)]
+    wrong = [*(b for b in (*BELIEFS, *OUTSIDE) if b.suits(group.nominal)), *DISTURBANCES]
+    found = [Smallest(b, _smallest(group, b, flown, few, say)) for b in wrong]
     draft = [_Draft("control", (), group.nominal, 0.0)]
     shown = [s for s in found if s.x is not None and isinstance(s.belief, Belief) and not s.belief.once]
     for s in found:
-        times = (1.0,) if isinstance(s.belief, Belief) and s.belief.once else OUTSIDE_TIMES if isinstance(
-            s.belief, Outside) else TIMES
+        times = OUTSIDE_TIMES if not isinstance(s.belief, Belief) else (1.0,) if s.belief.once else TIMES
         draft += _sized(group.nominal, s, times, flown)
     draft += [_pair(group.nominal, *pair, flown) for pair in _pairs(shown, rng)]
-    return [_case(group, number, d, seed) for number, d in enumerate(draft)]
+    return [_case(group, number, d) for number, d in enumerate(draft)]
 
 
 @dataclass(frozen=True)
 class _Draft:
     kind: str
-    beliefs: tuple[Belief | Outside, ...]
+    beliefs: tuple[Wrong, ...]
     simulator: Model
     times: float
     sizes: tuple[float, ...] = field(default=())
 
 
-def _smallest(group: Group, belief: Belief | Outside, flown: Flown, tracks: Sequence[Track],
+def _simulator(nominal: Model, wrong: Wrong, x: float, flown: Flown) -> Model:
+    return nominal if isinstance(wrong, Disturbance) else wrong.believe(nominal, x, flown)
+
+
+def _tracks(nominal: Model, wrong: Wrong | None, x: float, tracks: Sequence[Track]) -> tuple[Track, ...]:
+    return disturbed(tracks, nominal, x, wrong.period_s) if isinstance(wrong, Disturbance) else tuple(tracks)
+
+
+def _smallest(group: Group, belief: Wrong, flown: Flown, tracks: Sequence[Track],
               say: Callable[[str], None]) -> float | None:
     def make() -> list[float | None]:
         say(f"{group.name}: smallest visible {belief.name}")
@@ -98,7 +114,8 @@ def _smallest(group: Group, belief: Belief | Outside, flown: Flown, tracks: Sequ
 
         def at(x: float) -> float:
             try:
-                return rise(errors(belief.believe(group.nominal, x, flown), tracks), usual)
+                return rise(errors(_simulator(group.nominal, belief, x, flown),
+                                   _tracks(group.nominal, belief, x, tracks)), usual)
             except InputError:  # beyond the physical bounds
                 return -1.0
 
@@ -112,12 +129,12 @@ def _smallest(group: Group, belief: Belief | Outside, flown: Flown, tracks: Sequ
 def _sized(nominal: Model, smallest: Smallest, times: Sequence[float], flown: Flown) -> list[_Draft]:
     """Of one belief; where predictions do not show even the largest, that one alone."""
     belief, x = smallest.belief, smallest.x
-    kind = "outside" if isinstance(belief, Outside) else "single"
+    kind = "single" if isinstance(belief, Belief) else "outside"
     sizes = {min(t * x, belief.most): t for t in times} if x is not None else {belief.most: 0.5}
     found = []
     for size, t in sizes.items():
         try:
-            found.append(_Draft(kind, (belief,), belief.believe(nominal, size, flown), t, (size,)))
+            found.append(_Draft(kind, (belief,), _simulator(nominal, belief, size, flown), t, (size,)))
         except InputError:  # beyond the physical bounds
             continue
     return found
@@ -143,27 +160,30 @@ def _pair(nominal: Model, first: Smallest, second: Smallest, flown: Flown) -> _D
     for s in (first, second):
         assert s.x is not None  # only of those that are shown
         sizes.append(min(PAIR_TIMES * s.x, s.belief.most))
-        model = s.belief.believe(model, sizes[-1], flown)
+        model = _simulator(model, s.belief, sizes[-1], flown)
     return _Draft("pair", (first.belief, second.belief), model, PAIR_TIMES, tuple(sizes))
 
 
-def _case(group: Group, number: int, draft: _Draft, seed: int) -> CorruptedCase:
+def _case(group: Group, number: int, draft: _Draft) -> CorruptedCase:
     names = group.recordings.names
     name = f"{group.vehicle}_{group.number}_{number:03d}"
     size = "" if draft.kind == "control" else f"{draft.times:g}"
     near: tuple[str, ...] = ()
-    if draft.kind == "outside":
-        belief = draft.beliefs[0]
-        assert isinstance(belief, Outside)
+    belief = draft.beliefs[0] if draft.beliefs else None
+    if belief is not None and not isinstance(belief, Belief):
         near = tuple(belief.near)
         effects: tuple[TrueEffect, ...] = (TrueEffect(belief.name, size, names, foreign=True),)
     else:
         effects = truth_of(group.nominal, draft.simulator, size, names)
-    key = key_of("rise", group.key, as_json(draft.simulator), code_hash((*PHYSICS, *OURS)))
-    higher: float = kept(key, float, lambda: rise(errors(draft.simulator, group.recordings.tracks),
+    recordings = group.recordings
+    if isinstance(belief, Disturbance):
+        recordings = replace(recordings, tracks=_tracks(group.nominal, belief, draft.sizes[0], recordings.tracks))
+    key = key_of("rise", group.key, as_json(draft.simulator), name, draft.sizes, code_hash((*PHYSICS, *OURS)))
+    higher: float = kept(key, float, lambda: rise(errors(draft.simulator, recordings.tracks),
                                                   errors(group.nominal, group.recordings.tracks)))
     return CorruptedCase(name, group.vehicle, group.number, draft.kind, tuple(b.name for b in draft.beliefs), names,
-                         group.nominal, draft.simulator, Truth(name, draft.kind, effects), draft.times, higher, near)
+                         group.nominal, draft.simulator, Truth(name, draft.kind, effects), draft.times, higher,
+                         recordings, near)
 
 
 def table_name(case: CorruptedCase) -> str:
@@ -171,10 +191,5 @@ def table_name(case: CorruptedCase) -> str:
     return " + ".join(case.beliefs) or case.kind
 
 
+
 __all__ = ["CorruptedCase", "cases_of", "table_name"]
-
-
-def as_values(case: CorruptedCase) -> dict[str, Any]:
-    """A case as JSON values, without its models."""
-    return {"case": case.name, "vehicle": case.vehicle, "group": case.group, "kind": case.kind,
-            "beliefs": list(case.beliefs), "times": case.times, "rise": case.rise}

@@ -1,4 +1,4 @@
-"""The engines of a diagnosis that the test bed scores: a function of recordings, simulator and seed that gives a verdict."""
+"""The engines that the test bed scores: functions that give a verdict on recordings and a simulator."""
 
 from __future__ import annotations
 

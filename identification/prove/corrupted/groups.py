@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from identification.mismatch.recordings import LEAST_S, Recordings, look_over
 from nanobench_tools.auditing.recording_audit import Audit, audit
 from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.flight import Flight
-from nanobench_tools.harness.clocks import apply_time_offset, on_clock
+from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model
 from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.time_offsets.moving.apply import apply_time_offset
 from nanobench_tools.time_offsets.moving.time_offset import TimeOffset
 
 from .kept import PHYSICS, READING, code_hash, hashes, kept, key_of
@@ -71,12 +73,16 @@ def looked_over(flights: Sequence[Flight], source: VehicleSource) -> Recordings:
     offsets: dict[str, TimeOffset | None] = {}
     for flight in flights:
         mark = [flight.provenance.sha256, source.estimated_pose, code]
-        audits[flight.name] = kept(key_of("audit", *mark), Audit, lambda f=flight: audit(f))
-        offsets[flight.name] = kept(key_of("clock", *mark), TimeOffset | None, lambda f=flight: on_clock(
-            [f], audits, "joint").time_offsets[f.name])
+        audits[flight.name] = kept(key_of("audit", *mark), Audit, partial(audit, flight))
+        offsets[flight.name] = kept(key_of("clock", *mark), TimeOffset | None,
+                                    partial(_clock, flight, audits[flight.name]))
     moved = [apply_time_offset(f, offsets[f.name]) for f in flights]
     seen = {name: found.retimed(offsets[name]) for name, found in audits.items()}
     return look_over(flights, audits, moved, seen, source.vehicle.input == "pwm", source.vehicle)
+
+
+def _clock(flight: Flight, seen: Audit) -> TimeOffset | None:
+    return on_clock([flight], {flight.name: seen}, "joint").time_offsets[flight.name]
 
 
 def _read(paths: Sequence[Path], source: VehicleSource) -> dict[Path, list[Flight]]:

@@ -32,6 +32,7 @@ def fit_nominal(source: VehicleSource, flights: Sequence[Flight], recordings: Re
         split = Split(cases_of(flights), [], "")
         return fit_simulators(split, lambda items, title: run_items(items, title=title), 0, vehicle.mass_kg)[0]
     start = start_of(vehicle)
+    terms: tuple[str, ...]
     if vehicle.input == "thrust":
         terms = ON_COMMANDS
         model = Model(vehicle, {name: start[name] for name in ON_COMMANDS if name in start})

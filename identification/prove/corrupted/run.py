@@ -53,7 +53,7 @@ class Judge:
     def _made(self, group: Group, case: CorruptedCase) -> Diagnosed:
         start = time.process_time()
         try:
-            verdict = to_json(self.engine.diagnose(group.recordings, case.simulator, self.seed))
+            verdict = to_json(self.engine.diagnose(case.recordings, case.simulator, self.seed))
         except InputError as error:
             return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, str(error))
         spent = time.process_time() - start
@@ -63,6 +63,8 @@ class Judge:
         """Of the error that the wrong belief raises most."""
         if case.kind == "control" or verdict.get("corrected") is None:
             return None if case.kind == "control" else 0.0
+        if case.simulator == case.nominal:  # the flights differ, and no simulator is right
+            return None
         tracks = group.recordings.tracks
         usual = self._usual.setdefault(group.name, errors(group.nominal, tracks))
         wrong, mended = errors(case.simulator, tracks), errors(from_values(verdict["corrected"]), tracks)

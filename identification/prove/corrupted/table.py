@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def _order(name: str) -> tuple[float, str]:
 def _calibration(scores: Sequence[CorruptedScore]) -> tuple[tuple[float, float, int], ...]:
     stated = [pair for s in scores if s.kind != "control" for pair in s.confidence]
     found = []
-    for low, high in zip(EDGES[:-1], EDGES[1:], strict=True):
+    for low, high in pairwise(EDGES):
         inside = [(c, ok) for c, ok in stated if low < c <= high]
         if inside:
             found.append((float(np.mean([c for c, _ in inside])), float(np.mean([ok for _, ok in inside])),
