@@ -27,9 +27,9 @@ PAIRS = 6
 PAIR_TIMES = 3.0
 """Size of each of a pair, over the smallest that predictions show."""
 OUTSIDE_TIMES = (1.25, 3.0, 8.0)
-OURS = ("identification/prove/corrupted/beliefs.py", "identification/prove/corrupted/sizes.py",
-        "identification/prove/corrupted/outside.py", "identification/prove/corrupted/disturbed.py",
-        "identification/mismatch/proof.py")
+OURS = (*(f"identification/prove/corrupted/{name}.py" for name in ("beliefs", "sizes", "outside", "disturbed")),
+        "nanobench_tools/practice/outside_terms.py", "identification/mismatch/proof.py")
+"""Code that decides a size."""
 
 
 Wrong = Belief | Outside | Disturbance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from identification.mismatch.diagnosis import diagnose
 from identification.mismatch.recordings import Recordings
 from nanobench_tools.errors import UsageError, did_you_mean
+from nanobench_tools.lookup.registry import OURS
 from nanobench_tools.lookup.user_folder import load_module
 from nanobench_tools.physics import Model
 
@@ -42,7 +44,8 @@ def engine_of(name: str) -> Engine:
     if not attribute:
         raise UsageError(f"--engine {name} is unknown; {did_you_mean(name, ('rules',))}give rules or module:function")
     try:
-        found = getattr(load_module(module), attribute)
+        ours = module.partition(".")[0] in OURS
+        found = getattr(importlib.import_module(module) if ours else load_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise UsageError(f"--engine {name}: {error}") from error
     return Engine(name, found, code_hash(("identification/mismatch", *PHYSICS, *READING)))

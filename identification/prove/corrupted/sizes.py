@@ -52,7 +52,9 @@ def smallest_shown(rise_at: Callable[[float], float], start: float, most: float)
             return None
         low, high = high, min(2.5 * high, most)
     if low == 0.0:  # already shown at the start of the search
-        low = high / 64.0
+        low = high / 2.5
+        while rise_at(low) >= RISES:
+            low, high = low / 2.5, low
     for _ in range(STEPS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if rise_at(middle) >= RISES else (middle, high)
