@@ -13,7 +13,7 @@ from ..tables.result_table import Table as Grid
 from .closing import again, close
 
 if TYPE_CHECKING:
-    from identification.prove.corrupted.table import CorruptedProof
+    from identification.prove.corrupted.corrupted_rates import CorruptedProof
 
 DEFAULT_PLACES = "the default places"
 MOST_GROUPS = 2
@@ -25,10 +25,10 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
     """The cases of the vehicles whose recordings are below ``place``, diagnosed by an engine and scored. InputError
     where there are none."""
     from identification.prove.corrupted import VEHICLES, cases_of, groups_of
+    from identification.prove.corrupted.case_score import score_all
+    from identification.prove.corrupted.corrupted_rates import CorruptedProof
     from identification.prove.corrupted.engines import engine_of
-    from identification.prove.corrupted.run import Judge, drawn, run
-    from identification.prove.corrupted.score import score_all
-    from identification.prove.corrupted.table import CorruptedProof
+    from identification.prove.corrupted.judge import Judge, drawn, run
     from identification.prove.corrupted.vehicles import named, paths_of
 
     chosen = engine_of(engine)
@@ -68,7 +68,7 @@ def _roots(place: str) -> list[Path]:
 
 def show(options: Options, proof: CorruptedProof) -> None:
     """By vehicle and size on one screen; by belief and kind with ``--verbose``."""
-    from identification.prove.corrupted.table import HEADS, rows
+    from identification.prove.corrupted.corrupted_rates import HEADS, rows
 
     def grid(title: str, first: str, named: object) -> Grid:
         assert isinstance(named, dict)

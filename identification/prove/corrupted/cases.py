@@ -16,7 +16,7 @@ from nanobench_tools.physics import Model
 from .beliefs import BELIEFS, Belief, Flown, flown_by, truth_of
 from .disturbed import DISTURBANCES, Disturbance, disturbed
 from .groups import Group
-from .kept import PHYSICS, code_hash, kept, key_of
+from .kept_results import PHYSICS, code_hash, kept, key_of
 from .nominal import as_json
 from .outside import OUTSIDE, Outside
 from .sizes import TIMES, errors, rise, smallest_shown, thinned
@@ -28,7 +28,7 @@ PAIR_TIMES = 3.0
 """Size of each of a pair, over the smallest that predictions show."""
 OUTSIDE_TIMES = (1.25, 3.0, 8.0)
 OURS = (*(f"identification/prove/corrupted/{name}.py" for name in ("beliefs", "sizes", "outside", "disturbed")),
-        "nanobench_tools/practice/outside_terms.py", "identification/mismatch/proof.py")
+        "identification/mismatch/proof.py")
 """Code that decides a size."""
 
 

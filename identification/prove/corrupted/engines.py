@@ -14,7 +14,7 @@ from nanobench_tools.lookup.registry import OURS
 from nanobench_tools.lookup.user_folder import load_module
 from nanobench_tools.physics import Model
 
-from .kept import PHYSICS, READING, code_hash
+from .kept_results import PHYSICS, READING, code_hash
 from .nominal import as_json
 
 Diagnose = Callable[[Recordings, Model, int], Mapping[str, Any]]

@@ -18,7 +18,7 @@ from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.time_offsets.moving.apply import apply_time_offset
 from nanobench_tools.time_offsets.moving.time_offset import TimeOffset
 
-from .kept import PHYSICS, READING, code_hash, hashes, kept, key_of
+from .kept_results import PHYSICS, READING, code_hash, hashes, kept, key_of
 from .nominal import as_json, fit_nominal, from_values
 from .vehicles import VehicleSource, paths_of, with_pose
 

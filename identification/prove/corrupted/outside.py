@@ -1,4 +1,4 @@
-"""Wrong beliefs of a shape that no term of the vocabulary has (``nanobench_tools.practice.outside_terms``).
+"""Wrong beliefs of a shape that no term of the vocabulary has (``nanobench_tools.physics.outside_terms``).
 
 Right is the discrepancy without a false name, or a term whose shape comes near (``near``).
 """
@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from nanobench_tools.physics import Model
+from nanobench_tools.physics.outside_terms import CUBE, HEIGHT, PLACE, ROOT, SPEED, TWIST
 from nanobench_tools.physics.term import Term
-from nanobench_tools.practice.outside_terms import CUBE, HEIGHT, PLACE, ROOT, SPEED, TWIST
 
 from .beliefs import Flown
 

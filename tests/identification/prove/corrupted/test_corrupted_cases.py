@@ -6,19 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.prove.corrupted import cases, kept
+from identification.prove.corrupted import cases, kept_results
 from identification.prove.corrupted.beliefs import BELIEFS
+from identification.prove.corrupted.case_score import score, score_all
 from identification.prove.corrupted.cases import cases_of
+from identification.prove.corrupted.corrupted_rates import CorruptedProof, rows
 from identification.prove.corrupted.engines import Engine, engine_of
+from identification.prove.corrupted.judge import Diagnosed, Judge, drawn, run
 from identification.prove.corrupted.nominal import as_json, from_values
 from identification.prove.corrupted.outside import OUTSIDE
-from identification.prove.corrupted.run import Diagnosed, Judge, drawn, run
-from identification.prove.corrupted.score import score, score_all
-from identification.prove.corrupted.table import CorruptedProof, rows
 from identification.prove.corrupted.vehicles import VEHICLES
+from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.physics.numeric import equations
-from nanobench_tools.practice.outside_terms import PLACE, ROOT
+from nanobench_tools.physics.outside_terms import PLACE, ROOT
 
 FEW = ("mass", "wind", "frame_tilt")
 
@@ -170,13 +171,13 @@ def test_engines_are_found_by_name(monkeypatch):
 def test_code_that_changes_makes_another_key(tmp_path, monkeypatch):
     (tmp_path / "a").mkdir()
     file = tmp_path / "a" / "b.py"
-    monkeypatch.setattr(kept, "ROOT", tmp_path)
+    monkeypatch.setattr(kept_results, "ROOT", tmp_path)
     found = []
     for text in ("1", "2", "1"):
         file.write_text(text)
-        kept.code_hash.cache_clear()
-        found.append(kept.code_hash(("a",)))
-    kept.code_hash.cache_clear()
+        kept_results.code_hash.cache_clear()
+        found.append(kept_results.code_hash(("a",)))
+    kept_results.code_hash.cache_clear()
     assert found[0] == found[2] != found[1]
 
 
@@ -190,3 +191,23 @@ def test_a_real_vehicle_from_files_to_scores(real_data, own_cache):
     mass = [c for c in cases_of(group) if c.beliefs == ("mass",) and c.times == 8.0]
     found = run(Judge(engine_of("rules"), [group]), mass)
     assert score(mass[0], found[mass[0].name]).identified
+
+
+@pytest.mark.parametrize(("words", "error"), [
+    (["--vehicle", "brushless"], "belong to --corrupted"),
+    (["--engine", "rules"], "belongs to --corrupted"),
+    (["--corrupted", "--kind", "null"], "goes with none of"),
+    (["--corrupted", "no_such_folder"], "is no folder"),
+    (["--corrupted", ".", "--vehicle", "airliner"], "airliner is unknown"),
+    (["--corrupted", ".", "--engine", "rulez"], "--engine rulez is unknown")])
+def test_a_wrong_word_is_one_line(words, error, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["prove", *words]) == 2
+    said = capsys.readouterr().err
+    assert error in said
+    assert "Traceback" not in said
+
+
+def test_a_folder_without_known_vehicles_says_what_it_should_have(tmp_path, capsys):
+    assert main(["prove", "--corrupted", str(tmp_path)]) == 2
+    assert "crazyflie_usd/brushless_flights" in capsys.readouterr().err

@@ -15,7 +15,7 @@ from nanobench_tools.results.result import Result, to_json
 from .cases import CorruptedCase
 from .engines import Engine
 from .groups import Group
-from .kept import kept, key_of
+from .kept_results import kept, key_of
 from .nominal import from_values
 from .sizes import errors
 

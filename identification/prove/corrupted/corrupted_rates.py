@@ -11,7 +11,7 @@ import numpy as np
 from identification.prove.summary import Share, Spread
 from nanobench_tools.results.result import Result
 
-from .score import CorruptedScore
+from .case_score import CorruptedScore
 
 
 @dataclass(frozen=True, repr=False)

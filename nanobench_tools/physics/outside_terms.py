@@ -8,10 +8,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from ..physics.ops import Ops
-from ..physics.systematic import NOTHING
-from ..physics.term import Parameter, Situation, Stage, Term
-from ..physics.vector import Components, add, scale
+from .ops import Ops
+from .systematic import NOTHING
+from .term import Parameter, Situation, Stage, Term
+from .vector import Components, add, scale
 
 WHY = "outside the vocabulary"
 
@@ -21,8 +21,8 @@ def _name(attribute: str) -> str:
     return f"{__name__}:{attribute}"
 
 
-def _numbers(*names: tuple[str, str], length: int = 0) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, unit, -1e3, 1e3, 0.0, source=WHY, length=length, systematic=NOTHING, in_product=True)
+def _numbers(*names: tuple[str, str]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, unit, -1e3, 1e3, 0.0, source=WHY, systematic=NOTHING, in_product=True)
                  for name, unit in names)
 
 

@@ -10,7 +10,7 @@ from identification.prove.score import IntervalScore, class_of, score_case
 from nanobench_tools.results.result import Result
 
 from .cases import CorruptedCase, table_name
-from .run import Diagnosed
+from .judge import Diagnosed
 from .sizes import VISIBLE
 
 
