@@ -108,7 +108,7 @@ def apart(train: Sequence[Flight], test: Sequence[Flight]) -> tuple[list[Flight]
 
 def _rows(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
     """(absolute stamps (n,), positions (n, 3)) of motion capture; empty without its positions."""
-    if "mocap" not in flight or not {"px", "py", "pz"} <= set(flight["mocap"].columns):
+    if "mocap" not in flight or not all(name in flight["mocap"] for name in ("px", "py", "pz")):
         return np.empty(0), np.empty((0, 3))
     mocap = flight["mocap"]
     return flight.epoch_s + mocap.time_s, mocap["px", "py", "pz"]

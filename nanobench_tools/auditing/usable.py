@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..flight import Flight, Stream, intersect_spans
+from ..flight import Flight, Span, Stream, intersect_spans
 from ..results.fitted_values import LeftOut
 from .faults.kinds import cutting
 from .recording_audit import Audit
@@ -101,6 +101,12 @@ def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str
                   or "no rows to score: never in the air, too short, or not requested")
         found.append(LeftOut(flight.name, reason))
     return found
+
+
+def flown(flight: Flight, audit: Audit) -> tuple[Span, ...]:
+    """Where it was in the air; all of a recording of poses alone in a body frame that does not show it."""
+    alone = set(flight.streams) <= {"mocap", "extra"} and all(fault.kind != "never_flew" for fault in audit.faults)
+    return audit.airborne or ((audit.span,) if alone else ())
 
 
 def cut_by(audit: Audit, needed: Needed) -> str | None:

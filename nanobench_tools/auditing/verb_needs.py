@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from ..flight import Flight, intersect_spans
 from .recording_audit import Audit
-from .usable import MOCAP, MOTORS, POSE, SHORTEST_S, Needed, missing
+from .usable import MOCAP, MOTORS, POSE, SHORTEST_S, Needed, flown, missing
 
+TRUTH: Needed = {"mocap": POSE}
+"""Of an estimate from elsewhere: poses to score it against."""
+LOGGED: Needed = {"mocap": POSE, "estimator": ("x", "y", "z"), "attitude_qw|attitude": ()}
+"""Of the onboard estimate as logged."""
+INERTIAL: Needed = {"mocap": POSE, "imu": ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")}
+"""Of dead reckoning."""
+STAMPED: Needed = {"mocap": POSE, "imu|estimator|attitude_qw|attitude|motor": ()}
+"""Of a method that only extends the last pose: stamps of the vehicle to report at."""
 ESTIMATE: Needed = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1",), "attitude_qw|attitude": ()}
+"""Of the published protocol."""
 SYSID: Needed = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),
                  "attitude_qw": ("qx", "qy", "qz", "qw")}
 CONTROL: Needed = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS}
@@ -19,7 +28,7 @@ FORCE: Needed = {"mocap": POSE, "command": ("thrust",), "battery": ("vbat",)}
 """Of a diagnosis of forces alone, from a collective command."""
 STAND: Needed = {"stand": ("thrust",), "motor": ()}
 VERBS: dict[str, tuple[Needed, ...]] = {
-    "estimate": (ESTIMATE,), "sysid": (SYSID,), "control": (CONTROL,), "thrust": (THRUST, STAND),
+    "estimate": (TRUTH,), "sysid": (SYSID,), "control": (CONTROL,), "thrust": (THRUST, STAND),
     "motors": (MOTOR_LAG,), "diagnose": (WRENCH, FORCE)}
 """Verb -> any one of these is enough; verbs that are not here take every recording."""
 
@@ -38,8 +47,8 @@ def _lacks(flight: Flight, audit: Audit, needed: Needed) -> str:
     if lack is not None:
         return lack
     streams = {part for names in needed for part in names.split("|") if part in flight}
-    flown = (audit.span,) if "stand" in needed else audit.airborne
-    if not flown:
+    air = (audit.span,) if "stand" in needed else flown(flight, audit)
+    if not air:
         return "no flight in it"
-    clean = intersect_spans(flown, audit.clean_for(streams))
+    clean = intersect_spans(air, audit.clean_for(streams))
     return "" if any(s.duration_s > SHORTEST_S for s in clean) else f"no clean stretch of {', '.join(sorted(streams))}"

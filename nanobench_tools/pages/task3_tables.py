@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..protocols.sessions import interval_note, short_note
+from ..protocols.task3 import DERIVED
 from ..sources.labels import OTHER_FAMILIES
 from ..tables.quantities import shown
 from ..tables.result_table import Cell, Column, Score, Table
@@ -36,10 +37,11 @@ from .row_cells import (
 
 CORRECTED = "as-published-corrected"
 PUBLISHED_METRICS = ("ate_rmse_m", "ate_mean_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_rmse_deg")
+COVERED = "covered_percent"
 ESTIMATE_METRICS = ("ate_rmse_m", "ate_unaligned_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "attitude_geodesic_rmse_deg",
                     "attitude_frame_removed_rmse_deg", "delay_s", "across_track_delay_removed_rmse_m",
                     "end_error_1s_m", "end_error_5s_m", "end_error_10s_m", "end_error_20s_m", "drift_percent", "nees",
-                    "nis")
+                    "nis", COVERED)
 """What the page shows of an estimate; everything else is in the CSV files."""
 BLACKOUT = "blackout"
 TITLES = {"clean": "Task 3: every distinct recording, clean and airborne",
@@ -104,6 +106,10 @@ def _screen_of(rows: list[Mapping[str, Any]], names: Sequence[str], synthetic: b
     published = names[0].startswith(PUBLISHED)
     rows = [row for row in rows if published or row["group"] == "all"] or rows
     metrics = SCREEN_METRICS.get(names[0], SCREEN_METRICS["clean"])
+    if any(COVERED in row["metrics"] and row["causal"] is None for row in rows):  # a trajectory file
+        metrics = (metrics[0], COVERED, "ate_unaligned_rmse_m", *metrics[1:])
+    elif any((row["metrics"].get(COVERED) or {}).get("mean") not in (None, 100.0) for row in rows):
+        metrics = (metrics[0], COVERED, *metrics[1:])
     scores = tuple(replace(score_column(m), title=shown(m).title.replace(" RMSE", "")) for m in metrics
                    if any(m in row["metrics"] for row in rows))
     heads = {"protocol": "Protocol", "group": "Group", "clock": "Clock", "method": "Method", "inputs": "Given"}
@@ -118,8 +124,9 @@ def _screen_of(rows: list[Mapping[str, Any]], names: Sequence[str], synthetic: b
             lines.append((*("published" if key == "protocol" else text_of(row.get(key)) for key in heads),
                           count_of(row.get("published_n")), *scores_of(theirs, {}, scores, exact=True)))
     word = "the published protocol" if published else names[0]
+    derived = "Velocity of the truth is derived from its positions." * any(DERIVED in row["given"] for row in rows)
     return Table(f"screen_{names[0]}", f"Task 3, {word}, {data_label(synthetic)} data: mean ± SD over flights [95 %]",
-                 columns, tuple(lines), short_note(rows)).without_empty_columns()
+                 columns, tuple(lines), " ".join(filter(None, (short_note(rows), derived)))).without_empty_columns()
 
 
 def task3_windows(estimate: Mapping[str, Any]) -> Table:

@@ -33,8 +33,10 @@ def motors_on(flight: Flight) -> np.ndarray:
 def is_cut(flight: Flight) -> bool:
     """Whether the recording is a piece already cut to the flight: its motors run from the first rows on.
 
-    A whole recording starts on the ground with the motors off.
+    A whole recording starts on the ground with the motors off. False where motor 1 was not logged.
     """
+    if "motor" not in flight or "m1" not in flight["motor"]:
+        return False
     on = motors_on(flight)
     return len(on) > 0 and bool(on[:10].all())
 

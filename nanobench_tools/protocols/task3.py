@@ -7,6 +7,7 @@ recording, airborne and free of logging faults. All functions are pure: flights 
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +20,8 @@ from .. import so3
 from ..auditing.faults.kinds import cutting_logs
 from ..auditing.recording_audit import Audit
 from ..auditing.selection import distinct, without_copies
-from ..auditing.usable import POSE, cut_by, missing, stuck_clock, usable
-from ..auditing.verb_needs import ESTIMATE
+from ..auditing.usable import POSE, Needed, cut_by, flown, missing, stuck_clock, tidy, usable
+from ..auditing.verb_needs import ESTIMATE, LOGGED, TRUTH
 from ..errors import InputError, unknown_name
 from ..flight import Flight, Span, intersect_spans, make_stream, subtract_spans
 from ..flight import mask_of as inside
@@ -29,6 +30,7 @@ from ..metrics.alignment import Alignment, AlignmentError, align
 from ..metrics.association import associate, snap
 from ..metrics.attitude import published_euler_rmse_deg
 from ..metrics.trajectory import ate
+from ..signals.derived_velocity import has_velocity, with_velocity
 from ..signals.onboard_estimate import OnboardEkf
 from ..sources.labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..sources.trajectory_file import TrajectoryFile
@@ -62,8 +64,14 @@ OTHER_WORLD_RAD = np.radians(5.0)
 
 COVERED = 0.95
 NEAR_S = 0.1
-"""At least this part of the scored truth stamps has a stamp of the estimate within NEAR_S: few poses are no trajectory,
-and errors grow with time."""
+"""A truth stamp is covered if the estimate has a stamp within NEAR_S. An estimator has to cover at least COVERED,
+because errors grow with time; a trajectory file that covers less is scored there, and ranked against no other."""
+FEWEST_POSES = 10
+"""An alignment has six degrees of freedom: with 10 poses (30 numbers) it hides a tenth of a random error."""
+ROUNDING = 1e-12
+"""Smaller errors (m, deg, s) are those of floating-point numbers."""
+DERIVED = "velocity of the truth derived from its positions"
+"""Note on a flight whose motion capture has no velocity."""
 
 
 @dataclass(frozen=True)
@@ -83,29 +91,38 @@ def check_protocol(name: str) -> None:
         raise unknown_name("protocol", name, KNOWN)
 
 
-def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str) -> list[Case]:
+def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str,
+           needed: Needed | None = None) -> list[Case]:
     """The cases of a protocol, in the order of ``flights``; ``audits`` by name of the flight.
 
-    Raises InputError when no recording has the streams and rows that are needed.
+    needed: streams a recording has to have; None: those of the published protocol, of all others the poses alone.
+    Velocity that a motion capture lacks is derived. Raises InputError when no recording has the streams and rows.
     """
     check_protocol(protocol)
-    fit = usable(flights, audits, ESTIMATE)
+    needed = needed or (ESTIMATE if protocol in PUBLISHED else TRUTH)
+    found = usable(flights, audits, needed)
+    derived = {flight.name for flight in found if not has_velocity(flight)}
+    fit = [tidy(with_velocity(flight), ESTIMATE) for flight in found]
     cases = _published(fit, audits, protocol) if protocol in PUBLISHED else _clean(fit, audits)
+    cases = [replace(case, note="; ".join(filter(None, (case.note, DERIVED)))) if case.flight.name in derived else case
+             for case in cases]
     if protocol in (AIDED, BLACKOUT, WHOLE_FLIGHT):
         cases = _apart(cases)
     if not cases:
         what = "trefoil recording" if protocol in PUBLISHED else "flight"
         place = ", ".join(sorted({f.provenance.path for f in flights})[:1]) or "data"
-        cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], ESTIMATE))}
+        cuts = {f.name: cut for f in fit if (cut := cut_by(audits[f.name], needed))}
         if cuts and len(cuts) == len(fit):
             raise InputError(place, f"no {what} is left for protocol {protocol!r} among {len(flights)} recordings: "
                                     + "; ".join(f"{n} {cut}" for cut, n in Counter(cuts.values()).most_common(3)),
                              "nanobench audit shows the faults")
-        if all(stuck := [stuck_clock(f, ESTIMATE) for f in flights]):
+        if all(stuck := [stuck_clock(f, needed) for f in flights]):
             raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings: {stuck[0]}")
-        lacks = Counter(lack for f in flights if (lack := missing(f, ESTIMATE)))
+        lacks = Counter(lack for f in flights if (lack := missing(f, needed)))
         raise InputError(place, f"no {what} for protocol {protocol!r} among {len(flights)} recordings"
                          + "".join(f"; {lack} in {n}" for lack, n in lacks.most_common(3)),
+                         "poses of a motion capture are needed" if needed == TRUTH else
+                         "an estimate from elsewhere is scored with --trajectory-dir DIR" if needed == LOGGED else
                          "it needs motion capture, the onboard estimate, its attitude and the motors' commands")
     return cases
 
@@ -140,7 +157,7 @@ def _clean(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> list[Case]
     cases = []
     for flight in kept:
         audit = audits[flight.name]
-        spans = intersect_spans(flown_spans(flight, audit.airborne), _logged(audit))
+        spans = intersect_spans(flown_spans(flight, flown(flight, audit)), _logged(audit))
         if np.sum(inside(spans, flight["mocap"].time_s)) >= MINIMUM_ROWS:
             cases.append(Case(flight, spans, tuple(groups_of(family_of(flight), speed_of(flight))), note))
     return cases
@@ -221,28 +238,48 @@ def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
     return float(np.mean(away <= NEAR_S + 1e-9))
 
 
-def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
-                 given_s: float) -> tuple[tuple[Span, ...], np.ndarray]:
-    """(spans, (n,) bool over the estimate's rows) that are scored; InputError when the estimate covers too little.
+def stretches(time_s: np.ndarray) -> tuple[Span, ...]:
+    """The spans of rising stamps (n,) s without a hole: longer than 2 NEAR_S and three usual steps."""
+    steps = np.diff(time_s)
+    longest = max(2.0 * NEAR_S, 3.0 * float(np.median(steps))) if len(steps) else 0.0
+    edges = [-1, *np.flatnonzero(steps > longest).tolist(), len(time_s) - 1]
+    return tuple(Span(float(time_s[a + 1]), float(time_s[b])) for a, b in itertools.pairwise(edges))
 
-    What the vehicle logged in flight is scored where it is. Of all others coverage is asked for after the poses given
-    until ``given_s``, and a method that was given them is not scored there. Who made a trajectory file knows what it
-    was given.
+
+def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
+                 given_s: float) -> tuple[tuple[Span, ...], np.ndarray, float]:
+    """(spans, (n,) bool over the estimate's rows, share of the flight 0..1) that are scored; InputError when the
+    estimate covers too little.
+
+    What the vehicle logged in flight is scored where it is, and its share is 1. Of all others the share counts after
+    the poses given until ``given_s``, and a method that was given them is not scored there. Who made a trajectory file
+    knows what it was given: all of it is scored.
     """
     if is_logged(method):
-        return case.spans, inside(case.spans, estimate.time_s)
-    later = subtract_spans(case.spans, [Span(-np.inf, given_s)])
+        return case.spans, inside(case.spans, estimate.time_s), 1.0
+    file = isinstance(method, TrajectoryFile)
+    spans = case.spans if file else subtract_spans(case.spans, [Span(-np.inf, given_s)])
     mocap_s = case.flight["mocap"].time_s
-    rows = inside(later, estimate.time_s) & (estimate.time_s > given_s)
-    found = covered(estimate.time_s[rows], mocap_s[inside(later, mocap_s) & (mocap_s > given_s)])
-    if found < COVERED:
+    rows = inside(spans, estimate.time_s) & (file | (estimate.time_s > given_s))
+    found = covered(estimate.time_s[rows], mocap_s[inside(spans, mocap_s) & (file | (mocap_s > given_s))])
+    least = 0.0 if file else COVERED
+    if isinstance(method, TrajectoryFile) and rows.sum() < FEWEST_POSES:
+        raise InputError(str(method.path), _apart_in_time(case, estimate, rows),
+                         "stamps are seconds since 1970, or as in the recording")
+    if found < least:
         raise InputError(case.flight.provenance.path,
                          f"estimator {method.name} has {np.sum(rows)} stamps in the scored part of the flight and "
                          f"covers {100.0 * found:.1f} % of it, {100.0 * COVERED:.0f} % are needed",
                          f"a stamp every {2.0 * NEAR_S} s or more often, in seconds from the recording's first row")
-    if isinstance(method, TrajectoryFile):
-        return case.spans, inside(case.spans, estimate.time_s)
-    return later, rows
+    return intersect_spans(spans, stretches(estimate.time_s[rows])), rows, found
+
+
+def _apart_in_time(case: Case, estimate: Estimate, rows: np.ndarray) -> str:
+    """How a trajectory and the scored part of the flight lie in time, where too few of its stamps fall into it."""
+    zero, n = case.flight.epoch_s, int(np.sum(rows))
+    runs = f"it runs from {zero + estimate.time_s[0]:.3f} to {zero + estimate.time_s[-1]:.3f} s"
+    return (f"{n} of {len(rows)} stamps lie in the scored part of the flight, {FEWEST_POSES} are needed: {runs}, that "
+            f"part from {zero + case.spans[0].start_s:.3f} to {zero + case.spans[-1].end_s:.3f} s")
 
 
 def score(case: Case, method: Estimator, protocol: str) -> Scored:
@@ -256,7 +293,7 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
     estimate = checked(method.estimate(flight), method.name, place)
     mocap = case.flight["mocap"]
     estimate = replace(estimate, time_s=snap(estimate.time_s, mocap.time_s))
-    spans, rows = _scored_rows(case, estimate, method, given_s)
+    spans, rows, share = _scored_rows(case, estimate, method, given_s)
     truth = associate(estimate.time_s[rows], mocap.time_s, mocap["px", "py", "pz"],
                       mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
     rows = np.flatnonzero(rows)[truth.kept]
@@ -280,10 +317,13 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
         metrics |= attitude_metrics(q, truth.quaternion)
         metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
         metrics |= consistency_metrics(estimate, rows, truth.position_m)
+    if not is_logged(method):
+        metrics["covered_percent"] = 100.0 * share
     if world is not None:
         metrics["world_turn_deg"] = float(np.degrees(world.angle_rad))
         if "ate_unaligned_rmse_m" in metrics:
             metrics["ate_unaligned_rmse_m"] = ate(raw, truth.position_m, "none").rmse_m
+    metrics = {name: 0.0 if abs(value) < ROUNDING else value for name, value in metrics.items()}
     return Scored(metrics, len(rows), truth.dropped, np.column_stack([t, p, q]))
 
 
@@ -314,12 +354,15 @@ def given_and_trained(method: Estimator, given: str) -> str:
     return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported
 
 
-def inputs_of(method: Estimator, inputs: str) -> str:
-    """What a method was given, in short: methods with the same may be ranked against each other."""
+def inputs_of(method: Estimator, inputs: str, covered_percent: float | None = None) -> str:
+    """What a method was given, in short: methods with the same may be ranked against each other, those that cover a
+    part of the flights only with none."""
     if is_logged(method):
         return INPUTS_LOGGED
     same = str(getattr(method, "given", inputs))
-    return same if getattr(method, "causal", True) is not False else f"{same}, later ones too"
+    same = same if getattr(method, "causal", True) is not False else f"{same}, later ones too"
+    part = covered_percent is not None and covered_percent < 100.0 * COVERED
+    return f"{same}; {method.name} covers {covered_percent:.0f} %" if part else same
 
 
 def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Scored]], seed: int = 0,
@@ -339,7 +382,7 @@ def tabulate(protocol: str, method: Estimator, scored: Sequence[tuple[Case, Scor
             protocol=protocol, method=method.name, causal=getattr(method, "causal", None), group=group, n=len(members),
             flights=[case.flight.name for case, _ in members],
             given="; ".join([GIVEN_LOGGED if known else given_and_trained(method, given), *notes]),
-            inputs=inputs_of(method, inputs),
+            inputs=inputs_of(method, inputs, shares.mean if (shares := metrics.get("covered_percent")) else None),
             dropped_stamps=sum(value.dropped for _, value in members), drawn=Drawn.of(labels, metrics), metrics=metrics,
             published=beside("task3", "groups", group) if as_was else None, aiding=aiding or {}))
     return rows

@@ -105,7 +105,7 @@ def airborne_spans(context: Context) -> tuple[Span, ...]:
     rows = np.flatnonzero(lasting)
     whole = Span(float(time_s[0]), float(time_s[-1]))
     if len(rows) <= 2:
-        return (whole,) if _flies(context, whole) else ()
+        return (whole,) if _flies(context, whole) or _never_rests(context, whole) else ()
     crossed = Span(float(time_s[rows[0]]), float(time_s[rows[-1]]))
     before, after = Span(whole.start_s, crossed.start_s), Span(crossed.end_s, whole.end_s)
     flown = Span(whole.start_s if _flies(context, before) else crossed.start_s,
@@ -138,6 +138,15 @@ def _rests(context: Context, span: Span) -> bool:
     noise = np.median(np.abs(np.diff(there, 2, axis=0)), axis=0) / NOISE_OF_BENDS
     windows = np.lib.stride_tricks.sliding_window_view(there, n, axis=0)[::max(n // 10, 1)]
     return bool((np.ptp(windows, axis=2) < RESTS_M + RESTS_NOISE * noise).all(axis=1).any())
+
+
+def _never_rests(context: Context, span: Span) -> bool:
+    """Whether a body whose motors were not logged moves all the time at one height: the ground was never seen."""
+    streams, place = context.once(usable_streams), context.once(position_of)
+    if {"motor", "command"} & set(streams) or place is None or span.duration_s < RESTS_S:
+        return False
+    moved = np.ptp(np.quantile(place[1], (0.05, 0.95), axis=0), axis=0)
+    return bool((moved > MOVED_M).any()) and not _rests(context, span)
 
 
 def _carried(context: Context, span: Span) -> bool:

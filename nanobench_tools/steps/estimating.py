@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..auditing import verb_needs
 from ..errors import InputError
 from ..time_offsets.moving.votes import AS_RECORDED, voters, votes
 from .estimate_pictures import aided_bands, blackout_bands
@@ -18,6 +19,7 @@ from .show import ALL_FAILED, show_left_out
 
 if TYPE_CHECKING:
     from ..auditing.recording_audit import Audit
+    from ..auditing.usable import Needed
     from ..flight import Flight
     from ..harness.clocks import OnClock
     from ..protocols.aided import Aiding
@@ -39,6 +41,11 @@ JUDGED = ("position", "velocity")
 """What is judged of the logged estimate by every metric that is not about attitude."""
 LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
 """Hidden from every method on a clock that the logged position helped to set."""
+
+NEEDS = {**dict.fromkeys(LOGGED, verb_needs.LOGGED),
+         **dict.fromkeys((*RECKONING, "delayed_pose_ekf"), verb_needs.INERTIAL),
+         **dict.fromkeys(FLOORS, verb_needs.STAMPED)}
+"""What default methods need of a flight; methods of one's own say so themselves."""
 
 SHOWN_FIRST = ("ate_rmse_m", "end_error_5s_m", "drift_percent")
 """The metric that stands for a row in one line: the first that it has."""
@@ -82,7 +89,8 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
     nothing to score.
     """
-    from ..auditing.verb_needs import ESTIMATE
+    from ..auditing.usable import missing
+    from ..auditing.verb_needs import TRUTH
     from ..protocols import aided, task3
     from ..protocols.dead_logs import dead_logs
 
@@ -94,14 +102,30 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
     written = "clean" if "clean" in (protocols or task3.PROTOCOLS) else protocols[-1]
     failed: dict[str, str] = {}
     flights, audits = seen.places.flights, seen.places.audits
-    for protocol, cases in options.selected(protocols, task3.PROTOCOLS, lambda p: task3.select(flights, audits, p)):
-        chosen = methods
-        if chosen is None:
-            own = {method.name for method in further}
-            chosen = [*load_methods("estimators", [m for m in DEFAULT_METHODS[protocol] if m not in own]), *further]
+    own = {method.name for method in further}
+
+    def chosen_for(protocol: str) -> list[Any]:
+        return list(methods) if methods is not None else [
+            *load_methods("estimators", [m for m in DEFAULT_METHODS[protocol] if m not in own]), *further]
+
+    def needed(method: Any) -> Needed:
+        return TRUTH if method.name in own and not task3.is_logged(method) else NEEDS.get(method.name, TRUTH)
+
+    def select(protocol: str) -> list[Case]:
+        cases = task3.select(flights, audits, protocol)
+        chosen = chosen_for(protocol)
+        needs = [needed(method) for method in chosen if method.name not in FLOORS] or [*map(needed, chosen)]
+        if files or any(missing(case.flight, each) is None for case in cases for each in needs):
+            return cases
+        return task3.select(flights, audits, protocol, needs[0])  # reports what is missing
+
+    for protocol, cases in options.selected(protocols, task3.PROTOCOLS, select):
+        chosen = chosen_for(protocol)
         if options.clock == "joint":
             chosen, cases = _without_logged(options, chosen, cases)
-        work = [(method, case) for method in chosen for case in cases]
+        work = [(method, case) for method in chosen for case in cases if missing(case.flight, needed(method)) is None]
+        failed |= {case.flight.name: lack for case in cases for method in chosen
+                   if (lack := missing(case.flight, needed(method))) is not None}
         again = {} if seen.attitudes is None or protocol == task3.BLACKOUT else {
             case.flight.name: case for case in task3.select(seen.attitudes.flights, seen.attitudes.audits, protocol)}
         if protocol == task3.PUBLISHED[0]:
@@ -120,9 +144,9 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
             per_flight += single
             bands += drawn
             out = None
-        failed |= dict.fromkeys((case.flight.name for _, case in work), ALL_FAILED)
+        failed |= dict.fromkeys((case.flight.name for _, case in work if case.flight.name not in failed), ALL_FAILED)
     used = {name for row in rows for name in row.flights}
-    left_out = show_left_out(options, flights, used, audits, ESTIMATE, failed)
+    left_out = show_left_out(options, flights, used, audits, TRUTH, failed)
     taken_out = None if options.clock == AS_RECORDED else {options.clock: {
         name: TakenOut.of(offset) if offset else None for name, offset in seen.places.time_offsets.items()
         if name in used}}

@@ -41,6 +41,7 @@ QUANTITIES: dict[str, Shown] = {
     "end_error_10s_m": Shown("End error 10 s", "m", 1.0, 2),
     "end_error_20s_m": Shown("End error 20 s", "m", 1.0, 2),
     "drift_percent": Shown("Drift", "%", 1.0, 2),
+    "covered_percent": Shown("Covered", "%", 1.0, 1),
     "nees": Shown("NEES", "", 1.0, 2),
     "nis": Shown("NIS", "", 1.0, 2),
     "rmse_m": Shown("RMSE position", "m", 1.0, 4),

@@ -13,6 +13,7 @@ from estimators.constant_velocity import ConstantVelocity
 from estimators.hold_position import HoldPosition
 from estimators.onboard_ekf import OnboardEkf
 from nanobench_tools import Estimate, InputError, UsageError, so3
+from nanobench_tools.auditing.verb_needs import ESTIMATE
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
 from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
@@ -200,7 +201,7 @@ def test_peeking_at_the_given_poses_brings_nothing():
     assert values[0].metrics == pytest.approx(values[1].metrics, nan_ok=True)
 
 
-def test_a_short_trajectory_file_fails_and_the_logged_one_is_scored_from_its_first_row(tmp_path):
+def test_a_trajectory_file_of_a_few_poses_fails_and_the_logged_one_is_scored_from_its_first_row(tmp_path):
     flight = made_flight()
     case = one_case(flight)
     value = task3.score(case, EKF, "clean")
@@ -208,8 +209,8 @@ def test_a_short_trajectory_file_fails_and_the_logged_one_is_scored_from_its_fir
     path = tmp_path / "made.tum"
     write_tum(path, flight, value.trajectory)
     assert task3.score(case, TrajectoryFile(path), "clean").rows == value.rows
-    write_tum(path, flight, value.trajectory[:40])
-    with pytest.raises(InputError, match=r"covers 0\.0 % of it"):
+    write_tum(path, flight, value.trajectory[:8])
+    with pytest.raises(InputError, match=r"made\.tum: 8 of 8 stamps lie in the scored part .*, 10 are needed"):
         task3.score(case, TrajectoryFile(path), "clean")
 
 
@@ -292,7 +293,7 @@ def test_unknown_protocols_list_the_known_ones():
 
 
 def test_nothing_to_score_names_the_place():
-    bare = made_flight().without_streams("estimator")
+    bare = made_flight().without_streams("mocap")
     with pytest.raises(InputError, match=r"made\.csv: no flight for protocol .clean."):
         task3.select([bare], {bare.name: verdict(bare)}, "clean")
 
@@ -301,7 +302,7 @@ def test_what_recordings_lack_is_counted():
     bare = [made_flight(name).without_streams(lacks) for name, lacks in zip("abc", ("estimator", "estimator", "motor"),
                                                                             strict=True)]
     with pytest.raises(InputError, match=r"no estimator stream in 2; no motor stream in 1; it needs motion capture"):
-        task3.select(bare, {f.name: verdict(f) for f in bare}, "clean")
+        task3.select(bare, {f.name: verdict(f) for f in bare}, "clean", ESTIMATE)
 
 
 def test_slices_count_once_in_clean_and_alone_when_alone():

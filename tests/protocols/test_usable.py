@@ -75,7 +75,7 @@ def test_left_out_recordings_have_a_reason():
     assert found["empty"] == "no readable rows in the estimator stream"
     assert "no rows to score" in found["other"]
     with pytest.raises(InputError, match="no flight"):
-        task3.select([empty], audits, "clean")
+        task3.select([empty], audits, "clean", ESTIMATE)
 
 
 @pytest.mark.parametrize("kind", ["unit", "quaternion_order", "sign"])
