@@ -17,6 +17,7 @@ from nanobench_tools.physics import Model
 from .kept_results import PHYSICS, READING, code_hash
 from .nominal import as_json
 
+MISMATCH = "nanobench_tools/settings/values/mismatch.toml"
 Diagnose = Callable[[Recordings, Model, int], Mapping[str, Any]]
 """-> the content of verdict.json. ``corrected``: the corrected simulator as of ``nominal.as_json``, or None."""
 
@@ -39,7 +40,7 @@ def rules(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, A
 def engine_of(name: str) -> Engine:
     """``rules``, or ``module:function`` of another engine. UsageError for anything else."""
     if name == "rules":
-        return Engine(name, rules, code_hash(("identification/mismatch", *PHYSICS, *READING)))
+        return Engine(name, rules, code_hash(("identification/mismatch/*", MISMATCH, *PHYSICS, *READING)))
     module, _, attribute = name.partition(":")
     if not attribute:
         raise UsageError(f"--engine {name} is unknown; {did_you_mean(name, ('rules',))}give rules or module:function")
@@ -48,4 +49,4 @@ def engine_of(name: str) -> Engine:
         found = getattr(importlib.import_module(module) if ours else load_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise UsageError(f"--engine {name}: {error}") from error
-    return Engine(name, found, code_hash(("identification/mismatch", *PHYSICS, *READING)))
+    return Engine(name, found, code_hash(("identification/mismatch", MISMATCH, *PHYSICS, *READING)))

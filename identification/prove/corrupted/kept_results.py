@@ -22,11 +22,11 @@ PHYSICS = ("nanobench_tools/physics",)
 
 @functools.cache
 def code_hash(places: tuple[str, ...]) -> str:
-    """Hash of Python and settings files below some places of the project."""
+    """Hash of Python and settings files: of a file, below a folder, or in a folder alone (``folder/*``)."""
     digest = hashlib.sha256()
     for place in places:
         path = ROOT / place
-        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        for file in sorted(path.rglob("*") if path.is_dir() else path.parent.glob(path.name)):
             if file.suffix in (".py", ".toml"):
                 digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()

@@ -177,6 +177,7 @@ def test_code_that_changes_makes_another_key(tmp_path, monkeypatch):
         file.write_text(text)
         kept_results.code_hash.cache_clear()
         found.append(kept_results.code_hash(("a",)))
+        assert kept_results.code_hash(("a/*",)) == kept_results.code_hash(("a/b.py",)) == found[-1]
     kept_results.code_hash.cache_clear()
     assert found[0] == found[2] != found[1]
 
