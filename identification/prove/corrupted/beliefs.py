@@ -48,7 +48,7 @@ class Flown:
 class Belief:
     """name in the table; term that is wrong; start of the search for a size, most that makes sense; believe (nominal,
     x, flown) -> simulator; inputs of the vehicles it can be given to; turns: only seen where turning is; ``once``: the
-    belief has one size."""
+    belief has one size; has: term that the nominal simulator has to have."""
 
     name: str
     term: str
@@ -58,11 +58,13 @@ class Belief:
     inputs: tuple[str, ...] = ("pwm", "rpm", "thrust")
     turns: bool = False
     once: bool = False
+    has: str = ""
 
     def suits(self, nominal: Model) -> bool:
         """Whether the vehicle's flights can show it at all."""
         kind = nominal.vehicle.input
-        return kind in self.inputs and not (self.turns and kind == "thrust")
+        there = not self.has or self.has in nominal
+        return there and kind in self.inputs and not (self.turns and kind == "thrust")
 
 
 def _scaled(model: Model, term: str, key: str, factor: float) -> Model:
@@ -86,8 +88,17 @@ def stronger(model: Model, x: float, flown: Flown) -> Model:
     return model.with_term("thrust_scale", s=s * (1.0 + x))
 
 
-def less_drag(model: Model, x: float, flown: Flown) -> Model:
-    return model.without("drag_linear") if x >= 1.0 else _scaled(model, "drag_linear", "d", 1.0 - x)
+def less_of(term: str) -> Callable[[Model, float, Flown], Model]:
+    """Parameters nearer to where the term does nothing; at 1 the simulator lacks it."""
+    def believe(model: Model, x: float, flown: Flown) -> Model:
+        if x >= 1.0:
+            return model.without(term)
+        rests = {p.name: float(p.neutral) for p in find_term(term).parameters if isinstance(p.neutral, (int, float))}
+        values = {name: tuple(v + x * (rests[name] - v) for v in value) if isinstance(value, tuple)
+                  else value + x * (rests[name] - value) for name, value in model.values_of(term).items()}
+        return model.with_term(term, **values)
+
+    return believe
 
 
 def more_drag(model: Model, x: float, flown: Flown) -> Model:
@@ -166,10 +177,6 @@ def more_yaw(model: Model, x: float, flown: Flown) -> Model:
     return _scaled(model, "yaw_torque", "k_m", 1.0 + x)
 
 
-def less_yaw(model: Model, x: float, flown: Flown) -> Model:
-    return model.without("yaw_torque") if x >= 1.0 else _scaled(model, "yaw_torque", "k_m", 1.0 - x)
-
-
 def damped(model: Model, x: float, flown: Flown) -> Model:
     d = np.array(model.values_of("angular_damping").get("d_r", (0.0,) * 3))
     j = np.array(model.vehicle.inertia_kg_m2)
@@ -202,12 +209,6 @@ def slower_motors(model: Model, x: float, flown: Flown) -> Model:
                            tau_down_s=old.get("tau_down_s", 0.0) + x)
 
 
-def no_lag(model: Model, x: float, flown: Flown) -> Model:
-    if x >= 1.0:
-        return model.without("motor_lag")
-    return _scaled(_scaled(model, "motor_lag", "tau_up_s", 1.0 - x), "motor_lag", "tau_down_s", 1.0 - x)
-
-
 def later(model: Model, x: float, flown: Flown) -> Model:
     return model.with_term("command_delay", delay_s=model.values_of("command_delay").get("delay_s", 0.0) + x)
 
@@ -231,11 +232,15 @@ def no_battery(model: Model, x: float, flown: Flown) -> Model:
     return made
 
 
+def _less(name: str, term: str) -> Belief:
+    return Belief(name, term, 0.05, 1.0, less_of(term), has=term)
+
+
 PWM = ("pwm",)
 BELIEFS = (
     Belief("mass", "mass", 0.01, 1.0, lighter),
     Belief("thrust_scale", "thrust_scale", 0.01, 1.0, stronger),
-    Belief("less drag", "drag_linear", 0.05, 1.0, less_drag),
+    _less("less drag", "drag_linear"),
     Belief("more drag", "drag_linear", 0.05, 20.0, more_drag),
     Belief("drag_quadratic", "drag_quadratic", 0.02, 10.0, quadratic_drag),
     Belief("drag_rotor", "drag_rotor", 0.02, 10.0, rotor_drag),
@@ -248,14 +253,19 @@ BELIEFS = (
     Belief("more inertia", "inertia", 0.05, 2.0, heavy_to_turn, turns=True),
     Belief("less inertia", "inertia", 0.05, 4.0, light_to_turn, turns=True),
     Belief("more yaw_torque", "yaw_torque", 0.05, 5.0, more_yaw, turns=True),
-    Belief("less yaw_torque", "yaw_torque", 0.05, 1.0, less_yaw, turns=True),
+    _less("less yaw_torque", "yaw_torque"),
     Belief("angular_damping", "angular_damping", 0.2, 40.0, damped, turns=True),
     Belief("rotor_gyro", "rotor_gyro", 0.2, 100.0, gyroscopic, turns=True),
     Belief("ground_effect", "ground_effect", 0.2, 8.0, near_ground),
     Belief("inflow k_z", "inflow", 0.005, 0.9, climbing),
     Belief("inflow k_h", "inflow", 0.002, 0.19, sideways_lift),
     Belief("more lag", "motor_lag", 0.005, 0.4, slower_motors),
-    Belief("less lag", "motor_lag", 0.1, 1.0, no_lag, PWM),
+    _less("less lag", "motor_lag"),
+    _less("less delay", "command_delay"),
+    _less("less drag_torque", "drag_torque"),
+    _less("less damping", "angular_damping"),
+    _less("less com_offset", "com_offset"),
+    _less("less imbalance", "motor_imbalance"),
     Belief("command_delay", "command_delay", 0.005, 0.19, later),
     Belief("saturation", "saturation", 0.02, 0.6, limited),
     Belief("thrust curve", "", 0.05, 4.0, steeper, PWM),

@@ -19,7 +19,7 @@ from .groups import Group
 from .kept_results import PHYSICS, code_hash, kept, key_of
 from .nominal import as_json
 from .outside import OUTSIDE, Outside
-from .sizes import TIMES, errors, rise, smallest_shown, thinned
+from .sizes import RISES, TIMES, errors, rise, smallest_shown, thinned
 
 SEARCHED_S = 10.0
 """Of each flight, for the search of the smallest size."""
@@ -119,6 +119,8 @@ def _smallest(group: Group, belief: Wrong, flown: Flown, tracks: Sequence[Track]
             except InputError:  # beyond the physical bounds
                 return -1.0
 
+        if isinstance(belief, Belief) and belief.once:
+            return [belief.most if at(belief.most) >= RISES else None]
         return [smallest_shown(at, belief.start, belief.most)]
 
     key = key_of("size", group.key, belief.name, vars(flown), code_hash((*PHYSICS, *OURS)))

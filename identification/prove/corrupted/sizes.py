@@ -22,6 +22,8 @@ TIMES = (0.5, 1.25, 3.0, 8.0)
 """Sizes of the cases, over the smallest that predictions show."""
 VISIBLE = 0.25
 """Of an error, relative: an effect that a diagnosis has to find."""
+LEAST = 1e-4
+"""Of the start of a search: smaller sizes are not looked for."""
 STEPS = 6
 """Halvings of the search, in the logarithm of the size."""
 
@@ -53,7 +55,7 @@ def smallest_shown(rise_at: Callable[[float], float], start: float, most: float)
         low, high = high, min(2.5 * high, most)
     if low == 0.0:  # already shown at the start of the search
         low = high / 2.5
-        while rise_at(low) >= RISES:
+        while rise_at(low) >= RISES and low > LEAST * start:
             low, high = low / 2.5, low
     for _ in range(STEPS):
         middle = float(np.sqrt(low * high))

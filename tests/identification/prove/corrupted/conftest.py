@@ -18,9 +18,10 @@ from nanobench_tools.flight import Flight, Provenance
 
 @pytest.fixture(scope="session")
 def nominal():
-    """A model whose vehicle has a moment of the air and a lopsided trim, too."""
+    """Further terms beside those of MODEL, small enough to fit its flights."""
     return MODEL.with_term("drag_torque", c=-3e-4).with_term("com_offset", r_m=(1e-3, 0.0, 0.0)).with_term(
-        "motor_imbalance", g=(1.05, 0.95, 1.02, 0.98))
+        "motor_imbalance", g=(1.05, 0.95, 1.02, 0.98)).with_term("command_delay", delay_s=0.02).with_term(
+        "angular_damping", d_r=(1e-4, 1e-4, 0.0))
 
 
 @pytest.fixture(scope="session")

@@ -62,3 +62,12 @@ def test_a_vehicle_gets_the_beliefs_that_its_input_can_show():
     suits = {b.name for b in BELIEFS if b.suits(given)}
     assert {"mass", "wind", "command_delay"} <= suits
     assert not suits & {"com_offset", "more inertia", "no battery", "thrust curve", "less lag"}
+
+
+def test_at_one_the_simulator_lacks_the_term(nominal, flown):
+    belief = next(b for b in BELIEFS if b.name == "less drag")
+    assert "drag_linear" not in belief.believe(nominal, 1.0, flown)
+    half = belief.believe(nominal, 0.5, flown).values_of("drag_linear")["d"]
+    assert half == pytest.approx(0.5 * np.array(nominal.values_of("drag_linear")["d"]))
+    gains = next(b for b in BELIEFS if b.name == "less imbalance").believe(nominal, 0.5, flown)
+    assert gains.values_of("motor_imbalance")["g"] == pytest.approx((1.025, 0.975, 1.01, 0.99))

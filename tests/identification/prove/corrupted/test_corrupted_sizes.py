@@ -19,6 +19,10 @@ def test_the_size_at_which_an_error_rises_by_a_tenth(rises, most, found):
     assert rises(got) >= RISES
 
 
+def test_a_change_of_one_size_ends_the_search():
+    assert 0.0 < smallest_shown(lambda x: 1.0, 1.0, 1.0) < 1e-3
+
+
 def test_the_error_of_the_right_simulator_rises_by_nothing(nominal, tracks):
     usual = errors(nominal, tracks)
     assert rise(usual, usual) == 0.0
