@@ -37,7 +37,8 @@ FLYING = ("practice", "rotorpy", "both")
 @click.command()
 @shared_options("data", "columns", "clock")
 @click.option("--cases", type=click.IntRange(min=1), metavar="N",
-              help=f"How many. Default: {CASES}, {REAL_CASES} with --concealed, all with --corrupted.")
+              help=f"How many. Default: {CASES}, {REAL_CASES} with --concealed. Of each vehicle with "
+                   "--corrupted: all.")
 @click.option("--kind", "kinds", multiple=True, metavar="KIND",
               help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
 @click.option("--engine", metavar="NAME",

@@ -22,8 +22,8 @@ MOST_GROUPS = 2
 
 def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles: Sequence[str],
               left_out: Sequence[str], groups: int | None) -> CorruptedProof:
-    """The cases of the vehicles whose recordings are below ``place``, diagnosed by an engine and scored. InputError
-    where there are none."""
+    """The cases of the vehicles whose recordings are below ``place``, ``n`` of each, diagnosed by an engine and scored.
+    InputError where there are none."""
     from identification.prove.corrupted import VEHICLES, cases_of, groups_of
     from identification.prove.corrupted.case_score import score_all
     from identification.prove.corrupted.corrupted_rates import CorruptedProof
@@ -38,13 +38,14 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
     absent = [v.name for v in asked if v.name not in seen]
     if absent:
         options.say(f"no recordings of {', '.join(absent)} below {', '.join(map(str, roots))}")
-    found = [g for v in asked if v.name in seen
-             for g in groups_of(v, seen[v.name], groups or MOST_GROUPS, options.say)]
+    of = {v.name: groups_of(v, seen[v.name], groups or MOST_GROUPS, options.say) for v in asked if v.name in seen}
+    found = [g for mine in of.values() for g in mine]
     if not found:
         folders = ", ".join(v.folder for v in asked)
         raise InputError(f"--corrupted {place}", "has no recordings of a known vehicle",
                          f"give the folder that has {folders}")
-    cases = drawn([c for g in found for c in cases_of(g, options.seed, options.say)], n, options.seed)
+    cases = [c for mine in of.values()
+             for c in drawn([c for g in mine for c in cases_of(g, options.seed, options.say)], n, options.seed)]
     options.say(f"{len(cases)} cases on {len(found)} groups of real flights, engine {chosen.name}")
     verdicts = run(Judge(chosen, found, options.seed), cases, options.say)
     proof = CorruptedProof.of(chosen.name, options.seed, score_all(cases, verdicts))

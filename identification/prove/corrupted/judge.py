@@ -75,7 +75,7 @@ class Judge:
 
 def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[CorruptedCase]:
     """All controls, then cases in an order drawn once, in turn from every belief, so that any number of the first ones
-    spreads over beliefs, sizes and vehicles; at most ``n``."""
+    spreads over beliefs, sizes and groups; at most ``n``."""
     rng = np.random.default_rng([seed, 47])
     controls = [c for c in cases if c.kind == "control"]
     others = [c for c in cases if c.kind != "control"]
