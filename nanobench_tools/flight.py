@@ -241,7 +241,7 @@ class Assumption:
 class Provenance:
     """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences; clock_evidence:
     the kinds of streams that had a vote in the clock its stamps were moved to, empty as recorded; ``assumptions``:
-    units that nothing shows."""
+    units that nothing shows; ``added``: sentences about columns that were computed or assumed after reading."""
 
     path: str
     sha256: str
@@ -251,6 +251,7 @@ class Provenance:
     notes: tuple[str, ...] = ()
     clock_evidence: tuple[str, ...] = ()
     assumptions: tuple[Assumption, ...] = ()
+    added: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

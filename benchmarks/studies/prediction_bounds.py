@@ -21,6 +21,7 @@ from identification.greybox.fitted_predictor import GreyBoxPredictor, past_input
 from nanobench_tools import so3
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.prediction import QUANTITIES, multi_horizon, window_errors
+from nanobench_tools.physics import Vehicle
 from nanobench_tools.physics.model import ROTOR
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.protocols.windows import cut_windows
@@ -82,7 +83,7 @@ def half_the_packets(windows: Windows) -> Windows:
 
 def main() -> None:
     args, split, word = asked(__doc__)
-    fitted = {rung.name: predictor_of(fit_item(split.train, rung, 0, 0.04085)) for rung in rungs(NAMES)}
+    fitted = {rung.name: predictor_of(fit_item(split.train, rung, 0, Vehicle())) for rung in rungs(NAMES)}
     sums: dict[str, list] = {}
     noise = []
     for case in split.test:

@@ -13,6 +13,7 @@ from identification.vehicle.vehicle_priors import PriorsFile
 from nanobench_tools.methods import Predictor
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.physics.hover import doubts
+from nanobench_tools.protocols.completed import additions
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case, WindowErrors, score
 from nanobench_tools.results.result import OPTIONAL, Result
@@ -34,6 +35,8 @@ Terms = Mapping[str, Mapping[str, Any]]
 PHYSICAL_NOTE = ("It is the vehicle that flew, with the mean trim of the training flights. Without a controller, a "
                  "slightly different trim turns it over within half a second, as it turns the real one: compare it in "
                  "closed loop")
+GIVEN = ("mass {mass_g:.4g} g, {arm_mm:.3g} mm from the centre to each motor, motor order and turning directions: "
+         "flights do not show them")
 NOTES = {"none": "",
          "inputs": "It holds the mean thrust and trim of the training flights; the row it is made from sets both, the "
                    "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
@@ -61,7 +64,7 @@ class Made(Result):
     gains: np.ndarray | None
     scale: np.ndarray | None
     adapt: str
-    mass_kg: float
+    vehicle: Vehicle
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,13 +83,13 @@ class FittedRung(Result):
     physical: bool = False
 
 
-def fit_item(cases: Sequence[Case], rung: Rung, seed: int, mass_kg: float,
+def fit_item(cases: Sequence[Case], rung: Rung, seed: int, vehicle: Vehicle,
              priors: PriorsFile | None = None) -> FittedRung:
     """One rung fitted to ``cases``."""
-    return fit_together(cases, [rung], seed, mass_kg, priors=priors)[rung.name]
+    return fit_together(cases, [rung], seed, vehicle, priors=priors)[rung.name]
 
 
-def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_kg: float,
+def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, vehicle: Vehicle,
                  windows: int = MOST_WINDOWS, backward: bool = False, judged: bool = True,
                  sessions: Mapping[str, int] | None = None, priors: PriorsFile | None = None) -> dict[str, FittedRung]:
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window.
@@ -95,7 +98,6 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_k
     backward: what is set per window is also learnt for starts that look back only. priors: the user's file, for a
     physical vehicle.
     """
-    vehicle = Vehicle(mass_kg=mass_kg)
     found: dict[str, FittedRung] = {}
     first: GreyBox | None = None
     sessions = sessions or sessions_of([case.flight for case in cases])
@@ -108,7 +110,7 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, mass_k
         model.fit_cuts(cut(cases, past=rung.adapt == "past", most=windows), first)
         first = first or model
         gains = _backward(cases, rung, model) if backward and rung.adapt != "none" else None
-        found[rung.name] = _found(rung, model, mass_kg, gains)
+        found[rung.name] = _found(rung, model, gains)
     return found
 
 
@@ -123,18 +125,23 @@ def _physical(cases: Sequence[Case], rung: Rung, vehicle: Vehicle, seed: int, wi
                     judged=False, sessions=sessions).fit_cuts(cut(cases, most=windows))
     flown = flies(fitted.model, model.data_)
     wrong = [*([] if flown.flies else [f"does not fly: {flown}"]), *doubts(fitted.model)]
+    added = additions([case.flight for case in cases])
+    arm_mm = 1e3 * float(np.mean(np.linalg.norm(vehicle.motor_positions_m, axis=1)))
     model.model_, model.parameters_ = fitted.model, dict(fitted.parameters)
     model.result_ = replace(model.result_, parameters=fitted.parameters, flown=flown, trouble="; ".join(wrong),
                             not_identified=fitted.notes, priors=fitted.priors,
+                            assumed=(GIVEN.format(mass_g=1e3 * vehicle.mass_kg, arm_mm=arm_mm), *added),
                             nuisances=(), n_flights=fitted.flights, steps=0, cost=0.0)
     model.predictor_ = replace(model.predictor_, parameters=fitted.parameters)
-    return _found(rung, model, vehicle.mass_kg, _backward(cases, rung, model) if backward else None)
+    found = _found(rung, model, _backward(cases, rung, model) if backward else None)
+    said = (text[0].upper() + text[1:] for text in (*added, *fitted.notes))
+    return replace(found, simulator_note=". ".join((found.simulator_note, *said)))
 
 
 def held_out_item(cases: Sequence[Case], others: Sequence[Case], rungs: Sequence[Rung], seed: int,
-                  mass_kg: float, priors: PriorsFile | None = None) -> dict[str, list[WindowErrors]]:
+                  vehicle: Vehicle, priors: PriorsFile | None = None) -> dict[str, list[WindowErrors]]:
     """{rung: [score of each of ``others``]} of rungs with the same terms, fitted to ``cases``; onboard truth."""
-    fitted = fit_together(cases, rungs, seed, mass_kg, HELD_OUT_WINDOWS, judged=False, priors=priors)
+    fitted = fit_together(cases, rungs, seed, vehicle, HELD_OUT_WINDOWS, judged=False, priors=priors)
     predictors = {name: predictor_of(value) for name, value in fitted.items()}
     return {name: [score(case, cast("Predictor", predictor), "onboard") for case in others]
             for name, predictor in predictors.items()}
@@ -161,9 +168,9 @@ def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> Gains:
     return Gains(again.predictor_.gains)
 
 
-def _found(rung: Rung, model: GreyBox, mass_kg: float, backward: Gains | None) -> FittedRung:
+def _found(rung: Rung, model: GreyBox, backward: Gains | None) -> FittedRung:
     made = model.predictor_
-    return FittedRung(Made(made.terms, made.gains, made.scale, made.adapt, mass_kg), model.model_.as_dict(),
+    return FittedRung(Made(made.terms, made.gains, made.scale, made.adapt, model.vehicle), model.model_.as_dict(),
                       PHYSICAL_NOTE if rung.physical else NOTES[rung.adapt], model.result_, model.result_.summary(),
                       rung.sentence, backward, rung.physical)
 
@@ -174,5 +181,5 @@ def predictor_of(fitted: FittedRung, start: str = "centred") -> GreyBoxPredictor
     gains = fitted.backward.gains if start == "past" and fitted.backward is not None else made.gains
     terms = {term: {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
              for term, values in made.terms.items()}
-    return GreyBoxPredictor(result.name, terms, Vehicle(mass_kg=made.mass_kg), made.adapt, gains, made.scale,
+    return GreyBoxPredictor(result.name, terms, made.vehicle, made.adapt, gains, made.scale,
                             result.parameters, () if gains is None else nuisances_of(made.adapt))

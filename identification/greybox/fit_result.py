@@ -17,7 +17,7 @@ COLOURS = {"from the flights": "#2563eb", "prior": "#888888", "no interval": "#d
 @dataclass(frozen=True, repr=False)
 class FitResult(Result):
     """trouble: why this fit is no result (empty: it is one); flown: whether the model flies (None where its rate is
-    held); not_identified, priors, nuisances: sentences."""
+    held); not_identified, priors, nuisances: sentences; assumed: what flights do not show and was taken as given."""
 
     name: str
     adapt: str
@@ -31,6 +31,7 @@ class FitResult(Result):
     not_identified: tuple[str, ...]
     priors: tuple[str, ...]
     nuisances: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
     @property
     def is_result(self) -> bool:
@@ -50,6 +51,7 @@ class FitResult(Result):
         if self.n_flights < 3:
             lines.append(f"  no intervals: {self.n_flights} flight(s) tell nothing about how flights differ")
         lines += [f"  prior: {text}" for text in self.priors]
+        lines += [f"  assumed: {text}" for text in self.assumed]
         lines += [f"  random effect of every training flight: {text}" for text in self.nuisances]
         lines += [f"  not identified: {text}" for text in self.not_identified]
         if self.flown is not None:

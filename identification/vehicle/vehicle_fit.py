@@ -22,7 +22,7 @@ from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.settings import number
 
-from .motion_sums import EDGE_SHARE, SHORTEST_S, MotionSums, motion_sums
+from .motion_sums import BAND_HZ, EDGE_SHARE, SHORTEST_S, MotionSums, motion_sums
 from .vehicle_priors import Priors, PriorsFile, priors_of
 
 LEVEL_SD = number("vehicle.vehicle_fit.level_sd")
@@ -43,6 +43,8 @@ FEWEST_FLIGHTS = 3
 """Fewer flights give no interval between flights."""
 INDEPENDENT_S = 1.0
 """Disturbances last about so long."""
+OTHER_MOTORS = ("the thrust is not that of the motors behind the priors, but lag and yaw moment are theirs: give your "
+                "own with a priors file")
 TERMS = ("thrust_voltage", "thrust_scale", "motor_imbalance", "command_delay", "motor_lag", "inertia", "yaw_torque",
          "angular_damping", "drag_linear", "drag_torque")
 
@@ -93,7 +95,8 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
     parameters = {name: _estimate(weighed[name], value, unit, column, why, len(found))
                   for name, value, unit, column in zip(model.names, model.values.tolist(), model.units, draws.T,
                                                        strict=True)}
-    notes = [known.note, *(f"{name}: {weighed[name].note}" for name in model.names if weighed[name].note)]
+    notes = [known.note, OTHER_MOTORS if weighed["thrust_scale.s"].note else "",
+             *(f"{name}: {weighed[name].note}" for name in model.names if weighed[name].note)]
     return VehicleFit(model, parameters, draws, _sentences(known), tuple(filter(None, notes)), len(found),
                       sum(flight.seconds for flight in found))
 
@@ -151,7 +154,8 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
 
     c = moment_of_air(inertia)
     j = (s[:, None] * turning[:, :, 1] - damping * turning[:, :, 2] - c[:, None] * turning[:, :, 3]) / turning[:, :, 0]
-    turned = {name: weigh(name, j[:, i], INERTIA_SD, s[0] * _noise(*turning[0, i, [0, 1, 4]]))
+    inertia_sd = float(np.hypot(INERTIA_SD, _lag_share(known)))
+    turned = {name: weigh(name, j[:, i], inertia_sd, s[0] * _noise(*turning[0, i, [0, 1, 4]]))
               for i, name in enumerate(names)}
     c = moment_of_air(np.stack([turned[name].values for name in names], axis=1))
     moment = weigh("drag_torque.c", c, AIR_MOMENT_SD, s[0] * _noise(*air[0][:, [0, 1, 4]].sum(axis=0)))
@@ -159,6 +163,18 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
     g = {f"motor_imbalance.g[{i}]": weigh(f"motor_imbalance.g[{i}]", gains[:, i] / total, TRIM_SD)
          for i in range(vehicle.rotors)}
     return {**curve, "thrust_scale.s": level, **g, **d, **turned, "drag_torque.c": moment, **held}
+
+
+def _lag_share(known: Priors) -> float:
+    """Standard deviation of an inertia, as a share, that follows from that of the motors' lag.
+
+    A lag tau for a true lag t scales the moment in phase with the angular acceleration by (1 + w^2 tau t) / (1 + w^2
+    tau^2) at the angular frequency w; this is its slope at t = tau.
+    """
+    lags = [known.believed[f"motor_lag.tau_{way}_s"] for way in ("up", "down")]
+    lag_s, sd_s = (float(np.mean([getattr(lag, name) for lag in lags])) for name in ("mean", "sd"))
+    turns = (2.0 * np.pi * float(np.mean(BAND_HZ)) * lag_s) ** 2
+    return sd_s / lag_s * turns / (1.0 + turns)
 
 
 def _trim(flight: MotionSums, s: float, c: float, vehicle: Vehicle) -> np.ndarray:

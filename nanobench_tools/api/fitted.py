@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..flight import Flight
 from ..methods import Prediction, Predictor, Windows
-from .quiet_options import some
+from .quiet_options import some, speaks_python
 
 if TYPE_CHECKING:
     import control
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from identification.greybox.fit_result import FitResult
 
     from ..physics import Model
+    from ..protocols.task1 import Case
 
 VEHICLE_ROW = "simulator.toml"
 """Name of the exported vehicle by itself, as in the rows of ``nanobench sysid``."""
@@ -114,9 +115,9 @@ class VehicleModel:
         predictor and the exported vehicle by itself."""
         import pandas as pd
 
-        from identification.greybox.fit_windows import cases_of, cut, mean_errors
+        from identification.greybox.fit_windows import cut, mean_errors
 
-        cases = cases_of(some(flights))
+        cases = _cases(some(flights))
         found: dict[tuple[str, str], dict[str, float]] = {}
         for predictor in (self.predictor, self._vehicle()):
             cuts = cut(cases, past=predictor.information == "past", thin=1)
@@ -171,17 +172,21 @@ class VehicleModel:
         return f"<p>{escape(repr(self))}</p>{self.parameters_.to_html()}"
 
 
+@speaks_python
 def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, Mapping[str, Any]] | None = None,
-        mass_kg: float = 0.04085, seed: int = 0, priors: str | os.PathLike[str] | None = None) -> VehicleModel:
+        mass_kg: float = 0.04085, seed: int = 0, priors: str | os.PathLike[str] | None = None,
+        arm_m: float | None = None) -> VehicleModel:
     """The vehicle that flew: the same as ``nanobench sysid --train`` exports from the same flights.
 
     Thrust level, drag, moment of the air, trim and inertia are read from whole flights. What flights cannot identify
     keeps its prior and is marked (``parameters_.prior_share``).
 
     terms: names of effects (``nanobench sysid --list``) to fit to what they predict half a second ahead instead; such
-    a model predicts, and need not be a vehicle. mass_kg: of the scale, since flights show only ratios to it. priors: a
-    file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle. InputError where no
-    flight can be used.
+    a model predicts, and need not be a vehicle. mass_kg: from a scale; flights show only ratios to it. arm_m: from the
+    centre to each motor (default 0.046). priors: a file in the form of ``identification/vehicle/priors.toml`` with
+    numbers of your own vehicle; those that ship are scaled by mass and arm for vehicles of another size. Velocity that
+    is not recorded follows from the positions. Without any battery voltage, a constant one is assumed, and
+    ``result.assumed`` lists it. InputError where no flight can be used, with the reason.
 
     >>> import nanobench_tools as nb
     >>> model = nb.fit(nb.simulate(3, seed=1, seconds=12.0))
@@ -190,37 +195,49 @@ def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, 
     """
     from identification.greybox.ablation_study import fit_item, predictor_of
     from identification.greybox.fit import GreyBox
-    from identification.greybox.fit_windows import cases_of
     from identification.greybox.ladder import BALANCED, VEHICLE
     from identification.vehicle.vehicle_priors import PriorsFile
 
     from ..auditing.selection import distinct
-    from ..physics import Model, Vehicle
-    from ..physics.vehicle import BOUNDS
+    from ..physics import Model
+    from ..physics.vehicle import sized
 
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"mass_kg {mass_kg:g} is outside {low:g} to {high:g}; is it in grams?")
-    cases = cases_of(distinct(some(flights))[0])
+    vehicle = sized(mass_kg, arm_m)
+    cases = _cases(distinct(some(flights))[0])
     if terms is not None:
         if priors is not None:
             raise UsageError("priors belong to the vehicle; a fit of chosen terms takes none")
-        greybox = GreyBox(terms, vehicle=Vehicle(mass_kg=mass_kg), seed=seed).fit(cases)
+        greybox = GreyBox(terms, vehicle=vehicle, seed=seed).fit(cases)
         return VehicleModel(greybox.model_, greybox.result_, lambda: cast("Predictor", greybox.predictor_))
     given = None if priors is None else PriorsFile.read(priors)
-    found = fit_item(cases, VEHICLE, seed, mass_kg, given)
-    return VehicleModel(Model(Vehicle(mass_kg=mass_kg), found.simulator), found.result,
-                        lambda: cast("Predictor", predictor_of(fit_item(cases, BALANCED, seed, mass_kg))))
+    found = fit_item(cases, VEHICLE, seed, vehicle, given)
+    return VehicleModel(Model(vehicle, found.simulator), found.result,
+                        lambda: cast("Predictor", predictor_of(fit_item(cases, BALANCED, seed, vehicle))))
+
+
+def _cases(flights: Sequence[Flight]) -> list[Case]:
+    """Clean spans of ``flights``; InputError with the reason of the first where none can be used."""
+    from ..auditing.recording_audit import audit
+    from ..auditing.verb_needs import can
+    from ..protocols.completed import completed
+    from ..protocols.task1 import training_cases
+
+    whole = completed(flights)
+    audits = {flight.name: audit(flight) for flight in flights}
+    cases = training_cases(whole, audits)
+    if not cases:
+        why = can(flights[0], audits[flights[0].name])["sysid"] or "less than half a second of clean flight"
+        raise InputError(flights[0].provenance.path, why, f"none of {len(flights)} flights can be used"
+                         if len(flights) > 1 else "nb.audit(flight) shows the faults")
+    return cases
 
 
 def _predicted(flight: Flight, predictor: Predictor) -> FlightPrediction:
-    from identification.greybox.fit_windows import cases_of
-
     from ..protocols.windows import cut_windows, start_times
 
-    case = next(iter(cases_of([flight])), None)
-    cut = None if case is None else cut_windows(case.flight, case.spans, "onboard", predictor.information == "past")
-    if case is None or cut is None:
+    case = _cases([flight])[0]
+    cut = cut_windows(case.flight, case.spans, "onboard", predictor.information == "past")
+    if cut is None:
         raise UsageError(f"{flight.name}: no half second of clean flight to predict; nb.audit(flight) shows why")
     windows, came = cut
     return FlightPrediction(flight.name, predictor.name, start_times(case.flight, case.spans),

@@ -18,6 +18,9 @@ ESTIMATE: Needed = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1"
 """Of the published protocol."""
 SYSID: Needed = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),
                  "attitude_qw": ("qx", "qy", "qz", "qw")}
+SYSID_RECORDED: Needed = {
+    "mocap": POSE, **{name: quantities for name, quantities in SYSID.items() if name in ("imu", "motor")}}
+"""What has to be recorded for ``SYSID``: poses give velocity and attitude, and a battery voltage may be assumed."""
 CONTROL: Needed = {"mocap": MOCAP, "setpoint": ("x", "y", "z"), "motor": MOTORS}
 THRUST: Needed = {"imu": ("acc_z",), "motor": MOTORS, "battery": ("vbat",)}
 MOTOR_LAG: Needed = {"rpm": MOTORS, "motor": MOTORS, "battery": ("vbat",),
@@ -28,7 +31,7 @@ FORCE: Needed = {"mocap": POSE, "command": ("thrust",), "battery": ("vbat",)}
 """Of a diagnosis of forces alone, from a collective command."""
 STAND: Needed = {"stand": ("thrust",), "motor": ()}
 VERBS: dict[str, tuple[Needed, ...]] = {
-    "estimate": (TRUTH,), "sysid": (SYSID,), "control": (CONTROL,), "thrust": (THRUST, STAND),
+    "estimate": (TRUTH,), "sysid": (SYSID_RECORDED,), "control": (CONTROL,), "thrust": (THRUST, STAND),
     "motors": (MOTOR_LAG,), "diagnose": (WRENCH, FORCE)}
 """Verb -> any one of these is enough; verbs that are not here take every recording."""
 

@@ -18,7 +18,6 @@ from ..steps.diagnosing import (
     beliefs_of,
     check_installed,
     names_a_file,
-    vehicle_of,
 )
 from ..steps.options import Options
 from ..steps.show import data_word
@@ -111,8 +110,9 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     check_installed()
     if simulator is not None and not names_a_file(simulator):
         from ..physics.adapters.given import load_simulator
+        from ..physics.vehicle import sized
 
-        vehicle_of(mass_kg)
+        sized(mass_kg)
         found = load_simulator(simulator)
         judged = against_callable(options, options.load(), found, simulator, mass_kg)
     else:

@@ -11,7 +11,8 @@ import click
 
 from ..errors import UsageError
 from ..pages.task1_tables import task1_screen
-from ..physics.vehicle import BOUNDS
+from ..physics import Vehicle
+from ..physics.vehicle import sized
 from ..results.result import to_json
 from ..steps.named_methods import load_methods
 from ..steps.options import Options
@@ -50,6 +51,8 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
               help="Models to fit on the training flights: the whole ablation, its main rows, or none.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass of the vehicle.")
+@click.option("--arm", "arm_m", type=float, metavar="M",
+              help="From the centre of the vehicle to each motor.  [default: 0.046]")
 @click.option("--priors", type=click.Path(path_type=Path), metavar="FILE",
               help="Prior knowledge of your own vehicle, in the form of identification/vehicle/priors.toml.")
 @click.option("--learned", type=click.Choice(["all", "own"]),
@@ -60,8 +63,8 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
 @click.option("--train-trajectory", "train_family", metavar="NAME",
               help="Train on the recordings of this trajectory, test on all others.")
 def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[Path, ...], test: tuple[Path, ...],
-          wanted: str, mass_kg: float, priors: Path | None, learned: str | None, epochs: int,
-          train_family: str | None) -> int:
+          wanted: str, mass_kg: float, arm_m: float | None, priors: Path | None,
+          learned: str | None, epochs: int, train_family: str | None) -> int:
     """Task 1: what will it do? Errors of predictive models over 1 to 50 steps of 10 ms.
 
     Windows start every 10 rows of clean flight. The default split trains on the earliest flight of each trajectory of
@@ -79,9 +82,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         no_paths_beside(options, "--train")
     if train and train_family:
         raise UsageError("--train and --train-trajectory both choose what trains; give one")
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    vehicle = sized(mass_kg, arm_m)
     if only and not methods:
         raise UsageError("--only goes with --method")
     from ..protocols.task1 import JUDGED
@@ -90,10 +91,8 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
     if priors is not None:
         from identification.vehicle.vehicle_priors import PriorsFile, priors_of
 
-        from ..physics import Vehicle
-
         known = PriorsFile.read(priors)
-        priors_of(Vehicle(mass_kg=mass_kg), known)  # what is wrong with it is said before anything is read
+        priors_of(vehicle, known)  # what is wrong with it is said before anything is read
     predictors = load_methods("predictors", (*(() if only else DEFAULT_METHODS), *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
@@ -108,7 +107,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         from identification.learned.learned_study import family_parts
 
         parts = family_parts(flights, train_family)
-    body = sysid_body(options, flights, audits, predictors, parts, wanted, mass_kg,
+    body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
     screen = [*task1_screen(to_json(body), options.synthetic), *filter(None, [body.models.simulator_note])]
     if options.out is not None and body.models.simulator is not None:
@@ -123,23 +122,30 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
 def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit],
                predictors: Sequence[Any] | None = None,
                parts: tuple[Sequence[Flight], Sequence[Flight]] | None = None, wanted: str = "short",
-               mass_kg: float = 0.04085, simulator: str = SIMULATOR, epochs: int | None = None,
+               vehicle: Vehicle | None = None, simulator: str = SIMULATOR, epochs: int | None = None,
                published: bool = True, recorded: Sequence[Flight] | None = None,
                priors: PriorsFile | None = None) -> SysidBody:
     """sysid.json, with the table shown; ``parts`` (train, test) replaces the split; ``wanted``: which
-    models to fit (``all``, ``short``, ``none``); ``simulator``: name of the file of the best fit; ``epochs``: of the
-    learned rows, None for no such rows; ``published``: the published ones too; ``recorded``: the flights on the clock
-    they were recorded on, where ``flights`` have another; ``priors``: the user's, of the vehicle."""
+    models to fit (``all``, ``short``, ``none``); ``vehicle``: mass and geometry; ``simulator``: name of the file of the
+    best fit; ``epochs``: of the learned rows, None for no such rows; ``published``: the published ones too;
+    ``recorded``: the flights on the clock they were recorded on, where ``flights`` have another; ``priors``: the
+    user's, of the vehicle."""
     from ..auditing.verb_needs import SYSID
     from ..harness import make_item
     from ..protocols import compare, response, task1
+    from ..protocols.completed import completed
     from ..protocols.sessions import parameters_note
 
     predictors = load_methods("predictors", DEFAULT_METHODS) if predictors is None else predictors
+    vehicle = vehicle or Vehicle()
+    flights = completed(flights)
+    by_name = {flight.name: flight for flight in flights}
+    if parts is not None:
+        parts = [by_name[f.name] for f in parts[0]], [by_name[f.name] for f in parts[1]]
     chosen = task1.split(flights, audits) if parts is None else task1.given_split(*parts, audits)
     if recorded is not None:
-        chosen = chosen.as_recorded(recorded)
-    fits, held_out = fitted(options, chosen.train, wanted, mass_kg, priors)
+        chosen = chosen.as_recorded(completed(recorded))
+    fits, held_out = fitted(options, chosen.train, wanted, vehicle, priors)
     choice = choose(options, chosen.train, predictors, fits, held_out)
     written = exported(options, fits, choice.exported, simulator)
     predictors = [*predictors, *(predictor for predictor, _ in fits.values()), *written.predictors]
@@ -147,7 +153,7 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
     if epochs is not None:
         from .sysid_learned import learned_predictors
 
-        learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, mass_kg,
+        learned = learned_predictors(options, chosen.train, {name: p for name, (p, _) in fits.items()}, epochs, vehicle,
                                      published)
         predictors = [*predictors, *learned]
     rows, scored = rows_of(options, predictors, fits, chosen.test, choice.best)

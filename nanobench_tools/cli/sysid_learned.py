@@ -11,6 +11,7 @@ from ..steps.options import Options
 
 if TYPE_CHECKING:
     from ..methods import Predictor
+    from ..physics import Vehicle
     from ..protocols.task1 import Case, PredictionRow
 
 
@@ -22,7 +23,7 @@ def checkpoint_folder(options: Options) -> Path:
 
 
 def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping[str, Predictor], epochs: int,
-                       mass_kg: float, published: bool = True) -> list[Any]:
+                       vehicle: Vehicle, published: bool = True) -> list[Any]:
     """Predictors trained on ``train``, the ``published`` ones too or our own alone; ``physics``: what was fitted to it,
     by name. Failures are kept in ``options``.
     MissingExtraError without JAX, InputError without training flights."""
@@ -38,7 +39,7 @@ def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping
 
         place = train[0].flight.provenance.path
         items = [make_item(fit_item, {"cases": list(cases), "rung": rungs([rung])[0], "seed": options.seed,
-                                      "mass_kg": mass_kg}, f"fit {rung}, some flights held out", file=place)
+                                      "vehicle": vehicle}, f"fit {rung}, some flights held out", file=place)
                  for cases in sets]
         values = options.run(items, "fit").values
         if any(item.key not in values for item in items):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from identification.greybox.ablation_study import FittedRung
     from identification.vehicle.vehicle_priors import PriorsFile
 
-    from ..physics import Model
+    from ..physics import Model, Vehicle
     from ..physics.predictor import ModelPredictor
     from ..protocols.choice import ChosenOn
     from ..protocols.task1 import Case, WindowErrors
@@ -30,7 +30,7 @@ Scores = Mapping[str, Sequence["WindowErrors"]]
 """Scores of whole flights by name of the model."""
 
 
-def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float,
+def fitted(options: Options, train: Sequence[Case], wanted: str, vehicle: Vehicle,
            priors: PriorsFile | None = None) -> tuple[dict[str, tuple[Any, FittedRung]], Scores]:
     """((predictor, what the fit gave) by name, scores of models of class ``state`` on training flights that were held
     out in turn); ``wanted``: all, short or none. Empty, and said why, without CasADi or training flights."""
@@ -48,7 +48,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, mass_kg: float,
     from identification.greybox.ablation_study import SHORT, alike, fit_together, held_out_item, predictor_of, rungs
 
     chosen = rungs(None if wanted == "all" else SHORT)
-    place, shared = train[0].flight.provenance.path, {"seed": options.seed, "mass_kg": mass_kg, "priors": priors}
+    place, shared = train[0].flight.provenance.path, {"seed": options.seed, "vehicle": vehicle, "priors": priors}
     sessions = options.sessions.by_name(case.flight for case in train)
     items = [make_item(fit_together, {"cases": list(train), "rungs": lot, **shared, "backward": True,
                                       "sessions": sessions},

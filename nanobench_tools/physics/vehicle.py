@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
+from ..errors import UsageError
 from ..units import GRAVITY_M_S2
 
 INPUTS = ("pwm", "rpm", "thrust")
@@ -43,3 +45,27 @@ UNITS = {"mass_kg": "kg", "inertia_kg_m2": "kg m^2, about body x, y, z",
 BOUNDS = {"mass_kg": (0.001, 10.0), "inertia_kg_m2": (1e-8, 5.0), "motor_positions_m": (-1.0, 1.0),
           "gravity_m_s2": (0.0, 30.0), "rate_hz": (10.0, 20000.0)}
 """Physical range of every number of a key."""
+SHORTEST_ARM_M = 0.005
+ARM_M = 0.0325 * math.sqrt(2.0)
+"""From the centre of the NanoBench vehicle to a motor."""
+
+
+def sized(mass_kg: float = Vehicle.mass_kg, arm_m: float | None = None) -> Vehicle:
+    """The NanoBench vehicle with another mass and distance from its centre to each motor.
+
+    Inertia grows with mass times arm squared where an arm is given. UsageError for sizes that no vehicle has.
+    """
+    low, high = BOUNDS["mass_kg"]
+    if not low <= mass_kg <= high:
+        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
+    vehicle = Vehicle(mass_kg=mass_kg)
+    if arm_m is None:
+        return vehicle
+    if not SHORTEST_ARM_M <= arm_m <= BOUNDS["motor_positions_m"][1]:
+        raise UsageError(f"--arm {arm_m:g} m is outside {SHORTEST_ARM_M:g} to {BOUNDS['motor_positions_m'][1]:g} m; "
+                         "is it in millimetres?")
+    longer = arm_m / ARM_M
+    heavier = mass_kg / Vehicle.mass_kg * longer**2
+    x, y, z = (heavier * value for value in vehicle.inertia_kg_m2)
+    return replace(vehicle, inertia_kg_m2=(x, y, z), motor_positions_m=tuple(
+        (longer * forward, longer * left) for forward, left in vehicle.motor_positions_m))

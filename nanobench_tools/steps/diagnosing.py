@@ -51,17 +51,6 @@ def check_installed() -> None:
         raise MissingExtraError("casadi", "identification")
 
 
-def vehicle_of(mass_kg: float) -> Vehicle:
-    """The recorded vehicle with another mass; UsageError for one that no vehicle has."""
-    from ..physics import Vehicle
-    from ..physics.vehicle import BOUNDS
-
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
-    return Vehicle(mass_kg=mass_kg)
-
-
 def names_a_file(simulator: str) -> bool:
     """Whether a simulator given as text is a simulator.toml rather than an adapter or ``module:callable``."""
     return Path(simulator).is_file() or (":" not in simulator and (
@@ -83,7 +72,9 @@ def against_callable(options: Options, flights: Sequence[Flight], simulator: Sim
     from identification.mismatch.equivalent import needs_battery
     from identification.mismatch.track import missing
 
-    vehicle = vehicle_of(mass_kg)
+    from ..physics.vehicle import sized
+
+    vehicle = sized(mass_kg)
     flown = getattr(simulator, "vehicle", None) or vehicle
     looked = Looked(options, flights)
     recordings = looked.at(flown, False)
@@ -99,9 +90,11 @@ def beliefs_of(options: Options, flights: Sequence[Flight], simulated: Sequence[
     ``flights`` are not."""
     from identification.mismatch.believe import beliefs
 
+    from ..physics.vehicle import sized
+
     if any(f.provenance.synthetic for f in flights) and not any(f.provenance.synthetic for f in simulated):
         raise UsageError("--simulated holds recordings that are REAL and --data SYNTHETIC ones: are they swapped?")
-    vehicle = vehicle_of(mass_kg)
+    vehicle = sized(mass_kg)
     model = beliefs(Looked(options, simulated).at(vehicle, True), vehicle, options.say)
     options.say(f"the simulator believes {', '.join(t.name for t in model.terms)}")
     return model

@@ -80,6 +80,24 @@ def test_mistakes_are_one_line(fitted, flights, tmp_path):
         nb.fit(flights, terms=["thrust_voltage"], priors=tmp_path / "none.toml")
 
 
+def test_flights_that_cannot_be_used_are_one_line_with_the_reason(flights):
+    with pytest.raises(nb.InputError, match="no mocap stream; none of 3 flights can be used"):
+        nb.fit([flight.without_streams("mocap") for flight in flights])
+    with pytest.raises(nb.UsageError, match="millimetres"):
+        nb.fit(flights, arm_m=46.0)
+    with pytest.raises(nb.UsageError, match="grams"):
+        nb.fit(flights, mass_kg=41.0)
+
+
+def test_what_is_assumed_is_said(flights):
+    found = nb.fit(flights[0].without_streams("battery"), mass_kg=0.03, arm_m=0.05)
+    assert found.trouble == ""
+    assert "30 g, 50 mm" in found.result.assumed[0]
+    assert "3.7 V is assumed" in found.result.assumed[1]
+    assert "assumed: battery voltage" in found.summary()
+    assert found.model.vehicle.motor_positions_m[0][0] == pytest.approx(0.05 / 2**0.5)
+
+
 @pytest.mark.slow
 def test_the_predictor_scores_beside_the_vehicle(fitted, flights):
     table = fitted.score(flights[:1])

@@ -193,7 +193,7 @@ def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data)
     cases = cases_of(load_recordings(paths).flights)
     at_50 = {}
     for rung in (r for r in LADDER if r.adapt != "none" and not r.physical):
-        predictor = predictor_of(fit_item(cases[:3], rung, 0, 0.04085))
+        predictor = predictor_of(fit_item(cases[:3], rung, 0, Vehicle()))
         found = score(cases[3], predictor, "onboard")
         at_50[rung.adapt] = {name: sums[-1] / found.windows for name, sums in found.sums.items()}
     assert at_50["inputs"]["position_mae_m"] < 0.15
