@@ -118,8 +118,9 @@ def rotor_drag(model: Model, x: float, flown: Flown) -> Model:
 
 
 def drag_moment(model: Model, x: float, flown: Flown) -> Model:
+    """The nose goes up more against the wind."""
     c = model.values_of("drag_torque").get("c", 0.0)
-    return model.with_term("drag_torque", c=c + x * 1e-3 * _arm(model) * model.vehicle.mass_kg / 1.3e-3)
+    return model.with_term("drag_torque", c=c - x * _arm(model) * model.vehicle.mass_kg)
 
 
 def _arm(model: Model) -> float:
@@ -244,7 +245,7 @@ BELIEFS = (
     Belief("more drag", "drag_linear", 0.05, 20.0, more_drag),
     Belief("drag_quadratic", "drag_quadratic", 0.02, 10.0, quadratic_drag),
     Belief("drag_rotor", "drag_rotor", 0.02, 10.0, rotor_drag),
-    Belief("drag_torque", "drag_torque", 0.02, 10.0, drag_moment, turns=True),
+    Belief("drag_torque", "drag_torque", 0.02, 2.0, drag_moment, turns=True),
     Belief("wind", "wind", 0.02, 15.0, windy),
     Belief("force_world", "force_world", 0.01, 8.0, pushed),
     Belief("frame_tilt", "frame_tilt", 0.002, 0.45, tilted),

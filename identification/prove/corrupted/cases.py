@@ -27,6 +27,8 @@ PAIRS = 6
 PAIR_TIMES = 3.0
 """Size of each of a pair, over the smallest that predictions show."""
 OUTSIDE_TIMES = (1.25, 3.0, 8.0)
+UNSHOWN = 0.0
+"""Stands for the size of a belief that predictions do not show even at the most that makes sense."""
 OURS = (*(f"identification/prove/corrupted/{name}.py" for name in ("beliefs", "sizes", "outside", "disturbed")),
         "identification/mismatch/proof.py")
 """Code that decides a size."""
@@ -39,9 +41,9 @@ Wrong = Belief | Outside | Disturbance
 class CorruptedCase:
     """One wrong simulator. name; vehicle, group; kind ``control``, ``single``, ``pair``, ``outside``; beliefs that are
     wrong (names of the table); nominal and simulator; truth with its effects and their right values; times: size over
-    the smallest that predictions show, 0 for a control; rise: largest relative rise of a prediction error 0.1 or 0.5 s
-    ahead; near: terms that are no false names; recordings: what a diagnosis is given, those of the group unless a
-    force of time was added."""
+    the smallest that predictions show, 0 for a control and where they never show it; rise: largest relative rise of a
+    prediction error 0.1 or 0.5 s ahead; recordings: what a diagnosis is given, those of the group unless a force of
+    time was added; near: terms that are no false names."""
 
     name: str
     vehicle: str
@@ -85,7 +87,7 @@ def cases_of(group: Group, seed: int = 0, say: Callable[[str], None] = lambda te
     for s in found:
         times = OUTSIDE_TIMES if not isinstance(s.belief, Belief) else (1.0,) if s.belief.once else TIMES
         draft += _sized(group.nominal, s, times, flown)
-    draft += [_pair(group.nominal, *pair, flown) for pair in _pairs(shown, rng)]
+    draft += [made for pair in _pairs(shown, rng) if (made := _pair(group.nominal, *pair, flown)) is not None]
     return [_case(group, number, d) for number, d in enumerate(draft)]
 
 
@@ -132,7 +134,11 @@ def _sized(nominal: Model, smallest: Smallest, times: Sequence[float], flown: Fl
     """Of one belief; where predictions do not show even the largest, that one alone."""
     belief, x = smallest.belief, smallest.x
     kind = "single" if isinstance(belief, Belief) else "outside"
-    sizes = {min(t * x, belief.most): t for t in times} if x is not None else {belief.most: 0.5}
+    sizes = {belief.most: UNSHOWN}
+    if x is not None:
+        sizes = {}
+        for t in times:
+            sizes.setdefault(min(t * x, belief.most), t)
     found = []
     for size, t in sizes.items():
         try:
@@ -157,12 +163,16 @@ def _pairs(shown: Sequence[Smallest], rng: np.random.Generator) -> list[tuple[Sm
     return found
 
 
-def _pair(nominal: Model, first: Smallest, second: Smallest, flown: Flown) -> _Draft:
+def _pair(nominal: Model, first: Smallest, second: Smallest, flown: Flown) -> _Draft | None:
+    """None where the two together are beyond physical bounds."""
     model, sizes = nominal, []
     for s in (first, second):
         assert s.x is not None  # only of those that are shown
         sizes.append(min(PAIR_TIMES * s.x, s.belief.most))
-        model = _simulator(model, s.belief, sizes[-1], flown)
+        try:
+            model = _simulator(model, s.belief, sizes[-1], flown)
+        except InputError:
+            return None
     return _Draft("pair", (first.belief, second.belief), model, PAIR_TIMES, tuple(sizes))
 
 

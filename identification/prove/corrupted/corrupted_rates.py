@@ -58,7 +58,7 @@ class CorruptedProof(Result):
         singles = [s for s in scores if s.kind == "single"]
         named = [s for s in scores if s.kind in ("single", "outside")]
         return cls(engine, seed, Rates.of(scores), _by(scores, lambda s: s.kind), _by(scores, lambda s: s.vehicle),
-                   _by(singles, lambda s: f"{s.times:g}"), _by(named, lambda s: s.belief),
+                   _by(singles, lambda s: f"{s.times:g}" if s.times else "not shown"), _by(named, lambda s: s.belief),
                    {f"{s.vehicle}/{s.group}": s.named or (s.outcome,) for s in scores if s.kind == "control"},
                    _calibration(scores), tuple(scores))
 
@@ -75,7 +75,7 @@ def _by(scores: Iterable[CorruptedScore], of: Callable[[CorruptedScore], str]) -
 
 
 def _order(name: str) -> tuple[float, str]:
-    return (float(name), "") if name.replace(".", "").isdigit() else (0.0, name)
+    return (float(name), "") if name.replace(".", "").isdigit() else (np.inf, name)
 
 
 def _calibration(scores: Sequence[CorruptedScore]) -> tuple[tuple[float, float, int], ...]:
