@@ -17,10 +17,17 @@ from nanobench_tools.physics import Model
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.time_offsets.moving.apply import apply_time_offset
 from nanobench_tools.time_offsets.moving.time_offset import TimeOffset
+from nanobench_tools.version import __version__
 
-from .kept_results import PHYSICS, READING, code_hash, hashes, kept, key_of
+from .kept_results import READING, code_hash, hashes, kept, key_of
 from .nominal import as_json, fit_nominal, from_values
 from .vehicles import VehicleSource, paths_of, with_pose
+
+TRACKS = tuple(f"identification/mismatch/{name}.py" for name in (
+    "recordings", "track", "taking_part", "tracked_point", "commanded", "measured_speed"))
+"""Code that makes what a diagnosis sees of a recording."""
+RECIPE = ("identification/prove/corrupted/nominal.py",)
+"""Code that a kept nominal simulator is of, beside the version: a better fit of a later day is no other truth."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,7 @@ def groups_of(source: VehicleSource, root: Path, most: int | None = None,
     train, groups = chosen[0], chosen[1:][:most]
     read = _read([*train, *(p for g in groups for p in g)], source)
     say(f"{source.name}: nominal simulator from {len(train)} flights")
-    mark = key_of("nominal", source, hashes(train), code_hash((*READING, *PHYSICS, "identification/greybox")))
+    mark = key_of("nominal", source, hashes(train), __version__, code_hash(RECIPE))
     nominal = from_values(kept(mark, dict[str, Any], lambda: as_json(fit_nominal(
         source, [f for p in train for f in read[p]], looked_over([f for p in train for f in read[p]], source)))))
     found = []
@@ -56,7 +63,8 @@ def groups_of(source: VehicleSource, root: Path, most: int | None = None,
         say(f"{source.name}: group {number}, {len(group)} flights")
         recordings = looked_over([f for p in group for f in read[p]], source)
         if recordings.judged_s >= LEAST_S:
-            found.append(Group(source.name, number, recordings, nominal, key_of(mark, hashes(group))))
+            found.append(Group(source.name, number, recordings, nominal,
+                               key_of(as_json(nominal), hashes(group), code_hash((*READING, *TRACKS)))))
     return found
 
 

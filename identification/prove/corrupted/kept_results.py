@@ -15,7 +15,8 @@ from nanobench_tools.results.result import from_json
 
 ROOT = Path(__file__).resolve().parents[3]
 READING = ("nanobench_tools/sources", "nanobench_tools/auditing", "nanobench_tools/signals",
-           "nanobench_tools/time_offsets", "nanobench_tools/flight.py")
+           "nanobench_tools/time_offsets", "nanobench_tools/flight.py",
+           *(f"nanobench_tools/settings/values/{name}.toml" for name in ("audit", "retiming", "sources")))
 """Code that reads, audits and re-times recordings."""
 PHYSICS = ("nanobench_tools/physics",)
 
