@@ -52,7 +52,8 @@ def groups_of(source: VehicleSource, root: Path, most: int | None = None,
     chosen = dealt(paths, source.groups + 1, [source.train, *([source.of_a_group] * source.groups)])
     if not chosen or len(chosen[0]) < source.train:
         return []
-    train, groups = chosen[0], chosen[1:][:most]
+    train = chosen[0]
+    groups = [without_copies(group, train) for group in chosen[1:][:most]]
     read = _read([*train, *(p for g in groups for p in g)], source)
     say(f"{source.name}: nominal simulator from {len(train)} flights")
     mark = key_of("nominal", source, hashes(train), __version__, code_hash(RECIPE))
@@ -71,6 +72,12 @@ def groups_of(source: VehicleSource, root: Path, most: int | None = None,
 def dealt(paths: Sequence[Path], hands: int, sizes: Sequence[int]) -> list[list[Path]]:
     """Files dealt in turn, so that each hand has flights of every kind: sorted neighbours are repetitions."""
     return [list(paths[k::hands][:size]) for k, size in zip(range(hands), sizes, strict=True) if paths[k::hands]]
+
+
+def without_copies(group: Sequence[Path], train: Sequence[Path]) -> list[Path]:
+    """Files of a group whose content is in no training file."""
+    known = set(hashes(train))
+    return [path for path, content in zip(group, hashes(group), strict=True) if content not in known]
 
 
 def looked_over(flights: Sequence[Flight], source: VehicleSource) -> Recordings:

@@ -12,6 +12,7 @@ from identification.prove.corrupted.case_score import score, score_all
 from identification.prove.corrupted.cases import cases_of
 from identification.prove.corrupted.corrupted_rates import CorruptedProof, rows
 from identification.prove.corrupted.engines import Engine, engine_of
+from identification.prove.corrupted.groups import dealt, without_copies
 from identification.prove.corrupted.judge import Diagnosed, Judge, drawn, run
 from identification.prove.corrupted.nominal import as_json, from_values
 from identification.prove.corrupted.outside import OUTSIDE
@@ -180,6 +181,16 @@ def test_code_that_changes_makes_another_key(tmp_path, monkeypatch):
         assert kept_results.code_hash(("a/*",)) == kept_results.code_hash(("a/b.py",)) == found[-1]
     kept_results.code_hash.cache_clear()
     assert found[0] == found[2] != found[1]
+
+
+def test_no_group_has_a_training_flight(tmp_path):
+    for name, text in (("a", "1"), ("b", "2"), ("c", "1"), ("d", "3"), ("e", "4")):
+        (tmp_path / name).write_text(text)
+    files = sorted(tmp_path.iterdir())
+    train, group = dealt(files, 2, [3, 3])
+    assert [p.name for p in train] == ["a", "c", "e"]
+    assert [p.name for p in without_copies([files[1], files[2]], [files[0]])] == ["b"]
+    assert not set(train) & set(group)
 
 
 @pytest.mark.real
