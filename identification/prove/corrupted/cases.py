@@ -27,6 +27,9 @@ PAIRS = 6
 PAIR_TIMES = 3.0
 """Size of each of a pair, over the smallest that predictions show."""
 OUTSIDE_TIMES = (1.25, 3.0, 8.0)
+FAMILIES = (("mass", "thrust_scale"), ("drag_linear", "drag_quadratic", "drag_rotor"),
+            ("wind", "force_world", "frame_tilt"), ("motor_lag", "command_delay"), ("", "thrust_voltage"))
+"""Terms of one family nearly cancel or replace each other: no pair has two of one."""
 UNSHOWN = 0.0
 """Stands for the size of a belief that predictions do not show even at the most that makes sense."""
 OURS = (*(f"identification/prove/corrupted/{name}.py" for name in ("beliefs", "sizes", "outside", "disturbed")),
@@ -149,18 +152,22 @@ def _sized(nominal: Model, smallest: Smallest, times: Sequence[float], flown: Fl
 
 
 def _pairs(shown: Sequence[Smallest], rng: np.random.Generator) -> list[tuple[Smallest, Smallest]]:
-    """Beliefs about different terms, drawn."""
+    """Beliefs about terms of different families, drawn."""
     found: list[tuple[Smallest, Smallest]] = []
     order = [shown[i] for i in rng.permutation(len(shown))]
     while len(order) > 1 and len(found) < PAIRS:
         first = order.pop(0)
-        second = next((s for s in order if isinstance(s.belief, Belief) and isinstance(first.belief, Belief)
-                       and s.belief.term != first.belief.term), None)
+        second = next((s for s in order if _family(s.belief) != _family(first.belief)), None)
         if second is None:
             break
         order.remove(second)
         found.append((first, second))
     return found
+
+
+def _family(wrong: Wrong) -> str:
+    term = wrong.term if isinstance(wrong, Belief) else wrong.name
+    return next((family[0] or family[1] for family in FAMILIES if term in family), term)
 
 
 def _pair(nominal: Model, first: Smallest, second: Smallest, flown: Flown) -> _Draft | None:

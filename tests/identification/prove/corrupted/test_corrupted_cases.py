@@ -61,6 +61,7 @@ def test_a_pair_has_two_effects(made):
     (pair,) = [c for c in made if c.kind == "pair"]
     assert len(pair.truth.effects) == 2
     assert {e.term for e in pair.truth.effects} <= set(FEW)
+    assert {e.term for e in pair.truth.effects} != {"wind", "frame_tilt"}  # nearly the same push
 
 
 def test_a_force_of_time_is_in_the_flights_and_not_in_the_simulator(made, group):
