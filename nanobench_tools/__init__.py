@@ -29,6 +29,9 @@ _PLACES = {
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
     "api.thrusts": ("Thrust", "thrust"),
+    "api.motors": ("Motors", "motors"),
+    "api.tuned": ("Tuning", "tune"),
+    "api.proved": ("BlindProof", "prove"),
     "api.reported": ("report",),
 }
 """Module -> the public names it holds."""

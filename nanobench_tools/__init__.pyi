@@ -13,10 +13,16 @@ from .api.fitted import fit as fit
 from .api.loading import Flights as Flights
 from .api.loading import load as load
 from .api.loading import load_flight as load_flight
+from .api.motors import Motors as Motors
+from .api.motors import motors as motors
 from .api.practised import simulate as simulate
+from .api.proved import BlindProof as BlindProof
+from .api.proved import prove as prove
 from .api.reported import report as report
 from .api.thrusts import Thrust as Thrust
 from .api.thrusts import thrust as thrust
+from .api.tuned import Tuning as Tuning
+from .api.tuned import tune as tune
 from .errors import InputError as InputError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import NanobenchError as NanobenchError

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import MissingExtraError, UsageError
-from ..physics.vehicle import BOUNDS
+from ..errors import UsageError
 from ..results.result import to_json
+from ..steps.motor_fits import FittedNumber, check_mass, fitted_numbers, motors_sentence, study_motors
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
@@ -48,27 +46,16 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
         raise UsageError("--train and --test go together")
     if train:
         no_paths_beside(options, "--train")
-    low, high = BOUNDS["mass_kg"]
-    if mass_kg is not None and not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
-    from identification.motors import identify
-    from identification.motors.motor_result import motor_result
-
+    check_mass(mass_kg)
     flights = options.load([*train, *test] if train else None)
     inside = [not train or any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
     mine = [f for f, known in zip(flights, inside, strict=True) if known]
     others = [f for f, known in zip(flights, inside, strict=True) if not known]
-    with options.progress.task("motors", 1):
-        study = identify(mine, others if train else None, mass_kg=mass_kg, seed=options.seed)
-        found = motor_result(study, options.seed)
+    study, found = study_motors(options, mine, others if train else None, mass_kg)
     for entry in found.left_out:
         options.say(f"left out: {one_line(entry.flight)}: {one_line(entry.reason)}")
     _show(options, found)
-    simulator, lag = _write(options, study, found), found.lag.fit
-    result = (f"motor lag {1e3 * lag.tau_up_s:.1f} ms up, {1e3 * lag.tau_down_s:.1f} ms down, delay "
-              f"{1e3 * lag.delay_s:.1f} ms; speed from PWM by {found.speed.best or 'no map'}")
+    simulator, result = _write(options, study, found), motors_sentence(found)
     if simulator is None:
         close(options, result, "as simulator.toml", *again("--out", "motors"), screen=motors_screen(options, found))
     else:
@@ -79,24 +66,17 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
 
 def motors_screen(options: Options, found: MotorResult) -> list[Grid | str]:
     """Lag, speed, thrust and rotation: what was fitted, with intervals."""
-    both, force = found.lag.fit, found.force
-    times = [(name, f"{1e3 * value:.1f}", _ends(both.ci95.get(key), 1e3, 1), "ms") for name, key, value in (
-        ("lag up", "tau_up_s", both.tau_up_s), ("lag down", "tau_down_s", both.tau_down_s),
-        ("delay", "delay_s", both.delay_s))]
-    value, unit = (force.k_f, "N s²/rad²") if force.k_f is not None else (force.k_f_per_kg, "N s²/rad² per kg")
-    times.append(("thrust over squared speed", f"{value:.4g}",
-                  "-" if force.ci95 is None else f"{force.ci95[0]:.4g} .. {force.ci95[1]:.4g}", unit))
-    moments = found.moments
-    if moments.explained["x"].median is not None:
-        times += [(f"J_{axis}", f"{moments.inertia_kg_m2[axis]:.3g}", "-", "kg m²") for axis in "xy"]
     title = f"Motors: {data_word(options)} data, {len(found.test)} flights held out"
     rows = [(row.input, *(f"{row.metrics[metric]['10']:.3f}" for metric, _ in SHOWN)) for row in found.rows]
-    return [Grid.plain(title, ("", "fitted", "95 %", "unit"), times, found.ci_why),
+    return [Grid.plain(title, ("", "fitted", "95 %", "unit"), [_cells(n) for n in fitted_numbers(found)], found.ci_why),
             Grid.plain("Rotation predicted ten steps ahead, mean error", ("input", *(h for _, h in SHOWN)), rows)]
 
 
-def _ends(ci95: Sequence[float] | None, factor: float, digits: int) -> str:
-    return "-" if ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in ci95)
+def _cells(number: FittedNumber) -> tuple[str, ...]:
+    """Times in ms, everything else with four digits."""
+    factor, form, unit = (1e3, ".1f", "ms") if number.unit == "s" else (1.0, ".4g", number.unit)
+    ends = "-" if number.ci95 is None else " .. ".join(f"{factor * end:{form}}" for end in number.ci95)
+    return number.name, f"{factor * number.value:{form}}", ends, unit
 
 
 def _write(options: Options, study: Study, found: MotorResult) -> str | None:

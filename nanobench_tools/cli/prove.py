@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import InputError, MissingExtraError, UsageError
+from ..errors import InputError, UsageError
 from ..results.result import to_json
+from ..steps.blind_proofs import blind_proof, check_installed, proof_sentence
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
@@ -92,7 +92,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     if corrupted is not None:
         if concealed is not None or real is not None or kinds:
             raise UsageError("--corrupted goes with none of --concealed, --real and --kind")
-        _check_installed()
+        check_installed()
         return options.finish("corrupted", to_json(wrong_simulators(
             options, corrupted, cases, engine or "rules", vehicles, left_out, groups)))
     if vehicles or left_out or groups is not None:
@@ -110,36 +110,17 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
     if same_day or nothing_added:
         raise UsageError(f"--{'same-day' if same_day else 'nothing-added'} belongs to --real DIR")
-    _check_installed()
+    check_installed()
     if concealed is None:
-        if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:
-            raise MissingExtraError("rotorpy", "rotorpy")
         return options.finish("prove", {**to_json(_blind(options, cases or CASES, kinds, engine)), "synthetic": True})
     if kinds:
         raise UsageError("--kind and --concealed do not go together")
     return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG)))
 
 
-def _check_installed() -> None:
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
-
-
 def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof:
-    from identification.mismatch.diagnosis import diagnose_flights
-    from identification.prove.blind_proof import diagnose_cases, open_and_score, plan, proof_of, seal_cases
-
-    specs = plan(n, options.seed, kinds, engine)
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-    sealed = seal_cases(specs, options.run, options.out, options.seed)
-    if not sealed.truths:
-        raise InputError("prove", f"no case could be made: {options.failed[0]['error']}")
-    options.say(f"{len(sealed.truths)} SYNTHETIC cases, truth sealed {sealed.at}: SHA-256 {sealed.sha256}")
-    verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed, options.out)
-    found = proof_of(sealed, open_and_score(sealed, verdicts, options.out))
+    found = blind_proof(options, n, kinds, engine)
     show_proof(options, found, "SYNTHETIC")
-    options.detail(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
     _close(options, found.summary.right, found.summary.cases, found.summary.false_names, [Grid.plain(
         f"Blind proof, SYNTHETIC data, {found.summary.cases} cases [exact 95 %]",
         ("kind", "cases", "right", "false names"), [(kind, str(row.n), share_text(row), share_text(row.false_names))
@@ -217,7 +198,7 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
 
 
 def _close(options: Options, right: int, cases: int, false_names: int, screen: Sequence[Grid]) -> None:
-    close(options, f"{right} of {cases} cases right, false names in {false_names}",
+    close(options, proof_sentence(right, cases, false_names),
           "other cases", *again("--seed", options.seed + 1), screen=[] if options.verbose else screen)
 
 

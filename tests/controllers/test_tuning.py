@@ -1,10 +1,12 @@
 """Gains: what may be set, the search against a known minimum, and that better is said only when it is shown."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import nanobench_tools as nb
 from controllers import gains as of_gains
 from controllers.gains import Gain, around, read_gains
 from controllers.plants.ensemble import shipped_simulator
@@ -13,6 +15,8 @@ from controllers.tuning import LOST_M, SHORT, Flown, Trial, compared, logs, obje
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.physics.simulator import loads
+from nanobench_tools.steps import gain_search
+from nanobench_tools.steps.options import Options
 
 MODEL = loads(shipped_simulator())
 TUNED = ("geometric", "lqr", "lead_pid", "mellinger_full", "mpc_daqp", "mpc_osqp", "nmpc")
@@ -129,6 +133,32 @@ def test_tune_writes_gains_that_control_flies(tmp_path, capsys):
     assert [row["controller"] for row in found["rows"]] == ["lead_pid", "lead_pid tuned"]
     assert [(row["radio_delay_s"], row["wind_m_s"]) for row in found["rows"]] == [(0.02, 1.0)] * 2
     assert len(found["flights"]) == 2
+
+
+def test_nb_tune_shows_medians_of_the_judging_flights(monkeypatch):
+    flights = iter([flown([[0.3, 0.1, 0.2]], [[False] * 3]), flown([[0.2, 0.1, 0.1]], [[False, True, False]])])
+    monkeypatch.setattr(Options, "run", lambda self, items, title: SimpleNamespace(values={
+        item.key: next(flights) if title == "judge" else flown([[0.1]], [[False]]) for item in items}))
+    monkeypatch.setattr(gain_search, "_searched", lambda *_: [Trial({"lead_s": 0.1}, 1.0)])
+    found = nb.tune("lead_pid", trajectory=["circle"], judge=["oval"], speed=[0.5])
+    row, = found.table.to_dict("records")
+    assert row == {"reference": "oval", "speed_m_s": 0.5, "rmse_before_m": 0.2, "rmse_after_m": 0.1, "lost_before": 0,
+                   "lost_after": 1}
+    assert found.gains == {"lead_s": 0.1}
+    assert repr(found) == found.sentence
+    assert "1 flights lost before" not in found.sentence
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: nb.tune("onboard_pid"), "has no gains to tune"),
+    (lambda: nb.tune("lqr", trajectory=["circle"], judge=["circle"]), "judge circle: a family that was searched on"),
+    (lambda: nb.tune("lqr", "no_such.toml"), "no_such.toml: cannot be read"),
+])
+def test_wrong_searches_from_python_are_one_line(call, words):
+    with pytest.raises(nb.NanobenchError) as told:
+        call()
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(("arguments", "words"), [

@@ -11,6 +11,7 @@ from identification.motors import lag
 from identification.motors.motor_result import motor_result
 from identification.motors.motor_study import hover, simulator
 from identification.motors.rotor_rows import read_log
+from nanobench_tools.api.motors import Motors
 from nanobench_tools.physics import Vehicle
 
 
@@ -23,6 +24,18 @@ def test_time_constants_delay_and_thrust(study):
     fast, slow = study.slopes
     assert fast == pytest.approx(SLOPE, rel=0.04)
     assert slow == pytest.approx(SLOPE, rel=0.04)
+
+
+def test_the_table_of_nb_motors_holds_the_constants_in_si(study):
+    found = Motors(motor_result(study), study)
+    truth = {"lag up": (0.05, "s"), "lag down": (0.11, "s"), "delay": (2 * ROW_S, "s"),
+             "thrust over squared speed": (K_F, "N s²/rad²"), "J_x": (INERTIA[0], "kg m²")}
+    for name, (value, unit) in truth.items():
+        assert found.table.loc[name, "value"] == pytest.approx(value, rel=0.05), name
+        assert found.table.loc[name, "unit"] == unit
+    assert repr(found) == found.sentence
+    assert len(repr(found)) < 200
+    assert "tau_up_s" in found.to_toml()
 
 
 def test_a_simpler_lag_is_worse_on_flights_held_out(study):

@@ -8,11 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
+import nanobench_tools as nb
 from identification.mismatch import diagnosis as mismatch
 from identification.prove import blind_proof as proof
 from identification.prove.plan import plan_cases
 from identification.prove.seal import seal
 from identification.prove.truth import TrueEffect, TrueFault, Truth
+from nanobench_tools.api import proved
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError, how_to_install
 from nanobench_tools.harness import run_items
@@ -102,6 +104,17 @@ def test_one_case_that_fails_does_not_stop_the_others(tmp_path):
     verdicts = proof.diagnose_cases(sealed, runner(tmp_path), failing)
     assert sorted(verdicts) == ["case_000", "case_002"]
     assert proof.proof_of(sealed, proof.open_and_score(sealed, verdicts)).summary.cases == 2
+
+
+def test_nb_prove_counts_what_a_diagnosis_that_never_names_is_worth(monkeypatch):
+    monkeypatch.setattr(proved, "cores", lambda: 1)
+    found = nb.prove(6, kind=["null", "single"], engine="practice", seed=2)
+    kinds = found.table["cases"]
+    assert kinds.sum() == 6
+    assert found.table.loc["null", "right_share"] == 1.0  # nothing was there, nothing was named
+    assert found.table.loc["single", "right"] == 0
+    assert (found.table["false_names"] == 0).all()
+    assert found.sentence == repr(found) == f"{kinds['null']} of 6 cases right, false names in 0"
 
 
 def test_kinds_and_engines():

@@ -1,0 +1,96 @@
+"""``nb.tune``: gains of a controller, searched on some plants and paths and judged on others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from ..errors import InputError, NanobenchError
+from ..steps.gain_search import GivenPlant, Outcome, Search, Tuned, gains_toml, paths, tune_gains
+from ..steps.options import cores
+from .quiet_options import given, speaks_python
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Simulator(Protocol):
+    """A fitted vehicle, such as ``nb.fit`` gives."""
+
+    def to_toml(self) -> str: ...
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning:
+    """``gains`` by name, ``before`` them those of the controller; ``tuned``: as in tune.json."""
+
+    tuned: Tuned
+    outcome: Outcome
+    plant: GivenPlant
+
+    @property
+    def gains(self) -> dict[str, float]:
+        return dict(self.tuned.gains or self.tuned.start)
+
+    @property
+    def before(self) -> dict[str, float]:
+        return dict(self.tuned.start)
+
+    @property
+    def sentence(self) -> str:
+        """Whether the gains are better on plants and paths not searched on, and by how much."""
+        return self.tuned.sentence
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a judging path: median RMSE over the plants before and after [m], and how many vehicles were lost."""
+        import numpy as np
+        import pandas as pd
+
+        return pd.DataFrame([{
+            "reference": row["reference"], "speed_m_s": row["speed_m_s"],
+            **{f"rmse_{when}_m": float(np.median(np.array(row[f"{when}_m"], float))) for when in ("before", "after")},
+            **{f"lost_{when}": sum(row[f"lost_{when}"]) for when in ("before", "after")}} for row in self.tuned.rows()])
+
+    def to_toml(self) -> str:
+        """The gains as a file that ``nanobench control --gains`` reads."""
+        return gains_toml(self.tuned, self.plant)
+
+    def __repr__(self) -> str:
+        return self.sentence
+
+    def _repr_html_(self) -> str:
+        found: str = self.table.to_html(index=False)
+        return found
+
+
+@speaks_python
+def tune(controller: str, simulator: str | Path | Simulator | None = None, trajectory: Sequence[str] = (),
+         judge: Sequence[str] = (), speed: Sequence[float] = (), seconds: float = 7.5, plants: int = 8,
+         radio_delay_s: float = 0.03, budget: int = 120, seed: int = 0) -> Tuning:
+    """Searches the gains of a registered controller on simulated plants, and judges them on others.
+
+    simulator: path of a simulator.toml, what ``nb.fit`` gives, or None for the shipped vehicle. trajectory, judge:
+    families of paths to search and to judge on (empty: the usual ones), at speed [m/s], each of length seconds [s].
+    plants: to search on; twice as many others judge. budget: trials. UsageError for a controller without gains or a
+    family among both, InputError for a simulator that no controller can fly, NanobenchError where a flight failed.
+    """
+    searched, judged = paths(trajectory, judge, speed, seconds)
+    plant = GivenPlant.shipped() if simulator is None else GivenPlant.of(*_text_of(simulator))
+    options = given(jobs=cores(), seed=seed)
+    tuned = tune_gains(options, Search(controller, searched, judged, plants, radio_delay_s, budget), plant)
+    if tuned.outcome is None:
+        raise NanobenchError(options.failed[0]["error"] if options.failed else tuned.sentence)
+    return Tuning(tuned, tuned.outcome, plant)
+
+
+def _text_of(simulator: str | Path | Simulator) -> tuple[str, str]:
+    """(text of a simulator.toml, its origin)."""
+    if not isinstance(simulator, (str, Path)):
+        return simulator.to_toml(), "a fitted vehicle"
+    try:
+        return Path(simulator).read_text(encoding="utf-8"), str(simulator)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(str(simulator), f"cannot be read ({error})", "give the path of a simulator.toml") from None
