@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, UsageError
-from ..steps.options import Options
+from ..steps.options import Options, one_line
 from ..tables.result_table import Table as Grid
 from .closing import again, close
 
@@ -84,6 +84,9 @@ def show(options: Options, proof: CorruptedProof) -> None:
                 for group, names in proof.controls.items()]
     stated = [f"Stated {c:.0%}: {right:.0%} right of {n}" for c, right, n in proof.calibration]
     every = proof.all
+    lost = [s for s in proof.cases if s.error]
+    if lost:
+        options.say(f"no verdict in {len(lost)} cases, the first {lost[0].case}: {one_line(lost[0].error)}")
     result = (f"{every.identified.right} of {every.identified.n} visible effects identified, false effects in "
               f"{every.false.right} of {every.false.n} cases")
     close(options, result, "the cases by term", *again("--verbose"), screen=[by_vehicle, by_size],

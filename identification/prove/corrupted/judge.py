@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.errors import InputError
+from nanobench_tools.errors import NanobenchError
 from nanobench_tools.results.result import Result, to_json
 
 from .cases import CorruptedCase
@@ -54,8 +54,9 @@ class Judge:
         start = time.process_time()
         try:
             verdict = to_json(self.engine.diagnose(case.recordings, case.simulator, self.seed))
-        except InputError as error:
-            return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, str(error))
+        except Exception as error:  # an engine that is being written may fail in any way; the other cases go on
+            why = str(error) if isinstance(error, NanobenchError) else f"{type(error).__name__}: {error}"
+            return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, why)
         spent = time.process_time() - start
         return Diagnosed({k: verdict[k] for k in BODY if k in verdict}, self._share(group, case, verdict), spent)
 
