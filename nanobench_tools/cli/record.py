@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 
 @click.command()
 @shared_options("data", "columns", "jobs", "scheduler", "clock", "seed")
-@click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
-@click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML). Default: the NanoBench signals.")
+@click.option("--uri", metavar="URI", help="Of the vehicle, as radio://0/80/2M/E7E7E7E7E7.")
+@click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML); else NanoBench's signals.")
 @click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY or module:callable.")
 @click.option("--seconds", type=FiniteRange(min=1.0), metavar="S", help="Length. Default: until Ctrl-C.")
 @click.option("--export", "exported", type=PATH, metavar="FILE",
-              help="Export a raw recording (again), such as one that was interrupted.")
+              help="Export a raw recording, such as a broken one.")
 @click.option("--stamps", type=click.Choice(("aligned", "arrival")), default="aligned", show_default=True,
-              help="Times of samples: when the vehicle took them, or when their packets came.")
+              help="Times of samples: taken, or their packets' arrival.")
 def record(options: Options, uri: str | None, blocks: Path | None, mocap: str | None, seconds: float | None,
            exported: Path | None, stamps: str) -> int:
-    """Record a vehicle without flying it: log blocks, poses and round trips into --out DIR.
+    """Record a vehicle without flying it: log blocks and poses into --out DIR.
 
-    Raw packets go to DIR/.raw as they come, so that a killed recording loses at most its last 100 ms; at the end they
-    become a NanoBench CSV with its sheet, and Parquet.
+    At the end: a NanoBench CSV with its sheet, and Parquet. A killed recording loses at most 100 ms of its raw packets
+    in DIR/.raw.
     """
     if exported is not None:
         if uri or blocks or mocap or seconds:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import UsageError
 from ..steps.options import Options, one_line
+from ..tables.result_table import Table as Grid
+from .closing import close
 from .shared_options import shared_options
 
 if TYPE_CHECKING:
     from ..settings import Model, Setting
+
+
+SHORT = 24
+"""Characters of a value on a narrow screen."""
 
 
 @click.command()
@@ -20,8 +27,8 @@ if TYPE_CHECKING:
 def settings(options: Options, areas: tuple[str, ...]) -> int:
     """Every number that was set by looking at data: value, unit, what it does, what it was set on.
 
-    AREA shows one part, such as audit or mismatch; without it all are shown. "not recorded" means that nobody wrote
-    down what a number was set on. A whole model is one row: it is a file.
+    AREA shows one part, such as audit or mismatch; without it the areas, with --verbose everything. "not recorded"
+    means that nobody wrote down what a number was set on. A whole model is one row: it is a file.
     """
     from ..settings import areas as known
     from ..settings import everything, models
@@ -30,13 +37,14 @@ def settings(options: Options, areas: tuple[str, ...]) -> int:
         raise UsageError(f"no area {', '.join(map(repr, unknown))}; there are {', '.join(known())}")
     chosen = [entry for entry in everything().values() if not areas or entry.area in areas]
     files = () if areas else models()
-    for area in dict.fromkeys(entry.area for entry in chosen):
-        options.show(_table(area, [entry for entry in chosen if entry.area == area]))
-    if files:
-        options.show(_models(files))
+    detail = [_table(area, [entry for entry in chosen if entry.area == area])
+              for area in dict.fromkeys(entry.area for entry in chosen)]
     unknown_n = sum(entry.set_on == "not_recorded" for entry in chosen)
-    options.show(f"{len(chosen)} settings; what {unknown_n} of them were set on was not recorded. "
-                 f"Next: nanobench settings {'' if areas else known()[0]}".rstrip())
+    close(options, f"{len(chosen)} settings; what {unknown_n} of them were set on was not recorded",
+          "all of them" if areas else "those of one area",
+          *(("nanobench", "settings", *areas, "--verbose") if areas else ("nanobench", "settings", known()[0])),
+          screen=[_short(area, [entry for entry in chosen if entry.area == area]) for area in areas]
+          or [_overview(chosen)], detail=[*detail, *([_models(files)] if files else [])])
     return options.finish("settings", {
         "settings": [{"key": s.key, "value": s.value, "unit": s.unit, "does": s.does, **_set_on(s.set_on), "how": s.how}
                      for s in chosen],
@@ -59,22 +67,26 @@ def _described(name: str) -> str:
     return ": ".join(filter(None, (" ".join(filter(None, (on.n, kind))), on.what)))
 
 
-def _plain_table(title: str, *columns: str) -> Any:
-    from rich import box
-    from rich.table import Table
+def _overview(entries: Sequence[Setting]) -> Grid:
+    """How many settings each area has."""
+    from ..settings import areas
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, overflow="fold", no_wrap=k == 0)
-    return table
+    mine = {area: [entry for entry in entries if entry.area == area] for area in areas()}
+    return Grid.plain("Settings by area", ("area", "settings", "set on not recorded"), [
+        (area, str(len(found)), str(sum(entry.set_on == "not_recorded" for entry in found)))
+        for area, found in mine.items()])
 
 
-def _table(area: str, entries: list[Setting]) -> Any:
-    table = _plain_table(area, "key", "value", "unit", "what it does", "set on")
-    for entry in entries:
-        declarations = _described(entry.set_on) + (f" ({entry.how})" if entry.how else "")
-        table.add_row(entry.key, *map(one_line, (_text(entry.value), entry.unit, entry.does, declarations)))
-    return table
+def _short(area: str, entries: Sequence[Setting]) -> Grid:
+    return Grid.plain(area, ("key", "value", "unit"), [
+        (entry.key, text if len(text := one_line(_text(entry.value))) <= SHORT else "several: --verbose", entry.unit)
+        for entry in entries])
+
+
+def _table(area: str, entries: Sequence[Setting]) -> Grid:
+    return Grid.plain(area, ("key", "value", "unit", "what it does", "set on"), [
+        (entry.key, *map(one_line, (_text(entry.value), entry.unit, entry.does, _described(entry.set_on)
+                                    + (f" ({entry.how})" if entry.how else "")))) for entry in entries])
 
 
 def _text(value: Any) -> str:
@@ -85,8 +97,6 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _models(files: tuple[Model, ...]) -> Any:
-    table = _plain_table("models in files of their own", "file", "what it is", "set on")
-    for model in files:
-        table.add_row(model.file, one_line(model.does), one_line(_described(model.set_on)))
-    return table
+def _models(files: Sequence[Model]) -> Grid:
+    return Grid.plain("models in files of their own", ("file", "what it is", "set on"), [
+        (model.file, one_line(model.does), one_line(_described(model.set_on))) for model in files])

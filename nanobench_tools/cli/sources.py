@@ -11,13 +11,14 @@ from .closing import close
 from .shared_options import shared_options
 
 GOOD_FOR: dict[str, tuple[str, str]] = {
-    "nanobench": ("NanoBench CSV with its sheet", "every verb: motion capture, IMU, motors, battery, set-points"),
-    "usd": ("Crazyflie uSD deck log", "audit, thrust, motors; with --mocap (convert) also estimate and sysid"),
+    "nanobench": ("NanoBench CSV with its sheet", "every verb"),
+    "usd": ("Crazyflie uSD deck log", "audit, thrust, motors; with convert --mocap also estimate"),
     "stand": ("thrust-stand table", "thrust: force from PWM, voltage and rotor speed"),
     "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
     "ulog": ("PX4 log (.ulg)", "audit, diagnose; estimate where motion capture was logged"),
-    "rosbag": ("ROS 1 and 2 bag", "audit, estimate; with --columns also commands and motors"),
-    "table": ("your own CSV or Parquet", "what its columns hold; a map is needed: nanobench columns FILE"),
+    "rosbag": ("ROS 1 and 2 bag", "audit, estimate; --columns adds commands and motors"),
+    "mocap_export": ("Motive, Vicon, Qualisys export", "truth: audit, estimate --trajectory-dir"),
+    "table": ("your own CSV or Parquet", "what its columns hold; first: nanobench columns FILE"),
 }
 """Source -> (what it is, what its recordings are good for)."""
 

@@ -9,7 +9,7 @@ from nanobench_tools.settings import areas, everything, models
 
 
 def test_the_verb_lists_them(nanobench, tmp_path):
-    code, out, err = nanobench("settings", "--json", tmp_path / "s.json")
+    code, out, err = nanobench("settings", "--verbose", "--json", tmp_path / "s.json")
     assert (code, err) == (0, "")
     body = json.loads((tmp_path / "s.json").read_text())
     assert body["schema"] == "nanobench-settings/1"
