@@ -73,7 +73,7 @@ def thrusts(model: Model, u: np.ndarray, battery_V: float) -> np.ndarray:
 
 def hover(model: Model, data: FitWindows) -> tuple[float, float, float]:
     """(PWM the model needs over the mean PWM logged in windows that hover, that mean, their mean voltage V); of all
-    windows in the air where few hover.
+    windows in the air where few hover. Flights count alike, however many of their windows hover.
 
     The thrust needed is the mass times the measured acceleration against free fall, mean over each window.
     """
@@ -87,10 +87,15 @@ def hover(model: Model, data: FitWindows) -> tuple[float, float, float]:
                   + [np.linalg.norm(state[:, RATE], axis=1) < SLOW_RAD_S for state in ends], axis=0)
     hovers = flown & slow & (np.linalg.norm(gained, axis=1) < STEADY_M_S2)
     used = hovers if hovers.sum() >= FEWEST_WINDOWS else flown
+    _, flight, windows = np.unique(data.flight[used], return_inverse=True, return_counts=True)
+
+    def mean(values: np.ndarray) -> float:
+        return float(np.average(values[used], weights=1.0 / windows[flight]))
+
     u = np.linspace(0.0, 1.5, LEVELS)
-    battery_V, logged = float(data.battery_V[used].mean()), float(data.motor[used].mean())
+    battery_V, logged = mean(data.battery_V.mean(axis=1)), mean(data.motor.mean(axis=(1, 2)))
     curve = thrusts(model, u, battery_V).sum(axis=0)
-    needed = float(np.interp(lift[used].mean(), np.maximum.accumulate(curve), u))
+    needed = float(np.interp(mean(lift), np.maximum.accumulate(curve), u))
     return needed / logged, logged, battery_V
 
 

@@ -133,6 +133,15 @@ def test_hover_is_where_thrust_carries_the_weight():
     assert logged * battery_V == pytest.approx(2.9, abs=0.2)
 
 
+def test_a_flight_that_hovers_longer_counts_no_more_in_the_hover_command():
+    model = true_model()
+    data = made_windows(model)
+    rows = np.concatenate([np.arange(len(data.flight)), *[np.flatnonzero(data.flight == 0)] * 5])
+    longer = replace(data, start=data.start[rows], motor=data.motor[rows], battery_V=data.battery_V[rows],
+                     past=(data.past[0][rows], data.past[1][rows]), truth=data.truth[rows], flight=data.flight[rows])
+    assert hover(model, longer) == pytest.approx(hover(model, data))
+
+
 def test_windows_on_the_ground_are_no_hover():
     model = true_model()
     data = made_windows(model)
