@@ -222,13 +222,14 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
     rows = [(f"{entry['term']} {name.partition('.')[2]}", f"{p['believed']:.4g}", f"{p['value']:.4g}",
              f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"], f"{entry['confidence']:.2f}")
             for entry in body["findings"] for name, p in entry["parameters"].items()]
-    steps = [(h, *(_step(found[h]["before"][q], found[h]["after"][q]) for q in found[h]["before"]))
+    steps = [(f"{0.01 * int(h):.2f} s", *(_step(before, found[h]["after"][q])
+                                          for q, before in found[h]["before"].items()))
              for h in ("1", "10", "50") if h in found]
     return [f"{word} data, {body['outcome'].upper().replace('_', ' ')}. "
             + (uses(body["good_for"]) if body.get("good_for") else ""),
             Grid.plain("What the simulator leaves out", ("term", "simulator", "flights", "95 %", "unit", "sure"), rows),
             Grid.plain(f"Prediction of {len(found.get('held_out') or [])} flights left out",
-                       ("steps of 10 ms", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
+                       ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
             "" if rows else shortened(body["paragraph"])]
 
 
