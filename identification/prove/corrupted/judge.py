@@ -17,7 +17,7 @@ from .engines import Engine
 from .groups import Group
 from .kept_results import kept, key_of
 from .nominal import from_values
-from .sizes import errors
+from .sizes import VISIBLE, errors
 
 BODY = ("outcome", "paragraph", "findings", "unknown", "power", "rejected", "corrected")
 """What of verdict.json is kept."""
@@ -75,14 +75,15 @@ class Judge:
 
 
 def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[CorruptedCase]:
-    """All controls, then cases in an order drawn once, in turn from every belief, so that any number of the first ones
-    spreads over beliefs, sizes and groups; at most ``n``."""
+    """All controls, then cases in an order drawn once, in turn from every belief and visible ones first, so that any
+    number of the first ones spreads over beliefs and groups; at most ``n``."""
     rng = np.random.default_rng([seed, 47])
     controls = [c for c in cases if c.kind == "control"]
     others = [c for c in cases if c.kind != "control"]
     turn: dict[str, int] = {}
     ranked = []
-    for i in rng.permutation(len(others)):
+    order = sorted(rng.permutation(len(others)), key=lambda i: others[i].rise < VISIBLE)
+    for i in order:
         name = others[i].kind if others[i].kind == "pair" else others[i].beliefs[0]
         turn[name] = turn.get(name, -1) + 1
         ranked.append((turn[name], i))

@@ -150,6 +150,7 @@ def test_any_number_of_cases_spreads_over_beliefs(made):
     few = drawn(made, 7, 0)
     assert few[0].kind == "control"
     assert len({c.beliefs[0] if c.kind != "pair" else "pair" for c in few[1:]}) == 6
+    assert all(c.rise >= 0.25 for c in few[1:])
     assert drawn(made, None, 0) != drawn(made, None, 1)
     assert {c.name for c in drawn(made, None, 0)} == {c.name for c in made}
 
