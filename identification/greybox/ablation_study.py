@@ -32,9 +32,9 @@ HELD_OUT_WINDOWS = 600
 
 Terms = Mapping[str, Mapping[str, Any]]
 """{term: {parameter: number, or list of numbers}}"""
-PHYSICAL_NOTE = ("It is the vehicle that flew, with the mean trim of the training flights. Without a controller, a "
-                 "slightly different trim turns it over within half a second, as it turns the real one: compare it in "
-                 "closed loop")
+PHYSICAL_NOTE = ("The exported file has the mean trim of the training flights. Without a controller, a slightly "
+                 "different trim turns it over within half a second, as it turns the real one: compare it in closed "
+                 "loop")
 GIVEN = ("mass {mass_g:.4g} g, {arm_mm:.3g} mm from the centre to each motor, motor order and turning directions: "
          "flights do not show them")
 NOTES = {"none": "",

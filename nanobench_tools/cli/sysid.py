@@ -218,16 +218,16 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
     """By how much the exported vehicle and the best predictor differ after half a second; empty without both rows."""
     from ..protocols.response import SHOWN_S
 
-    found = {row.model: row.metrics for row in rows
-             if (row.group, row.truth, row.start) == ("all", "onboard", "centred")}
+    found = {row.model: row for row in rows if (row.group, row.truth, row.start) == ("all", "onboard", "centred")}
     if exported == best or best not in found or SIMULATOR not in found:
         return ""
 
     def errors(model: str) -> str:
-        return ", ".join(f"{found[model][name]['50']:.3g} {heading.partition(' ')[2]}" for name, heading in SHOWN)
+        metrics = found[model].metrics
+        return ", ".join(f"{metrics[name]['50']:.3g} {heading.partition(' ')[2]}" for name, heading in SHOWN)
 
-    rolls = [row.command_response.roll.after_s[SHOWN_S].answer for model in (best, SIMULATOR) for row in rows
-             if row.model == model and row.command_response is not None]
+    rolls = [answer.roll.after_s[SHOWN_S].answer for answer in (found[best].command_response,
+                                                               found[SIMULATOR].command_response) if answer is not None]
     weaker = f", and answers a roll command with {rolls[0] / rolls[1]:.2f} of what the vehicle does" if (
         len(rolls) == 2 and rolls[1]) else ""
     return (f"Exported is {exported}, a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
