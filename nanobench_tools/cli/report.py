@@ -18,16 +18,16 @@ def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
     Reads audit.json, estimate.json, sysid.json, thrust.json, control.json and verdict.json in --out (or in the one
-    PATH), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The pictures of
+    PATH that has some), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The pictures of
     single flights need the recordings: those of --data, else of the default places, that audit.json names by content;
     without them the page has none.
     """
     from ..pages.report_page import RESULTS, write_report
     from ..results.result_files import read_json
 
-    if options.out is None and len(options.data) == 1 and any(
-            (options.data[0] / f"{name}.json").is_file() for name in RESULTS):
-        options.out, options.data = options.data[0], ()
+    folders = [path for path in options.data if any((path / f"{name}.json").is_file() for name in RESULTS)]
+    if options.out is None and len(folders) == 1:
+        options.out, options.data = folders[0], tuple(path for path in options.data if path != folders[0])
     if options.out is None:
         raise UsageError("report needs --out DIR, the folder that holds the result files")
     if not options.out.is_dir():

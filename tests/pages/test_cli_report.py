@@ -44,7 +44,7 @@ def test_recordings_are_found_by_content_and_named_as_in_the_audit(folder, tmp_p
     body = json.loads((folder / "audit.json").read_text())
     body["flights"][1]["sha256"] = flight.provenance.sha256
     write_json(folder / "audit.json", body)
-    code, said = call(capsys, "report", "--out", folder, "--data", data)
+    code, said = call(capsys, "report", folder, "--data", data)  # as the next command of estimate names them
     assert code == 0
     assert "1 of 2 recordings of audit.json were not found, loop one for one" in said
     assert '<option value="0" selected>loop two</option>' in (folder / "report.html").read_text("utf-8")
