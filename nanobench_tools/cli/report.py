@@ -18,9 +18,9 @@ def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
     Reads audit.json, estimate.json, sysid.json, thrust.json, control.json and verdict.json in --out (or in the one
-    PATH that has some), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The pictures of
-    single flights need the recordings: those of --data, else of the default places, that audit.json names by content;
-    without them the page has none.
+    PATH that has some), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The
+    pictures of single flights need the recordings: those of --data, else of the default places, that audit.json names
+    by content; without them the page has none.
     """
     from ..pages.report_page import RESULTS, write_report
     from ..results.result_files import read_json
