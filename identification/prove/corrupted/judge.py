@@ -62,10 +62,10 @@ class Judge:
 
     def _share(self, group: Group, case: CorruptedCase, verdict: Mapping[str, Any]) -> float | None:
         """Of the error that the wrong belief raises most."""
-        if case.kind == "control" or verdict.get("corrected") is None:
-            return None if case.kind == "control" else 0.0
-        if case.simulator == case.nominal:  # the flights differ, and no simulator is right
+        if case.simulator == case.nominal:  # a control, or flights that differ: no simulator can do better
             return None
+        if verdict.get("corrected") is None:
+            return 0.0
         tracks = group.recordings.tracks
         usual = self._usual.setdefault(group.name, errors(group.nominal, tracks))
         wrong, mended = errors(case.simulator, tracks), errors(from_values(verdict["corrected"]), tracks)
