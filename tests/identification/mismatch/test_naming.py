@@ -154,7 +154,8 @@ def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
 def test_a_pull_along_the_vertical_alone_has_no_name(model):
     """A cable that is lifted pulls like this; a force across is one of the world."""
     for force, outcome, names in (((0.0, 0.0, -0.25), "unknown", []), ((0.2, 0.0, -0.25), "named", ["force_world"])):
-        wrench = Wrench([track_of(model, 60 + k, k, push=lambda p, t, f=force: np.array(f)) for k in range(3)])
+        wrench = Wrench([track_of(model, 60 + k, k, seconds=20.0, push=lambda p, t, f=force: np.array(f))
+                         for k in range(3)])
         _, decision = decided(wrench, model)
         assert (decision.outcome, names_of(decision)) == (outcome, names)
 
