@@ -26,6 +26,12 @@ def number(value: float | None, digits: int) -> str:
     return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 
+def with_disturbances(radio_s: float, wind_m_s: float, silent: float) -> str:
+    """", radio 20 ms, radio silent 8 %, wind 1 m/s" of what is there; silent: share of the time."""
+    return (f", radio {1e3 * radio_s:g} ms" * (radio_s > 0.0) + f", radio silent {100.0 * silent:g} %" * (silent > 0.0)
+            + f", wind {wind_m_s:g} m/s" * (wind_m_s > 0.0))
+
+
 def show_simulated(options: Options, rows: Sequence[SimulatedRow], bar: ErrorBar | None,
                    radio_s: float, wind_m_s: float, silent: float) -> None:
     """By reference and speed, the best first; then every controller over all of them; then the disturbances."""
@@ -33,9 +39,8 @@ def show_simulated(options: Options, rows: Sequence[SimulatedRow], bar: ErrorBar
     from rich.table import Table
 
     off = "no gate" if bar is None else f"± {100.0 * bar.rmse_share:.0f} % by the gate of {bar.n} flights"
-    with_ = (f", radio {1e3 * radio_s:g} ms" * (radio_s > 0.0) + f", radio silent {100.0 * silent:g} %" * (silent > 0.0)
-             + f", wind {wind_m_s:g} m/s" * (wind_m_s > 0.0))
-    table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{with_})",
+    flown_with = with_disturbances(radio_s, wind_m_s, silent)
+    table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{flown_with})",
                   title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("reference", "m/s", "controller", "information", "n"):
         table.add_column(head, no_wrap=True)

@@ -29,7 +29,7 @@ def control_screen(options: Options, body: ControlBody) -> list[Table | str]:
     from ..protocols.sessions import short_note
     from ..protocols.simulated import SimulatedRow
     from ..protocols.task2 import TrackingRow
-    from .control_tables import together
+    from .control_tables import together, with_disturbances
 
     word, parts = data_word(options), list[Table | str]()
     real = [row for row in body.rows if isinstance(row, TrackingRow)]
@@ -53,8 +53,9 @@ def control_screen(options: Options, body: ControlBody) -> list[Table | str]:
         parts.append(body.gate.gate_note)
     flown = [row for row in body.rows if isinstance(row, SimulatedRow)]
     if flown:
+        disturbed = with_disturbances(flown[0].radio_delay_s, flown[0].wind_m_s, flown[0].radio_silent_percent / 100.0)
         parts.append(Table.plain(
-            "SIMULATED flights, all references together: medians over plants",
+            f"SIMULATED flights, all references together: medians over plants{disturbed}",
             ("controller", "given", "references", "RMSE m", "worst decile m", "lost %"),
             [(one.controller, one.information, str(one.references), f"{one.rmse_m:.3f}", f"{one.worst_decile_m:.3f}",
               f"{one.lost_percent:.1f}") for one in together(flown)]))

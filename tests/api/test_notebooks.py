@@ -33,7 +33,8 @@ def test_short_ones(name, monkeypatch):
 @pytest.mark.slow
 def test_my_vehicle(monkeypatch):
     found = cells("my_vehicle", monkeypatch)
-    assert found["model"].score(found["test"]).loc["position_mae_m", "50"] < 0.2
+    model = found["model"]
+    assert model.score(found["test"]).loc[(model.predictor.name, "position_mae_m"), "50"] < 0.2
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ from nanobench_tools.sources.discover import load_recordings
 
 rung = LADDER[-1]
 assert rung.name == "fit_" + {TERM!r} and set(rung.terms) == {*FULL, {TERM!r}}
-assert len(LADDER) == 9
+assert len(LADDER) == 10
 flights = load_recordings([sys.argv[1] + "/flights"]).flights
 vehicle = read_simulator(sys.argv[1] + "/simulator.toml").vehicle
 made = GreyBox(rung.terms, vehicle=vehicle).fit(flights)
