@@ -29,7 +29,7 @@ _PLACES = {
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
     "api.thrusts": ("Thrust", "thrust"),
-    "api.motors": ("Motors", "motors"),
+    "api.identified_motors": ("Motors", "motors"),
     "api.tuned": ("Tuning", "tune"),
     "api.proved": ("BlindProof", "prove"),
     "api.reported": ("report",),

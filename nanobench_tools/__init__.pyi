@@ -10,11 +10,11 @@ from .api.estimated import compare as compare
 from .api.estimated import estimate as estimate
 from .api.fitted import VehicleModel as VehicleModel
 from .api.fitted import fit as fit
+from .api.identified_motors import Motors as Motors
+from .api.identified_motors import motors as motors
 from .api.loading import Flights as Flights
 from .api.loading import load as load
 from .api.loading import load_flight as load_flight
-from .api.motors import Motors as Motors
-from .api.motors import motors as motors
 from .api.practised import simulate as simulate
 from .api.proved import BlindProof as BlindProof
 from .api.proved import prove as prove

@@ -61,6 +61,8 @@ def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed
     kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares); engine: who flies the cases,
     ``practice``, ``rotorpy`` or ``both``. Raises UsageError for an unknown kind or engine.
     Recordings instead of cases: ``nanobench prove --concealed``, ``--real``.
+
+    >>> nb.prove(20, seed=3).table  # doctest: +SKIP
     """
     if engine not in ENGINES:
         raise UsageError(f"engine {engine!r} is none of {', '.join(ENGINES)}")

@@ -76,6 +76,8 @@ def tune(controller: str, simulator: str | Path | Simulator | None = None, traje
     families of paths to search and to judge on (empty: the usual ones), at speed [m/s], each of length seconds [s].
     plants: to search on; twice as many others judge. budget: trials. UsageError for a controller without gains or a
     family among both, InputError for a simulator that no controller can fly, NanobenchError where a flight failed.
+
+    >>> nb.tune("mellinger").table  # doctest: +SKIP
     """
     searched, judged = paths(trajectory, judge, speed, seconds)
     plant = GivenPlant.shipped() if simulator is None else GivenPlant.of(*_text_of(simulator))

@@ -35,6 +35,12 @@ def check_mass(mass_kg: float | None) -> None:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
 
 
+def check_packages() -> None:
+    """MissingExtraError where CasADi is not installed."""
+    if importlib.util.find_spec("casadi") is None:
+        raise MissingExtraError("casadi", "identification")
+
+
 def study_motors(options: Options, train: Sequence[Flight], test: Sequence[Flight] | None,
                  mass_kg: float | None) -> tuple[Study, MotorResult]:
     """Fits to ``train``, judged on ``test``; None: whole flights of ``train`` are held out in turn.
@@ -43,8 +49,7 @@ def study_motors(options: Options, train: Sequence[Flight], test: Sequence[Fligh
     flights hold too little.
     """
     check_mass(mass_kg)
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
+    check_packages()
     from identification.motors import identify
     from identification.motors.motor_result import motor_result
 

@@ -11,12 +11,15 @@ from nanobench_tools import UsageError
 from nanobench_tools.harness import make_item, run_items
 
 distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=":0",
-                                  silence_logs=50, local_directory=str(tmp_path_factory.mktemp("dask"))) as running:
+    place = str(tmp_path_factory.mktemp("dask"))
+    with dask.config.set({"temporary-directory": place}), distributed.LocalCluster(
+            n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=":0", silence_logs=50,
+            local_directory=place) as running:
         yield running
 
 

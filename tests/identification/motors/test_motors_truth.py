@@ -11,7 +11,7 @@ from identification.motors import lag
 from identification.motors.motor_result import motor_result
 from identification.motors.motor_study import hover, simulator
 from identification.motors.rotor_rows import read_log
-from nanobench_tools.api.motors import Motors
+from nanobench_tools.api.identified_motors import Motors
 from nanobench_tools.physics import Vehicle
 
 

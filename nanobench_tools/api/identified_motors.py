@@ -61,6 +61,8 @@ def motors(flights: Flight | Iterable[Flight], test: Flight | Iterable[Flight] |
 
     test: flights that judge; None: whole flights are held out in turn. mass_kg: of the vehicle with battery; without
     it thrust and inertia are ratios to the mass. Raises InputError where the flights hold too little.
+
+    >>> nb.motors(nb.load("logs_with_rotor_speed"), mass_kg=0.037).table  # doctest: +SKIP
     """
     read = some(flights)
     judges = None if test is None else some(test)
