@@ -157,7 +157,7 @@ def test_prove_deals_conceals_and_names_the_term(installed, tmp_path):
 
 
 def test_its_estimator_is_scored(installed, case, tmp_path):
-    nanobench(tmp_path, installed, "estimate", "--protocol", "clean", "--method", "walks_on", "--data",
+    nanobench(tmp_path, installed, "estimate", "--protocol", "clean", "--only", "--method", "walks_on", "--data",
               case / "flights" / "flight_1.csv", "--json", "e.json", "--jobs", 1)
     rows = json.loads((tmp_path / "e.json").read_text())["rows"]
     assert {row["method"] for row in rows} == {"walks_on"}
