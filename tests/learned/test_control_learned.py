@@ -50,7 +50,7 @@ def job(places):
         with contextlib.redirect_stdout(said[0]), contextlib.redirect_stderr(said[1]):
             code = main(["control", "--learned", "all", "--data", str(data), "--out", str(out), "--json",
                          str(out / "all.json"), "--jobs", "1", "--plants", "2", "--seconds", "7", "--dagger", "1",
-                         "--gains", str(gains)])
+                         "--gains", str(gains), "--verbose"])
     assert (out / "all.json").exists(), said[1].getvalue()
     return code, said[0].getvalue(), said[1].getvalue(), json.loads((out / "all.json").read_text())
 
