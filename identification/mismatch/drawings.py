@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.pages.figure import Axis, Choice, Colour, Drawing, Figure, Mark, Panel, before_and_after
-from nanobench_tools.pages.packed import Even, Steps
+from nanobench_tools.pages.packed import rounded
 
 GIVEN, CORRECTED = "simulator as given", "corrected"
 SHADES: tuple[Colour, ...] = ("orange", "blue")
@@ -102,13 +102,13 @@ def timeline(drawn: Mapping[str, Any], sides: Sequence[str]) -> Drawing | None:
             if not part or channel >= len(drawn["channels"]):
                 continue
             values = [np.array([np.nan if v is None else v for v in side], float) for side in part["sides"]]
-            time_s = Even(part["start_s"] + part["step_s"] / 2.0, part["step_s"], len(values[0]))
+            time_s = part["start_s"] + part["step_s"] * (0.5 + np.arange(len(values[0])))
             name = drawn["channels"][channel]
             figures[drawn["flights"][flight], name] = Figure(
                 "Residual over time", "Means of a quarter of a second. A right simulator wavers around zero; a hole is "
                 "where nothing was judged.",
                 [Panel(Axis("time of the recording", "s"), Axis(name, unit_of(channel), zero=True),
-                       [Mark(side, time_s, Steps(v, 1e-3), colour=colour)
+                       [Mark(side, time_s, rounded(v, 1e-3), colour=colour)
                         for side, v, colour in zip(sides, values, SHADES, strict=False)], height=340, wide=True)])
     return Choice(("Flight", "Channel"), figures) if figures else None
 

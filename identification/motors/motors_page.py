@@ -7,7 +7,7 @@ from typing import Any
 
 from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.figure import Axis, Colour, Drawing, Figure, Mark, Panel, styled
-from nanobench_tools.pages.packed import Even, compressed
+from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
 from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
 from nanobench_tools.protocols.compare import verdict
@@ -64,7 +64,8 @@ def figures(found: MotorResult) -> dict[str, Drawing]:
         step_ms = 1e3 * found.step_s
         drawn["ahead"] = Figure("Error over the time ahead", "Mean over windows of the held-out flights.", [
             Panel(Axis("time ahead", "ms"), Axis(title, unit, zero=True), [
-                Mark(row.input, Even(step_ms, step_ms, len(row.curves[key])), row.curves[key], **style[row.input])
+                Mark(row.input, [step_ms * (k + 1) for k in range(len(row.curves[key]))], row.curves[key],
+                     **style[row.input])
                 for row in found.rows], title, 360)
             for key, title, unit in (("roll_pitch_rate_mae_rad_s", "roll and pitch rate", "rad/s"),
                                      ("attitude_mae_rad", "attitude", "rad"))])

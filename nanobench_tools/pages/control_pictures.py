@@ -10,7 +10,7 @@ import numpy as np
 from ..tables.quantities import number
 from .figure import Axis, Choice, Drawing, Figure, Mark, Panel, intervals, styled
 from .overview_pictures import curves
-from .packed import Even, Steps
+from .packed import rounded
 
 EVERY = 2
 """Every so many samples of a simulated flight (20 Hz) are drawn."""
@@ -30,16 +30,16 @@ def pictures(control: Mapping[str, Any] | None) -> dict[str, Drawing | None]:
 def _flown(title: str, note: str, time_s: Sequence[float], reference: np.ndarray,
            flown: Mapping[str, np.ndarray]) -> Figure:
     """Flights (n, 3) [m] along a reference (n, 3) [m]: from above, and distance and height over time."""
-    t = Even(float(time_s[0]), float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1), len(time_s))
+    t = np.asarray(time_s, float)
     style = {"reference": {"colour": "ink", "dash": "dot"}, **styled(list(flown), symbols=False)}
     above, away, height = [], [], []
     for name, path in {"reference": reference, **flown}.items():
-        x, y, z = (Steps(path[:, k], 1e-3) for k in range(3))
+        x, y, z = (rounded(path[:, k], 1e-3) for k in range(3))
         above.append(Mark(name, x, y, t=t, **style[name]))
         height.append(Mark(name, t, z, **style[name]))
         if name != "reference":
             error = np.linalg.norm(path - reference, axis=1)
-            away.append(Mark(name, t, Steps(np.maximum(error, LEAST_M), LEAST_M), **style[name]))
+            away.append(Mark(name, t, rounded(np.maximum(error, LEAST_M), LEAST_M), **style[name]))
     low, high = reference[:, 2].min(), reference[:, 2].max()
     return Figure(title, note, [
         Panel(Axis("x", "m"), Axis("y", "m"), above, "from above", 420, equal=True),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..tables.result_table import Score
 from .figure import Axis, Choice, Drawing, Figure, Mark, Panel
-from .packed import Steps
+from .packed import rounded
 from .row_cells import AS_RECORDED, clock_of
 
 ELLIPSES = 12
@@ -43,21 +43,22 @@ def band_figure(band: Mapping[str, Any]) -> Figure:
     at = truth + error
     outline = np.vstack([np.vstack([_ellipse(at[i, :2], sd[i], cov_xy[i]), [[np.nan, np.nan]]])
                          for i in np.linspace(0, len(t) - 1, ELLIPSES + 1).round().astype(int)[1:]])
-    time_s = Steps(t, 0.01)
+    time_s = rounded(t, 0.01)
     panels = [Panel(Axis("x", "m"), Axis("y", "m"), [
         Mark("three standard deviations", outline[:, 0], outline[:, 1], colour="sky", width=1.5),
-        Mark("motion capture", Steps(truth[:, 0], 1e-3), Steps(truth[:, 1], 1e-3), colour="mocap", width=3.0, t=time_s),
-        Mark(str(band["method"]), Steps(at[:, 0], 1e-3), Steps(at[:, 1], 1e-3), colour="orange", t=time_s)],
+        Mark("motion capture", rounded(truth[:, 0], 1e-3), rounded(truth[:, 1], 1e-3), colour="mocap", width=3.0,
+             t=time_s),
+        Mark(str(band["method"]), rounded(at[:, 0], 1e-3), rounded(at[:, 1], 1e-3), colour="orange", t=time_s)],
         "from above", 420, equal=True, wide=True)]
     most = float(np.nanmax([3.0 * sd, np.abs(error)]))
     unit, factor = ("mm", 1e3) if most < SMALL_M else ("m", 1.0)
     step = factor * most / 2000.0
     for k, axis in enumerate("xyz"):
-        zero = Steps(np.zeros(len(t)), 1.0)
+        zero = np.zeros(len(t))
         panels.append(Panel(Axis("time", "s"), Axis(f"{axis} error", unit, zero=True), [
             Mark("three standard deviations", time_s, zero, "area", "sky", width=0.5,
-                 low=Steps(-3.0 * factor * sd[:, k], step), high=Steps(3.0 * factor * sd[:, k], step)),
-            Mark("error", time_s, Steps(factor * error[:, k], step), colour="red", width=1.4)],
+                 low=rounded(-3.0 * factor * sd[:, k], step), high=rounded(3.0 * factor * sd[:, k], step)),
+            Mark("error", time_s, rounded(factor * error[:, k], step), colour="red", width=1.4)],
             "", 165, wide=True, timed=True))
     inside = 100.0 * float(np.mean((np.abs(error) <= 3.0 * sd).all(axis=1)))
     return Figure("Error and three standard deviations",
@@ -89,7 +90,7 @@ def dead_logs(body: Mapping[str, Any]) -> Figure | None:
         if one["live_rmse_m"] is not None:
             said += f", {1e3 * one['live_rmse_m']:.0f} while the log lived"
         panels.append(Panel(Axis("time", "s"), Axis("error", "mm", log=True), [
-            Mark(name, Steps(t, 0.01), Steps(np.where(keep, mm, np.nan), 0.1), colour=colour)
+            Mark(name, rounded(t, 0.01), rounded(np.where(keep, mm, np.nan), 0.1), colour=colour)
             for name, keep, colour in (("while the log lived", ~dead, "blue"),
                                        ("rows after its last packet", dead, "red"))], said, 220))
     return Figure("The \u201cdivergence\u201d of the published table is a log that had ended",

@@ -6,53 +6,22 @@ import base64
 import json
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-SIGNIFICANT = 4
-"""Digits of a number that a picture can show."""
+SIGNIFICANT = 6
+"""Digits of a number on a page."""
+Values = np.ndarray | Sequence[float | str | None]
 
 
-@dataclass(frozen=True)
-class Steps:
-    """``values`` (n,) drawn in whole multiples of ``resolution``: as differences they compress to a byte each."""
-
-    values: np.ndarray
-    resolution: float
-
-    def __len__(self) -> int:
-        return len(self.values)
+def rounded(values: np.ndarray, resolution: float) -> np.ndarray:
+    """``values`` in whole multiples of ``resolution``: what a picture can show, in few bytes."""
+    return np.round(values / resolution) * resolution
 
 
-@dataclass(frozen=True)
-class Even:
-    """``count`` values from ``start``, each ``step`` after the one before."""
-
-    start: float
-    step: float
-    count: int
-
-    def __len__(self) -> int:
-        return self.count
-
-
-Values = Steps | Even | np.ndarray | Sequence[float | str | None]
-
-
-def as_json(values: Values) -> Any:
-    """``{"s": resolution, "d": [first, difference, ..., null for a gap]}``, ``{"r": [start, step, count]}``, or a list
-    of numbers of four digits, texts and nulls."""
-    if isinstance(values, Even):
-        return {"r": [round(values.start, 4), round(values.step, 6), values.count]}
-    if isinstance(values, Steps):
-        good = np.isfinite(values.values)
-        whole = np.round(np.where(good, values.values, 0.0) / values.resolution).astype(np.int64)
-        gaps = np.zeros(len(whole), np.int64)
-        gaps[good] = np.diff(whole[good], prepend=0)
-        return {"s": values.resolution, "d": [int(d) if there else None for d, there in
-                                              zip(gaps.tolist(), good.tolist(), strict=True)]}
+def as_json(values: Values) -> list[float | str | None]:
+    """Numbers of six digits, texts, and null for what is no number."""
     return [_short(value) for value in (values.tolist() if isinstance(values, np.ndarray) else values)]
 
 
@@ -70,7 +39,7 @@ def compressed(body: Any) -> str:
 
 
 def envelope(time_s: np.ndarray, values: np.ndarray, span: tuple[float, float], buckets: int,
-             resolution: float) -> tuple[Even, Steps]:
+             resolution: float) -> tuple[np.ndarray, np.ndarray]:
     """Time and value (2 ``buckets``,): of every stretch of ``span`` the smallest and the largest of ``values`` (n,) at
     ``time_s`` (n,), in their order. A stretch with a value that is no number keeps a gap."""
     start, end = span
@@ -90,7 +59,7 @@ def envelope(time_s: np.ndarray, values: np.ndarray, span: tuple[float, float], 
     pair = np.where((first > last)[:, None], np.stack([high, low], axis=1), np.stack([low, high], axis=1))
     pair[~there] = np.nan
     pair[holes, 1] = np.nan
-    return (Even(start + width / 4.0, width / 2.0, 2 * buckets), Steps(pair.ravel(), resolution))
+    return start + width * (0.25 + 0.5 * np.arange(2 * buckets)), rounded(pair.ravel(), resolution)
 
 
 def on_grid(time_s: np.ndarray, values: np.ndarray, grid: np.ndarray, longest_gap_s: float) -> np.ndarray:

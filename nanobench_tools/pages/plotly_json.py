@@ -1,6 +1,6 @@
 """Plotly's JSON of a figure: traces, axes, shapes. ``chart.js`` adds what the window decides: places and colours.
 
-A colour is ``var(--NAME)``, a variable of the style sheet. Arrays are packed (``packed``) and the page unpacks them.
+A colour is ``var(--NAME)``, a variable of the style sheet.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .figure import Axis, Choice, Colour, Drawing, Mark, Panel
-from .packed import Even, Steps, Values, as_json
+from .packed import Values, as_json
 
 MODES = {"line": "lines", "area": "lines", "points": "markers", "both": "lines+markers"}
 NUMBERS_PX, LETTER_PX = 62.0, 6.4
@@ -142,13 +142,13 @@ def _outline(x: Values, low: Values, high: Values) -> dict[str, Any]:
     """Along the upper ends and back along the lower ones, where there are both."""
     at, below, above = (_floats(v) for v in (x, low, high))
     there = np.isfinite(below) & np.isfinite(above)
-    return {"x": as_json(_as(x, np.concatenate([at[there], at[there][::-1]]))),
-            "y": as_json(_as(high, np.concatenate([above[there], below[there][::-1]])))}
+    return {"x": as_json(np.concatenate([at[there], at[there][::-1]])),
+            "y": as_json(np.concatenate([above[there], below[there][::-1]]))}
 
 
-def _less(more: Values, less: Values) -> Values:
+def _less(more: Values, less: Values) -> np.ndarray:
     """The difference where it is positive, else 0; a value that is missing has none."""
-    return _as(more, np.nan_to_num(np.maximum(_floats(more) - _floats(less), 0.0)))
+    return np.asarray(np.nan_to_num(np.maximum(_floats(more) - _floats(less), 0.0)))
 
 
 def _ends(mark: Mark, way: str) -> list[Values]:
@@ -158,16 +158,8 @@ def _ends(mark: Mark, way: str) -> list[Values]:
     return [own, *(end for end in (mark.low, mark.high) if end is not None and across == (way == "x"))]
 
 
-def _as(like: Values, values: np.ndarray) -> Values:
-    return Steps(values, like.resolution) if isinstance(like, Steps) else values
-
-
 def _floats(values: Values) -> np.ndarray:
-    if isinstance(values, Steps):
-        return np.asarray(values.values, float)
-    if isinstance(values, Even):
-        return values.start + values.step * np.arange(values.count)
-    return np.array([np.nan if v is None else v for v in values], float)
+    return np.array([np.nan if value is None else value for value in values], float)
 
 
 def _finite(values: Values) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..tables.quantities import DASH, format_number, number
 from .audit_entry import clock_points, cut_spans, share_valid, span_of, streams_of, total
 from .clock_error import SD_95
 from .figure import COLOURS, DASHES, Axis, Colour, Figure, Mark, Panel
-from .packed import Even, Steps, envelope, on_grid
+from .packed import envelope, on_grid, rounded
 from .plotly_json import spec
 
 PATH_RATE_HZ, PATH_POINTS = 8.0, 900
@@ -90,7 +90,6 @@ def paths(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) ->
     """
     count = int(np.clip(flight.span.duration_s * PATH_RATE_HZ, 2, PATH_POINTS))
     grid = np.linspace(flight.span.start_s, flight.span.end_s, count)
-    time_s = Even(flight.span.start_s, float(grid[1] - grid[0]), count)
     above, aside = [], []
     for stream, label, axes, style in PATHS:
         if stream not in flight or not all(a in flight[stream] for a in axes) or not len(flight[stream]):
@@ -102,9 +101,9 @@ def paths(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) ->
             points[~mask_of(airborne, grid) | (points == 0.0).all(axis=1)] = np.nan
         if not np.isfinite(points).any():
             continue
-        x, y, z = (Steps(points[:, i], 2e-3) for i in range(3))
-        above.append(replace(style, name=label, x=x, y=y, t=time_s))
-        aside.append(replace(style, name=label, x=x, y=z, t=time_s))
+        x, y, z = (rounded(points[:, i], 2e-3) for i in range(3))
+        above.append(replace(style, name=label, x=x, y=y, t=grid))
+        aside.append(replace(style, name=label, x=x, y=z, t=grid))
     if not above:
         return []
     return [Panel(Axis("x", "m"), Axis("y", "m"), above, "from above", 400, equal=True),
@@ -179,8 +178,8 @@ def clock_panel(audit: Mapping[str, Any], taken_out: Mapping[str, Any] | None) -
     if not points:
         return [], []
     t, d, sd = np.array(points, float)[:: -(-len(points) // CLOCK_POINTS)].T
-    mark = Mark("clock error", Steps(t, 0.02), Steps(1e3 * d, 0.5), "area", "purple",
-                low=Steps(1e3 * (d - SD_95 * sd), 0.5), high=Steps(1e3 * (d + SD_95 * sd), 0.5))
+    mark = Mark("clock error", rounded(t, 0.02), rounded(1e3 * d, 0.5), "area", "purple",
+                low=rounded(1e3 * (d - SD_95 * sd), 0.5), high=rounded(1e3 * (d + SD_95 * sd), 0.5))
     return [Panel(Axis("time", "s"), Axis("clock error", "ms", zero=True), [mark], "", 170, wide=True, timed=True)], []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -196,9 +197,10 @@ def template(name: str) -> Markup:
     return Markup((files("nanobench_tools.pages") / "templates" / name).read_text(encoding="utf-8"))
 
 
-def library() -> Markup:
-    """The plotting library as text: Plotly's basic bundle, its licence beside it."""
-    return Markup((files("nanobench_tools.pages") / "vendor" / "plotly-basic.min.js").read_text(encoding="utf-8"))
+@functools.cache
+def library() -> str:
+    """The plotting library, compressed: Plotly's basic bundle, its licence beside it."""
+    return compressed((files("nanobench_tools.pages") / "vendor" / "plotly-basic.min.js").read_text(encoding="utf-8"))
 
 
 def default_view(views: Sequence[Mapping[str, Any]]) -> int:

@@ -36,7 +36,7 @@ def test_what_the_clock_makes_is_found_and_the_estimators_own_delay_with_it(make
     assert left < 0.1 * before
     assert before < rms
     clock, track = found.panels
-    assert clock.marks[0].y.values == pytest.approx([0.0, 40.0] * 10 + [0.0])
+    assert clock.marks[0].y == pytest.approx([0.0, 40.0] * 10 + [0.0])
     assert [mark.name for mark in track.marks] == ["estimate behind the vehicle, measured",
                                                    "d(t) and the estimator's own delay, times speed"]
 

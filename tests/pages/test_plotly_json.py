@@ -5,19 +5,16 @@ import json
 import numpy as np
 import pytest
 from test_control_pictures import BODY as control_body
-from test_packed import unpacked
 
 from nanobench_tools.pages import control_pictures, estimate_figures, overview_pictures, recording
 from nanobench_tools.pages.figure import Axis, Choice, Figure, Mark, Panel, before_and_after, intervals
-from nanobench_tools.pages.packed import Even, Steps
 from nanobench_tools.pages.plotly_json import spec
 
 
 def plain(part):
-    """As the page sees it: arrays unpacked, colours of a theme."""
+    """As the page draws it: with the colours of a theme."""
     if isinstance(part, dict):
-        packed = set(part) in ({"r"}, {"s", "d"})
-        return unpacked(part) if packed else {key: plain(value) for key, value in part.items()}
+        return {key: plain(value) for key, value in part.items()}
     if isinstance(part, (list, tuple)):
         return [plain(one) for one in part]
     return "#123456" if isinstance(part, str) and part.startswith("var(--") else part
@@ -59,7 +56,7 @@ def test_an_interval_reaches_from_its_low_to_its_high_end():
 
 
 def test_an_area_is_closed_around_its_ends_and_skips_gaps():
-    t = Steps(np.array([0.0, 1.0, 2.0]), 0.5)
+    t = np.array([0.0, 1.0, 2.0])
     band, line = drawn(Mark("a", t, [5.0, 5.0, 5.0], "area", low=[4.0, None, 3.0], high=[6.0, 6.0, 7.0]))["data"]
     assert list(zip(band["x"], band["y"], strict=True)) == [(0.0, 6.0), (2.0, 7.0), (2.0, 3.0), (0.0, 4.0)]
     assert (band["fill"], line["x"]) == ("toself", [0.0, 1.0, 2.0])
@@ -80,7 +77,7 @@ def test_a_logarithmic_axis_has_ticks_by_its_decades(values, ticks):
 
 
 def test_panels_over_time_zoom_together_and_paths_keep_their_shape():
-    t = Even(0.0, 0.5, 3)
+    t = [0.0, 0.5, 1.0]
     timed = Panel(Axis("time", "s"), Axis("z", "m"), [Mark("a", t, [1.0, 2.0, 3.0])], timed=True)
     path = Panel(Axis("x", "m"), Axis("y", "m"), [Mark("a", [0.0, 4.0], [0.0, 1.0], t=[0.0, 1.0])], equal=True)
     rows = Panel(Axis("time", "s"), Axis(rows=["a name of a row"]), [], timed=True)

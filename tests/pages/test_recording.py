@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_packed import unpacked
 
 from nanobench_tools.pages.audit_entry import fault_counts, share_clean, share_valid, total
 from nanobench_tools.pages.recording import PATH_RATE_HZ, view
@@ -36,7 +35,7 @@ def traces(drawn, title):
 
 def values(drawn, title, name, key="y"):
     trace = [t for t in traces(drawn, title) if t["meta"] == name][-1]
-    return np.array([np.nan if v is None else v for v in unpacked(trace[key])])
+    return np.array([np.nan if v is None else v for v in trace[key]])
 
 
 def test_errors_are_the_offsets_the_flight_was_made_with(flight, make):
@@ -139,7 +138,7 @@ def test_the_moving_clock_has_its_band(flight, make):
     drawn = view(flight, make.entry(flight), {"warp": warp})
     assert values(drawn, "clock error", "clock error") == pytest.approx([0.0, 40.0, -10.0])
     band = next(t for t in traces(drawn, "clock error") if t.get("fill") == "toself")
-    upper, lower = np.split(np.array(unpacked(band["y"])), 2)
+    upper, lower = np.split(np.array(band["y"]), 2)
     assert lower[::-1] == pytest.approx([-4.0, 36.0, -18.0], abs=0.3)
     assert upper + lower[::-1] == pytest.approx([0.0, 80.0, -20.0], abs=1.0)
 

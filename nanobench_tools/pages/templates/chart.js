@@ -11,26 +11,17 @@ const nanobench = (() => {
   const narrow = () => !printing() && window.innerWidth < 700;
   const coarse = () => window.matchMedia("(pointer: coarse)").matches;
 
-  // Arrays of packed.py: even steps, or differences in whole multiples of a resolution.
-  function unpack(key, value) {
-    if (!value || typeof value !== "object") return value;
-    if (value.r) return Array.from({ length: value.r[2] }, (_, i) => value.r[0] + value.r[1] * i);
-    if (!value.d) return value;
-    let total = 0;
-    return value.d.map(step => (step === null ? null : (total += step) * value.s));
-  }
-
   async function inflate(id) {
     const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), character => character.charCodeAt(0));
-    return JSON.parse(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text(), unpack);
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).json();
   }
 
   // The plotting library is text until the first picture is drawn: numbers and links are there before it.
+  let library = null;
   function load() {
-    const text = document.getElementById("library");
-    if (!text) return;
-    document.head.append(Object.assign(document.createElement("script"), { textContent: text.textContent }));
-    text.remove();
+    if (library) document.head.append(Object.assign(document.createElement("script"), { textContent: library }));
+    library = null;
+    return Boolean(window.Plotly);
   }
 
   // A copy of a part of a figure with the colours of the style sheet.
@@ -188,8 +179,7 @@ const nanobench = (() => {
   // Draws into a figure element; its lists are made once per drawing.
   function draw(element, drawing) {
     const place = element.querySelector(".plot");
-    if (!place) return;
-    load();
+    if (!place || !load()) return;
     for (const part of [".choices", ".cursor"]) element.querySelector(part).replaceChildren();
     let lists = [];
     const redraw = () => {
@@ -250,7 +240,9 @@ const nanobench = (() => {
   window.addEventListener("afterprint", () => print(false));
 
   async function start(id) {
-    Object.assign(drawings, await inflate(id));
+    const [found, text] = await Promise.all([inflate(id), inflate("library")]);
+    Object.assign(drawings, found);
+    library = text;
     document.querySelectorAll("figure[data-figure]").forEach(element => { if (drawings[element.dataset.figure]) watcher.observe(element); });
   }
   return { inflate, put, start };
