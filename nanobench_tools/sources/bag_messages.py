@@ -10,14 +10,14 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..errors import InputError, how_to_install
 from .bag_bodies import POSES, Listing, bodies_in, listing_of
 from .bag_definitions import DEFINITIONS
-from .bag_repair import REPAIRS
+from .bag_repair import REPAIRS, is_shorter_than_its_header
 from .bag_topics import Topic
 
 SUFFIXES = {b"#ROSBAG V": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
@@ -63,16 +63,33 @@ def suffix_of(head: bytes) -> str | None:
     return next((s for magic, s in SUFFIXES.items() if head.startswith(magic)), None)
 
 
+Found = TypeVar("Found")
 Wanted = Callable[[str, str], bool]
 """Whether messages of a topic of this type are read. A list of bodies is of type ``LIST``."""
 LIST = "list of bodies"
 
 
 def read_bags(parts: Sequence[bytes], place: str, wanted: Wanted) -> Bag:
-    """Messages of the files of one recording, in the order of time; see ``read_bag``."""
+    """Messages of the files of one recording, in the order of time; see ``read_bag``. A file that cannot be read costs
+    the others nothing, and ``broken`` reports it."""
     whole = Bag()
-    for data in parts:
-        bag = read_bag(data, place, wanted)
+    bags: list[Bag] = []
+    refused: list[InputError] = []
+    broken: list[str] = []
+    for number, data in enumerate(parts, start=1):
+        which = f"file {number} of {len(parts)}: " if len(parts) > 1 else ""
+        try:
+            bag = read_bag(data, place, wanted)
+        except InputError as error:
+            refused.append(error)
+            broken.append(f"{which}{error.found}")
+            continue
+        bags.append(bag)
+        if bag.broken:
+            broken.append(f"{which}{bag.broken}")
+    if not bags and refused:
+        raise refused[0]
+    for bag in bags:
         for name, messages in bag.messages.items():
             whole.messages.setdefault(name, []).extend(messages)
         for name, count in bag.unreadable.items():
@@ -81,14 +98,38 @@ def read_bags(parts: Sequence[bytes], place: str, wanted: Wanted) -> Bag:
         whole.undefined |= bag.undefined
         whole.assumed |= bag.assumed
         whole.listed |= bag.listed
-        whole.broken = whole.broken or bag.broken
+    whole.broken = "; ".join(broken)
     for messages in whole.messages.values():
         messages.sort(key=lambda received: received[0])
     return whole
 
 
 def read_bag(data: bytes, place: str, wanted: Wanted) -> Bag:
-    """Messages of the topics for which ``wanted(topic, type)``. Raises InputError at ``place`` when it is no bag.
+    """Messages of the topics for which ``wanted(topic, type)``. Raises InputError at ``place`` when it is no bag."""
+    bag, bag_broken = _read_or_mended(data, place, lambda path, tolerant: _read(path, wanted, tolerant))
+    if bag_broken and not any(bag.messages.values()) and not bag.topics:
+        raise InputError(place, f"cannot be read as a ROS bag ({bag_broken})", "take another copy of the file")
+    if bag_broken or is_shorter_than_its_header(data):
+        bag.broken = f"the bag is not whole ({bag_broken or 'its last page is missing'}); read up to the break"
+    return bag
+
+
+def span_of(data: bytes, place: str) -> tuple[float, float] | None:
+    """First and last time of receiving [s, Unix] of all messages; None for a bag without any. Raises InputError at
+    ``place`` when it is no bag."""
+    start_ns, end_ns = _read_or_mended(data, place, _span_ns)[0]
+    return (start_ns * 1e-9, end_ns * 1e-9) if start_ns <= end_ns else None
+
+
+def _span_ns(path: Path, tolerant: bool) -> tuple[int, int]:
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path], default_typestore=_types(path.suffix)) as reader:
+        return reader.start_time, reader.end_time
+
+
+def _read_or_mended(data: bytes, place: str, use: Callable[[Path, bool], Found]) -> tuple[Found, str]:
+    """``use(path, tolerant)`` of the bag or, where that fails, of its whole part; why it failed, else empty.
 
     rosbags reads from files: the bytes go through a temporary one, so that archives are no special case and nothing is
     ever written beside the recording.
@@ -102,20 +143,16 @@ def read_bag(data: bytes, place: str, wanted: Wanted) -> Bag:
         path = Path(folder) / f"bag{suffix}"
         path.write_bytes(data)
         try:
-            return _read(path, wanted)
+            return use(path, False), ""
         except Exception as error:  # whatever damage makes of a parser
             first = _line(error, folder)
         mended = Path(folder) / f"mended{suffix}"
         try:
             REPAIRS[suffix or ""](data, path, mended)
-            bag = _read(mended, wanted, tolerant=True)
+            return use(mended, True), first
         except Exception as error:
             raise InputError(place, f"cannot be read as a ROS bag ({first}; {_line(error, folder)})",
                              "take another copy of the file") from None
-        if not any(bag.messages.values()) and not bag.topics:
-            raise InputError(place, f"cannot be read as a ROS bag ({first})", "take another copy of the file")
-        bag.broken = f"the bag is not whole ({first}); read up to the break"
-        return bag
 
 
 def _line(error: Exception, folder: str) -> str:

@@ -17,6 +17,18 @@ ROS1_CONNECTION, ROS1_MESSAGE, ROS1_CHUNK = 7, 2, 5
 _U32, _U64 = struct.Struct("<I").unpack_from, struct.Struct("<Q").unpack_from
 
 
+SQLITE_MAGIC = b"SQLite format 3\x00"
+
+
+def is_shorter_than_its_header(data: bytes) -> bool:
+    """Whether pages at the end of an SQLite file are missing, which SQLite itself notices only where it needs them."""
+    if not data.startswith(SQLITE_MAGIC) or len(data) < 100 or data[24:28] != data[92:96]:
+        return False  # the number of pages is valid where both counters agree
+    page = struct.unpack_from(">H", data, 16)[0]
+    pages: int = struct.unpack_from(">I", data, 28)[0]
+    return len(data) < pages * (65536 if page == 1 else page)
+
+
 def _mcap(data: bytes, path: Path, mended: Path) -> None:
     """Whole records, then those inside an uncompressed chunk that was cut, then an end without summary."""
     kept = [MCAP_MAGIC]

@@ -18,12 +18,14 @@ from ..errors import InputError, NanobenchError
 from ..flight import Flight
 from ..lookup.registry import load_all
 from . import cache as store
+from .bag_messages import span_of
 from .base import SheetSource, Source, text_fault
 from .companions import companion
 from .lost_poses import without_placeholders
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
 from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
+from .split_bags import METADATA, Parts, parts_of
 from .strangers import STRANGE, why_strange
 from .table import TableSource
 
@@ -44,6 +46,10 @@ class Recording:
     columns: Path | None = None
     vehicle: str = ""
     """The one of several vehicles in the file."""
+    further: tuple[Path, ...] = ()
+    """Files after ``path`` of a bag that was split."""
+    lost: tuple[str, ...] = ()
+    """Names of files of that bag that are not there."""
 
 
 @dataclass(frozen=True)
@@ -140,21 +146,35 @@ def find_recordings(paths: Sequence[Path | str],
     if not found and not failed:
         raise InputError(", ".join(map(str, places)) or "no path", "no recording in it",
                          "give a folder with recordings")
+    bags = parts_of([path for path, name, _ in found if isinstance(known[name], RosBag)], _span_of)
+    behind = {path for parts in bags.values() for path in parts.paths[1:]}
+    found = [entry for entry in found if entry[0] not in behind]
     names = _labels([path for path, _, _ in found])
-    return [Recording(path, source, f"{label}.{vehicle}" if vehicle else label,
-                      _candidates(known[source], sheets, path, start), columns, vehicle)
-            for (path, source, start), label in zip(found, names, strict=True)
-            for vehicle in _vehicles(known[source], path)], failed
+    recordings = []
+    for (path, source, start), label in zip(found, names, strict=True):
+        parts = bags.get(path, Parts((path,)))
+        recordings += [Recording(path, source, f"{label}.{vehicle}" if vehicle else label,
+                                 _candidates(known[source], sheets, path, start), columns, vehicle, parts.paths[1:],
+                                 parts.lost)
+                       for vehicle in _vehicles(known[source], parts.paths)]
+    return recordings, failed
 
 
-def _vehicles(source: Source, path: Path) -> tuple[str, ...]:
-    """Labels of the vehicles in a file; one empty label where there is one, or the file cannot be read."""
+def _vehicles(source: Source, paths: Sequence[Path]) -> tuple[str, ...]:
+    """Labels of the vehicles in a recording; one empty label where there is one, or the files cannot be read."""
     if not isinstance(source, RosBag):
         return ("",)
     try:
-        return source.vehicles(path, [unpack(read_file(path), str(path)).data])
+        return source.vehicles(paths[0], [unpack(read_file(path), str(path)).data for path in paths])
     except NanobenchError:
         return ("",)  # said again when it is read
+
+
+def _span_of(path: Path) -> tuple[float, float] | None:
+    try:
+        return span_of(unpack(read_file(path), str(path)).data, str(path))
+    except NanobenchError:
+        return None  # said again when it is read
 
 
 def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -> None:
@@ -230,17 +250,22 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     source = sources(recording.columns)[recording.source]
     if recording.vehicle and isinstance(source, RosBag):
         source = source.of(recording.vehicle)
-    stored = read_file(path)
-    sha256 = digest(stored)
+    stored = [read_file(part) for part in (path, *recording.further)]
+    sha256 = digest(stored[0]) if len(stored) == 1 else digest("".join(map(digest, stored)).encode())
     entry = store.entry_path(sha256, source.name, source.version)
     flight = store.fetch(entry, str(path), sha256) if cache else None
     if flight is None:
-        payload = unpack(stored, str(path))
-        if not payload.data[:HEAD_BYTES].strip(BLANK) and not payload.data.strip(BLANK):
-            raise InputError(str(path), "the file is empty", payload.broken or "take another copy")
-        flight = without_placeholders(_with_break(source.read(path, payload.data), payload.broken))
+        payloads = [unpack(data, str(part)) for data, part in zip(stored, (path, *recording.further), strict=True)]
+        data, broken = payloads[0].data, "; ".join(filter(None, (p.broken for p in payloads)))
+        if not data[:HEAD_BYTES].strip(BLANK) and not data.strip(BLANK):
+            raise InputError(str(path), "the file is empty", broken or "take another copy")
+        made = (source.read_parts(path, [p.data for p in payloads]) if isinstance(source, RosBag)
+                else source.read(path, data))
+        flight = without_placeholders(_with_break(made, broken))
         if cache:
             store.store(entry, flight)
+    if recording.lost:
+        flight = _with_break(flight, f"{METADATA} lists {', '.join(recording.lost)}, which is not there")
     provenance = replace(flight.provenance, path=str(path), sha256=sha256, source=source.name)
     flight = replace(flight, name=recording.name, provenance=provenance)
     if recording.sheets and flight.streams:

@@ -115,7 +115,8 @@ class RosBag:
                           "topics": topics,
                       },
                       Provenance(place, "", self.name, findings=(*faults, *_lost(bag, end), *not_numbers(streams)),
-                                 notes=(*moved, *choice.left, *_undefined(bag)),
+                                 notes=(*moved, *choice.left, *_undefined(bag), *(
+                                     [f"one recording in {len(parts)} files"] if len(parts) > 1 else [])),
                                  assumptions=() if self.map is None else self.map.assumptions),
                       epoch_s=start * 1e-9)
 

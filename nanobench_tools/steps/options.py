@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]+")
 SMALLEST = 24
 """Lines of the smallest terminal that a result is made for."""
-SAID_OF_BAGS = ("received", "is taken for", "bear no names", "no definition", "not read; choose")
+SAID_OF_BAGS = ("received", "is taken for", "bear no names", "no definition", "not read; choose",
+                "one recording in")
 """Notes on a bag that are printed."""
 MOST_TOPICS = 8
 """Lines about topics of bags that are printed; audit.json has all."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 
@@ -50,13 +51,13 @@ def samples(store, i):
     }
 
 
-def write(folder, kind, topics=None, n=N):
-    """A bag below ``folder``; the file that holds the messages."""
+def write(folder, kind, topics=None, n=N, first=0, name="flight"):
+    """A bag below ``folder`` with the steps from ``first`` to ``n``; the file that holds the messages."""
     store = ROS1 if kind == "ros1" else ROS2
     writer = (
-        Writer1(folder / "flight.bag")
+        Writer1(folder / f"{name}.bag")
         if kind == "ros1"
-        else Writer2(folder / "flight", version=9, storage_plugin=StoragePlugin[kind.upper()])
+        else Writer2(folder / name, version=9, storage_plugin=StoragePlugin[kind.upper()])
     )
     with writer:
         connections = {
@@ -64,13 +65,13 @@ def write(folder, kind, topics=None, n=N):
             for topic, message in samples(store, 0).items()
             if topics is None or topic in topics
         }
-        for i in range(n):
+        for i in range(first, n):
             for topic, message in samples(store, i).items():
                 if topic in connections:
                     serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
                     raw = serialize(message, message.__msgtype__)
                     writer.write(connections[topic], START_NS + 10_000_000 * i + 3_000_000, raw)
-    written = [folder / "flight.bag"] if kind == "ros1" else sorted((folder / "flight").iterdir())
+    written = [folder / f"{name}.bag"] if kind == "ros1" else sorted((folder / name).iterdir())
     return next(path for path in written if path.suffix != ".yaml")
 
 
@@ -192,6 +193,69 @@ def test_broken_bags_end_in_a_flight_or_one_line(tmp_path, kind):
         assert failure["path"] in failure["error"]
         assert "\n" not in failure["error"]
         assert "failed," not in failure["error"], "an exception that is no NanobenchError"
+
+
+def split(folder, kind, edges=(0, 15, 30, N)):
+    """One recording in numbered files without metadata.yaml, as a recorder that lost power leaves it."""
+    (folder / "made").mkdir()
+    (folder / "parts").mkdir()
+    parts = []
+    for k, (first, end) in enumerate(itertools.pairwise(edges)):
+        made = write(folder / "made", kind, n=end, first=first, name=f"part{k}")
+        parts.append(made.rename(folder / "parts" / f"x_{k + 8}{made.suffix}"))  # x_10 sorts before x_9
+    return parts
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_files_of_a_split_recording_are_one_flight(tmp_path, kind):
+    split(tmp_path, kind)
+    flight = one(tmp_path / "parts")
+    whole = one(write(tmp_path, kind))
+    assert flight.epoch_s == whole.epoch_s
+    for name, stream in whole.streams.items():
+        np.testing.assert_array_equal(flight[name].time_s, stream.time_s)
+        np.testing.assert_array_equal(flight[name].values, stream.values)
+    assert "one recording in 3 files" in flight.provenance.notes
+
+
+def test_a_split_recording_with_files_that_break_off(tmp_path):
+    parts = split(tmp_path, "ros1", edges=(0, 130, 260, 400))
+    parts[2].write_bytes(parts[2].read_bytes()[:-20_000])  # power was lost
+    flight = one(tmp_path / "parts")
+    assert 260 < len(flight["imu"]) < 400
+    (found,) = [f.evidence for f in flight.provenance.findings if f.kind == "truncated"]
+    assert "file 3 of 3: the bag is not whole" in found
+    (tmp_path / "parts" / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information:\n  relative_file_paths: [{', '.join(p.name for p in parts)}]\n")
+    parts[1].write_bytes(parts[1].read_bytes()[:20])
+    flight = one(tmp_path / "parts")
+    (found,) = [f.evidence for f in flight.provenance.findings if f.kind == "truncated"]
+    assert "file 2 of 3: cannot be read as a ROS bag" in found
+
+
+def test_numbered_files_that_do_not_follow_each_other_are_flights(tmp_path):
+    split(tmp_path, "ros1", edges=(0, 15, 15 + 200, 15 + 220))[1].unlink()
+    (tmp_path / "parts" / "x_10.bag").rename(tmp_path / "parts" / "x_9.bag")
+    assert [f.name for f in load_recordings([tmp_path / "parts"], cache=False).flights] == ["x_8", "x_9"]
+
+
+def test_metadata_of_rosbag2_lists_the_parts(tmp_path):
+    parts = split(tmp_path, "mcap")
+    names = [p.name for p in parts]
+    (tmp_path / "parts" / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  version: 9\n  relative_file_paths:\n"
+        + "".join(f"    - {name}\n" for name in names))
+    assert len(one(tmp_path / "parts")["imu"]) == N
+    parts[1].unlink()
+    flight = one(tmp_path / "parts")
+    assert len(flight["imu"]) == N - 15
+    assert "metadata.yaml lists x_9.mcap, which is not there" in [f.evidence for f in flight.provenance.findings]
+
+
+def test_an_sqlite_bag_without_its_last_page_is_reported(tmp_path):
+    path = write(tmp_path, "sqlite3", {"/imu", "/odom"}, n=400)
+    path.write_bytes(path.read_bytes()[:-200])
+    assert "truncated" in {f.kind for f in one(path).provenance.findings}
 
 
 def test_sqlite_file_that_is_no_bag(tmp_path):
