@@ -152,6 +152,14 @@ def shared_cache(tmp_path_factory):
         yield cache
 
 
+@pytest.fixture(scope="session", autouse=True)
+def one_core():
+    """``--jobs`` is 1 unless a test gives it: every core has a test process, and workers take seconds to start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
+        yield
+
+
 @pytest.fixture
 def empty_cache(tmp_path):
     """A cache without recordings."""

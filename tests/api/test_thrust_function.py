@@ -23,8 +23,12 @@ def stand(tmp_path_factory):
     return nb.load(folder)
 
 
-def test_a_stand_gives_a_formula_that_can_be_evaluated(stand):
-    found = nb.thrust(stand)
+@pytest.fixture(scope="module")
+def found(stand):
+    return nb.thrust(stand, mass_kg=0.0408)
+
+
+def test_a_stand_gives_a_formula_that_can_be_evaluated(found):
     assert found.formula.startswith("T = ")
     assert "N" in found.formula
     command, battery_V = np.array([0.4, 0.7, 0.9]), 3.8
@@ -34,8 +38,7 @@ def test_a_stand_gives_a_formula_that_can_be_evaluated(stand):
     np.testing.assert_allclose(found(0.7, battery_V), expected[1], rtol=0.03)
 
 
-def test_levels_and_table_have_units_and_say_what_was_measured(stand):
-    found = nb.thrust(stand, mass_kg=0.0408)
+def test_levels_and_table_have_units_and_say_what_was_measured(found):
     assert list(found.levels.index) == ["full", "empty"]
     full = found.levels.loc["full"]
     assert full["full_N"] == pytest.approx(0.011 * 4.2**2, rel=0.05)
@@ -46,13 +49,13 @@ def test_levels_and_table_have_units_and_say_what_was_measured(stand):
     assert "extrapolated" in found.sentence
 
 
-def test_it_draws_its_curves(stand):
+def test_it_draws_its_curves(found):
     pytest.importorskip("plotly")
-    assert len(nb.thrust(stand).plot().data) >= 5
+    assert len(found.plot().data) >= 5
 
 
-def test_a_command_in_counts_and_a_mass_in_grams_are_one_line(stand):
+def test_a_command_in_counts_and_a_mass_in_grams_are_one_line(stand, found):
     with pytest.raises(nb.UsageError, match="65535"):
-        nb.thrust(stand).thrust_N(40000, 3.8)
+        found.thrust_N(40000, 3.8)
     with pytest.raises(nb.UsageError, match="grams"):
         nb.thrust(stand, mass_kg=40.8)

@@ -110,8 +110,9 @@ def test_a_clip_is_found_by_its_rows_at_one_end_of_the_range(flights, share):
         assert max(found, default=0.0) == (truth.size if truth.size >= 3 else 0.0)
 
 
-@pytest.mark.parametrize(("stream", "column"), [("mocap", "px"), ("mocap", "pz"), ("imu", "gyro_x"), ("imu", "acc_y"),
-                                                ("estimator", "y"), ("attitude", "roll"), ("battery", "vbat")])
+@pytest.mark.parametrize(("stream", "column"), [("mocap", "pz"), ("imu", "gyro_x"), ("battery", "vbat"), *(
+    pytest.param(*given, marks=pytest.mark.slow)
+    for given in (("mocap", "px"), ("imu", "acc_y"), ("estimator", "y"), ("attitude", "roll")))])
 def test_a_spike_of_the_stated_height_is_found_wherever_the_vehicle_moves(flights, stream, column):
     rng = np.random.default_rng(3)
     for flight in flights[::3]:

@@ -94,19 +94,18 @@ def test_a_scheduler_nobody_answers_is_one_line(nanobench, recordings):
     assert err.count("\n") == 1
 
 
-def test_installed_command_ends_with_the_right_codes(recordings, empty_cache, tmp_path):
-    env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache)}
-    good = run("audit", "--data", recordings, "--json", tmp_path / "a.json", "--jobs", 1, env=env)
+def test_installed_command_ends_with_the_right_codes(recordings, tmp_path):
+    good = run("audit", "--data", recordings, "--json", tmp_path / "a.json", "--jobs", 1)
     assert good.returncode == 0, good.stderr
     assert "3 SYNTHETIC recordings" in good.stderr
     broken = tmp_path / "broken"
     broken.mkdir()
     (broken / "binary.csv").write_bytes(b"\x00\x01\x02" * 100)
-    some = run("audit", "--data", recordings, "--data", broken, "--json", tmp_path / "b.json", "--jobs", 1, env=env)
+    some = run("audit", "--data", recordings, "--data", broken, "--json", tmp_path / "b.json", "--jobs", 1)
     assert some.returncode == 1
     assert json.loads((tmp_path / "b.json").read_text())["failed"][0]["file"].endswith("binary.csv")
     assert sum("binary.csv" in line and line.startswith("failed: ") for line in some.stderr.splitlines()) == 1
-    bad = run("audit", "--data", broken, "--quiet", env=env)
+    bad = run("audit", "--data", broken, "--quiet")
     assert bad.returncode == 2
     assert bad.stderr.count("\n") == 1
     assert run("nonsense").returncode == 2
@@ -129,11 +128,10 @@ def test_interrupt_is_130_and_says_how_to_go_on(recordings, empty_cache, tmp_pat
     assert err.splitlines()[1:] == ["nanobench: interrupted; run the same command again to resume"]
 
 
-def test_a_closed_pipe_is_quiet_and_the_work_goes_on(recordings, empty_cache, tmp_path):
-    env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache)}
+def test_a_closed_pipe_is_quiet_and_the_work_goes_on(recordings, tmp_path):
     audit = f"{COMMAND} audit --data {recordings} --jobs 1 --verbose --json {tmp_path}/a.json"
-    done = subprocess.run(["/bin/bash", "-c", f"set -o pipefail; {audit} | head -1"], env=env, capture_output=True,
-                          text=True, timeout=60)
+    done = subprocess.run(["/bin/bash", "-c", f"set -o pipefail; {audit} | head -1"], capture_output=True, text=True,
+                          timeout=600)
     assert done.stderr.count("\n") == 1
     assert done.returncode == 0
     assert len(json.loads((tmp_path / "a.json").read_text())["flights"]) == 3

@@ -27,7 +27,8 @@ def calls(name):
     """(file and line, arguments that are plain text) of every call of ``name``."""
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
+            text = path.read_text()
+            for node in ast.walk(ast.parse(text)) if f"{name}(" in text else ():
                 if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name:
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", [
                         a.value if isinstance(a, ast.Constant) else None for a in node.args]

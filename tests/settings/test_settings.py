@@ -71,13 +71,16 @@ def test_compiled_functions_take_settings_as_arguments(texts):
     """Numba keeps machine code by the date of the .py file: a changed TOML file would not be seen."""
     settings: dict[str, set[str]] = {}
     for module, text in texts.items():
-        for node in ast.parse(text).body:
+        for node in ast.parse(text).body if any(f"{getter}(" in text for getter in GETTERS) else ():
             if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None and any(
-                    isinstance(n, ast.Call) and ast.unparse(n.func) in GETTERS for n in ast.walk(node.value)):
+                    isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id in GETTERS
+                    for n in ast.walk(node.value)):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
                 settings.setdefault(module, set()).update(
                     n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name))
     for module, text in texts.items():
+        if "jit" not in text:
+            continue
         tree = ast.parse(text)
         mine = settings.get(module, set()) | {
             alias.asname or alias.name for node in tree.body if isinstance(node, ast.ImportFrom)

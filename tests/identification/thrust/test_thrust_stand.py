@@ -26,7 +26,7 @@ def test_dc_motor_is_recovered_without_noise():
 
 def test_intervals_hold_the_truth():
     files = [made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(8)]
-    found = study(files, 0.04, draws=100)
+    found = study(files, 0.04, draws=50)
     inside = [lo <= TRUTH[n] <= hi for n, (lo, hi) in
               ((n, b.ci95) for n, b in found.parameters()["dc_motor"].items())]
     assert sum(inside) >= 2
@@ -34,7 +34,7 @@ def test_intervals_hold_the_truth():
 
 def test_two_files_give_no_interval():
     """Drawn from two, a parameter's interval would end at the values of the files alone."""
-    found = study([made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(2)], 0.04, draws=100)
+    found = study([made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(2)], 0.04, draws=20)
     assert {(body.ci95, body.ci_why) for body in found.parameters()["dc_motor"].values()} == {
         (None, "two files, drawn in three ways only")}
 
