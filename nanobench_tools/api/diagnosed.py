@@ -142,5 +142,5 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
         believed = beliefs_of(given(theirs, seed=seed), read, theirs, mass_kg)
     if isinstance(believed, Model):
         recordings = Looked(options, read).at(believed.vehicle, "thrust_voltage" in believed)
-        return Diagnosis(against_model(options, recordings, believed).verdict)
+        return Diagnosis(against_model(options, recordings, believed, name).verdict)
     return Diagnosis(against_callable(options, read, wrapped(believed, name), name, mass_kg).verdict)

@@ -122,7 +122,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         recordings = Looked(options, flights).at(model.vehicle, "thrust_voltage" in model)
         if not recordings.tracks and (code := _from_trim(options, model)) is not None:
             return code
-        judged = against_model(options, recordings, model)
+        judged = against_model(options, recordings, model, simulator or "--simulated")
     verdict = judged.verdict
     body = dict(verdict.to_json())
     if refit and verdict.decision is not None:

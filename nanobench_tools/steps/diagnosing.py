@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import MissingExtraError, UsageError
+from ..errors import InputError, MissingExtraError, UsageError
 from .options import Options
 
 if TYPE_CHECKING:
@@ -57,10 +57,25 @@ def names_a_file(simulator: str) -> bool:
         Path(simulator).suffix != "" or os.path.sep in simulator))
 
 
-def against_model(options: Options, recordings: Recordings, model: Model) -> Judged:
-    """A verdict on a model of terms; recordings: looked at as flights of its vehicle."""
+def check_wiring(recordings: Recordings, model: Model, place: str) -> None:
+    """InputError at ``place`` where motor order and spins of the simulator cannot fly, or are not those of the flights:
+    any later step would take that for a wrong inertia or a weak motor."""
+    from identification.mismatch.wiring import against_flights, impossible
+    from identification.mismatch.wrench import Wrench
+
+    wrong = impossible(model)
+    if wrong is None and recordings.tracks and recordings.tracks[0].motor.shape[1] == model.rotors:
+        wrong = against_flights(Wrench(recordings.tracks), model)
+    if wrong is not None:
+        raise InputError(f"{place}: vehicle.{wrong.key}", wrong.found, wrong.advice)
+
+
+def against_model(options: Options, recordings: Recordings, model: Model, place: str = "simulator") -> Judged:
+    """A verdict on a model of terms; recordings: looked at as flights of its vehicle; ``place`` names it in messages.
+    InputError where its motors are in another order than those of the flights."""
     from identification.mismatch.diagnosis import diagnose
 
+    check_wiring(recordings, model, place)
     return Judged(recordings, model, diagnose(recordings, model, seed=options.seed, progress=options.say))
 
 
