@@ -20,8 +20,6 @@ import kept
 
 SPEED = Path(__file__).parent
 NO_SCRIPTS = ("bench", "kept")
-BY_NAME = ("compiled_rollout",)
-"""Run only when asked for: Numba and JAX compile for minutes there."""
 
 SMALL = {
     "audit_speed": ("--most", "20"),
@@ -67,7 +65,7 @@ def main() -> int:
     begun, rows, failed = time.monotonic(), [], []
     before, of_commit = kept.read(), commit()
     for script in scripts:
-        if script.stem not in options.scripts if options.scripts else script.stem in BY_NAME:
+        if options.scripts and script.stem not in options.scripts:
             continue
         print(f"== {script.stem}", flush=True)
         start = time.monotonic()
