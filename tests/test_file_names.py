@@ -31,3 +31,10 @@ def twice() -> set[str]:
 def test_a_file_has_a_word_of_its_own():
     assert len(names()) > 400
     assert twice() == set()
+
+
+def test_every_folder_of_modules_is_a_package():
+    """A folder without ``__init__.py`` works in a checkout and is missing in a built distribution."""
+    folders = {path.parent for package in OURS for path in (ROOT / package).rglob("*.py")}
+    assert len(folders) > 30
+    assert [str(folder.relative_to(ROOT)) for folder in folders if not (folder / "__init__.py").is_file()] == []

@@ -1,0 +1,1 @@
+"""Results: frozen dataclasses, their files and tables, the cache folder."""
