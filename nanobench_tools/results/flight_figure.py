@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .dataframes import Sampled
 from ..errors import MissingExtraError
+from .dataframes import Sampled
 
 MOST_POINTS = 2000
 PANELS: tuple[tuple[str, str, tuple[tuple[str, tuple[str, ...], str], ...]], ...] = (

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .result import Result, to_json
 from ..version import __version__
+from .result import Result, to_json
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 """What Python makes of such bytes; no file can hold it."""
