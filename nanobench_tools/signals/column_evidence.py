@@ -56,12 +56,18 @@ def rate_of(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     step = float(np.median(np.diff(time_s)))
     if len(values) <= WINDOW or not step > 0.0:
         return np.full(values.shape, np.nan)
-    return np.asarray(savgol_filter(values, WINDOW, 2, deriv=1, delta=step, axis=0))
+    return np.asarray(savgol_filter(values, WINDOW, 2, deriv=1, delta=step, axis=0, mode=_ends(values)))
 
 
 def smooth(values: np.ndarray) -> np.ndarray:
     """(n, k) as ``rate_of`` smooths."""
-    return values if len(values) <= WINDOW else np.asarray(savgol_filter(values, WINDOW, 2, axis=0))
+    return values if len(values) <= WINDOW else np.asarray(
+        savgol_filter(values, WINDOW, 2, axis=0, mode=_ends(values)))
+
+
+def _ends(values: np.ndarray) -> str:
+    """How the filter goes on at the ends: by a polynomial, which needs numbers there."""
+    return "interp" if np.isfinite(values[:WINDOW]).all() and np.isfinite(values[-WINDOW:]).all() else "nearest"
 
 
 def ratio(signal: np.ndarray, reference: np.ndarray) -> Ratio:

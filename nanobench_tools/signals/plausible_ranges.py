@@ -13,8 +13,11 @@ import numpy as np
 from ..flight import Stream, motors_of
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
+from .column_evidence import noise, one_unit
 from .context import Context
 from .dropouts import alive_until
+from .quaternion_lengths import STREAMS as QUATERNIONS
+from .quaternion_lengths import scaled_part
 from .usable_rows import typical_step_s, usable_streams
 
 ROOM_M = number("audit.plausible_ranges.room_m")
@@ -24,6 +27,7 @@ SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
 """Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
 BATTERY_V = setting("audit.plausible_ranges.battery_v")
 """One cell under load to fourteen cells."""
+POSITION = ("px", "py", "pz")
 NEAR_KNOWN = number("audit.plausible_ranges.near_known")
 """A factor this near to that of a known mistake is called that one."""
 
@@ -40,10 +44,10 @@ class WrongUnit:
 
 def tracker_scale(context: Context) -> float:
     """Values of the tracked position per metre: 1, or 1000 when they span more than a room."""
-    stream = context.once(usable_streams).get("mocap")
-    if stream is None or not {"px", "py", "pz"} <= set(stream.quantities) or len(stream) < 20:
+    stream = context.flight.streams.get("mocap")  # stamps, usable or not, play no part
+    if stream is None or not set(POSITION) <= set(stream.quantities) or len(stream) < 20:
         return 1.0
-    position = stream["px", "py", "pz"]
+    position = stream[POSITION]
     position = position[np.isfinite(position).all(axis=1)]
     if len(position) < 20:
         return 1.0
@@ -60,6 +64,24 @@ def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarr
     return values if len(values) > 20 else None
 
 
+def odd_axis(context: Context) -> WrongUnit | None:
+    """The axis of the tracked position whose noise is of another size than that of the others; one tracker measures all
+    three alike. Stamps play no part."""
+    stream = context.flight.streams.get("mocap")
+    if stream is None or not all(q in stream.quantities for q in POSITION):
+        return None
+    position = stream[POSITION]
+    if one_unit(position, True):
+        return None
+    sizes = np.log(noise(position))
+    known = np.flatnonzero(np.isfinite(sizes))
+    away = [abs(sizes[k] - np.median(np.delete(sizes[known], i))) for i, k in enumerate(known)]
+    axis = int(known[int(np.argmax(away))])
+    factor = float(np.exp(sizes[axis] - np.nanmedian(np.delete(sizes, axis))))
+    return WrongUnit("mocap", (POSITION[axis],), factor,
+                     f"the noise of {POSITION[axis]} is {factor:.3g} times that of the other axes")
+
+
 def wrong_ranges(context: Context) -> list[WrongUnit]:
     """Everything whose size alone gives it away."""
     found = []
@@ -70,10 +92,17 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             evidence = f"the rows of {name} are stamped {step:.3g} s apart: milliseconds or microseconds"
             found.append(WrongUnit("", ("t",), 1000.0 if step < 1e3 * SLOWEST_STEP_S else 1e6, evidence))
             break
-    if context.once(tracker_scale) != 1.0:
-        found.append(
-            WrongUnit("mocap", ("px", "py", "pz"), 1000.0, "the tracked position spans more than a room: millimetres")
-        )
+    if (odd := odd_axis(context)) is not None:
+        found.append(odd)
+    elif context.once(tracker_scale) != 1.0:
+        found.append(WrongUnit("mocap", POSITION, 1000.0, "the tracked position spans more than a room: millimetres"))
+    for name, turn in QUATERNIONS.items():
+        turned = context.flight.streams.get(name)
+        part = scaled_part(turned[turn]) if turned is not None and all(q in turned.quantities for q in turn) else None
+        if part is not None and abs(np.log(part[1])) > np.log(FACTOR):
+            found.append(WrongUnit(name, (turn[part[0]],), part[1],
+                                   f"{turn[part[0]]} of {name} is {part[1]:.3g} times what gives the quaternions "
+                                   "length 1"))
     acc = _alive(context, "imu", ("acc_x", "acc_y", "acc_z"))
     if acc is not None:
         norm = float(np.median(np.linalg.norm(acc, axis=1)))

@@ -16,7 +16,8 @@ from .context import Context
 from .dropouts import alive_until
 from .flown_axes import AXES, NAMES, ORDERS, UP, UPRIGHT, Axis, Tilt, first_up, ground_axes, seen_poses, tilts
 from .held_poses import ROTATION
-from .quaternions import STREAMS, UNIT_WITHIN, quaternion_orders
+from .quaternion_lengths import STREAMS
+from .quaternions import UNIT_WITHIN, quaternion_orders
 from .usable_rows import usable_streams
 
 WORLDS = {(2, 1): "ENU", (2, -1): "NED", (1, 1): "EUS", (1, -1): "EDN", (0, 1): "UNW", (0, -1): "DNE"}

@@ -16,9 +16,9 @@ from ..settings import number
 from .context import Context
 from .dropouts import alive_until
 from .flown_axes import ORDERS, UP, tilts
+from .quaternion_lengths import STREAMS
 from .usable_rows import usable_streams
 
-STREAMS = {"mocap": ("qx", "qy", "qz", "qw"), "attitude_qw": ("qx", "qy", "qz", "qw")}
 UPRIGHT = number("audit.quaternions.upright")
 """Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
 AGREES_RAD = number("audit.quaternions.agrees_rad")

@@ -20,6 +20,7 @@ from .axes import frame_of, in_our_axes
 from .cells import parse_number
 from .dialect import normalise_text
 from .sheets import Sheet
+from .tum_layout import NORM_TOLERANCE
 from .units_as_written import unit_as_written
 
 POSITION, QUATERNION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
@@ -28,6 +29,8 @@ LINES_SEEN = 40
 QUALISYS = ("NO_OF_FRAMES", "FREQUENCY")
 VICON = ("Objects", "Segments", "Global Angle (deg)")
 ROTATION_MATRIX = 9
+EULER = ("Roll", "Pitch", "Yaw")
+FULL_TURN_DEG = 360.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ class MocapExport:
         cells = cells[kept]
         stamps = cells[:, 0] / export.rate_hz if export.rate_hz else cells[:, 0]
         position = cells[:, 1:4] * export.length
+        _check_turns(cells[:, 4:], export, place)
         quaternion = _quaternion(cells[:, 4:], export)
         hidden = ~np.isfinite(position).all(axis=1) | ~position.any(axis=1)
         values = position if quaternion is None else np.hstack([position, quaternion])
@@ -164,11 +168,14 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
     x = next(k for k, c in enumerate(header) if c.split() and c.split()[-1] == "X")
     axes = [c.split()[-1] if c else "" for c in header]
     matrix = tuple(k for k, c in enumerate(header) if c.startswith("Rot[") or "Rot[" in c)[:ROTATION_MATRIX]
-    euler = tuple(axes.index(n) for n in ("Roll", "Pitch", "Yaw")) if "Roll" in axes else ()
+    euler = tuple(axes.index(n) for n in EULER) if set(EULER) <= set(axes) else ()
     seconds = header.index("Time") if "Time" in header else None
     frame = header.index("Frame") if "Frame" in header else 0
     if seconds is None and "Frame" not in header:
         raise InputError(place, "a Qualisys export without time and frame columns", "export them, too")
+    if axes[x:x + 3] != ["X", "Y", "Z"]:
+        raise InputError(place, f"a Qualisys export whose positions are {', '.join(axes[x:x + 3])}",
+                         "export X, Y and Z")
     turn, attitude = ("matrix", matrix) if len(matrix) == ROTATION_MATRIX else ("euler", euler) if euler else ("", ())
     note = "Roll, Pitch, Yaw are read as turns about x, y, z, as Qualisys defines them by default" * (turn == "euler")
     return Export("Qualisys", bodies or ("body",), (x, x + 1, x + 2), attitude, turn, factor("mm"),
@@ -205,6 +212,23 @@ def _rate(text: str, place: str) -> float:
     if not rate > 0.0:
         raise InputError(place, f"the frame rate is {text!r}", "export the time of each frame")
     return rate
+
+
+def _check_turns(cells: np.ndarray, export: Export, place: str) -> None:
+    """InputError for rotations that are none: a unit quaternion, a rotation matrix or angles within a turn."""
+    there = cells[np.isfinite(cells).all(axis=1) & cells.any(axis=1)] if cells.size else cells
+    if not there.size:
+        return
+    if export.turn == "euler":
+        if (most := float(np.abs(there).max())) > FULL_TURN_DEG:
+            raise InputError(place, f"{', '.join(EULER)} reach {most:.4g}: no angles in degrees", "export degrees")
+        return
+    parts = there if export.turn == "quaternion" else there.reshape(-1, 3)  # rows of a matrix have length 1, too
+    length = np.linalg.norm(parts, axis=1)
+    off = float(np.quantile(np.abs(length - 1.0), 0.95))
+    if off > NORM_TOLERANCE:
+        what = "rotations (X, Y, Z, W)" if export.turn == "quaternion" else "columns of rotation matrices"
+        raise InputError(place, f"{what} have lengths up to {length.max():.4g}, where 1 belongs", "export them again")
 
 
 def _quaternion(cells: np.ndarray, export: Export) -> np.ndarray | None:

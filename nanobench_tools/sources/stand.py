@@ -49,6 +49,10 @@ _ALLOWED = {
 FULL_SHARE, FULL_PERCENT = 1.0, 100.0
 PULSES = (900.0, 2100.0)
 """What may be the length of a pulse in us (1000 to 2000, and trims)."""
+LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05)}
+"""Unit of a command -> what the largest one of a series may be: less turns no motor, more than full there is not."""
+THRUST_PER_WATT = (0.002, 0.6)
+"""N per W of electrical power, between a brushed toy at full command and a large slow propeller (some 0.02 and 0.2)."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,8 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
         if not head.unit:
             head = replace(head, unit=_share(grid.columns[head.column], head.column, place))
+        if head.unit in LARGEST_COMMAND and stream == "motor":
+            _check_command(grid.columns[head.column], head, place)
         if head.unit not in allowed:
             raise InputError(f"{place}: column {head.column}", f"unit {head.unit!r}",
                              f"known here: {', '.join(allowed)}")
@@ -181,7 +187,34 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         values = np.stack([to_si(grid.columns[h.column], h.unit) for h in heads.values()], axis=1)
         streams[stream] = make_stream(stream, row, values, tuple(heads), [h.column for h in heads.values()],
                                       samples=len(row))
+    _check_power(streams, place)
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
+
+
+def _check_command(values: np.ndarray, head: Heading, place: str) -> None:
+    """InputError where the largest command of a series is not possible in its unit."""
+    low, high = LARGEST_COMMAND[head.unit]
+    top = float(np.nanmax(values, initial=0.0))
+    if not low <= top <= high:
+        raise InputError(f"{place}: column {head.column}",
+                         f"reaches {top:.4g}, and in {head.unit} a series reaches {low:g} to {high:g}",
+                         "write its unit behind the name: throttle (%), (us) or (1)")
+
+
+def _check_power(streams: dict[str, Stream], place: str) -> None:
+    """InputError where thrust, voltage and current are of no propeller: one of them is in another unit."""
+    cell, battery = streams.get("stand"), streams.get("battery")
+    if cell is None or battery is None or not {"thrust", "current"} <= set(cell.quantities) or "vbat" not in battery:
+        return
+    thrust, power = cell["thrust"], cell["current"] * battery["vbat"]
+    strong = np.isfinite(thrust) & np.isfinite(power) & (power > 0.0) & (
+        thrust > 0.5 * np.nanmax(thrust, initial=0.0))
+    low, high = THRUST_PER_WATT
+    if strong.any() and not low <= (per_watt := float(np.median(thrust[strong] / power[strong]))) <= high:
+        columns = [*(cell.columns[cell.quantities.index(q)] for q in ("thrust", "current")), *battery.columns]
+        raise InputError(f"{place}: columns {', '.join(columns)}",
+                         f"{per_watt:.3g} N per W of electrical power; propellers give {low:g} to {high:g}",
+                         "one of them is in another unit: write it behind the name, as in thrust (gf)")
 
 
 def _share(values: np.ndarray, column: str, place: str) -> str:

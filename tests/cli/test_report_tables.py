@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources import load_recordings
@@ -262,6 +263,78 @@ def test_a_flight_whose_height_is_y_is_noted(tmp_path):
     draft = draft_columns(write(tmp_path / "f.csv", {"t": T, "x": p["x"], "y": p["z"], "z": p["y"]}))
     assert any("is y up" in note for note in draft.notes)
     assert not any("is y up" in note for note in draft_columns(write(tmp_path / "g.csv", p)).notes)
+
+
+def test_empty_cells_at_both_ends_are_no_trouble(tmp_path):
+    path = write(tmp_path / "f.csv", flown())
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0], "0,,,", *lines[2:-1], "11.98,,,"]) + "\n")
+    assert ("mocap", "px") in draft_columns(path).mapped
+
+
+def test_one_axis_of_a_tracker_in_another_unit_is_a_fault(tmp_path):
+    """The noise of one tracker is alike in all axes; with stamps that stand still it shows just as well."""
+    rng = np.random.default_rng(4)
+    p = flown()
+    for stamps in (T, np.floor(T)):
+        for axis, by in (("", 1.0), ("y", 1e-3), ("z", 57.3)):
+            rows = np.stack([stamps, *((by if a == axis else 1.0) * (p[a] + 3e-4 * rng.normal(size=len(T)))
+                                       for a in "xyz"), 0 * T, 0 * T, 0 * T, 1 + 0 * T], axis=1)
+            np.savetxt(tmp_path / "f.tum", rows, fmt="%.9g")
+            (flight,) = load_recordings([tmp_path / "f.tum"], cache=False).flights
+            found = [f for f in audit(flight).faults if f.kind == "unit" and f.stream == "mocap"]
+            assert bool(found) is bool(axis)
+            if axis:
+                assert found[0].columns == (f"t{axis}",)
+                assert found[0].size == pytest.approx(by, rel=0.4)
+
+
+def test_one_element_of_a_quaternion_in_another_unit_is_a_fault(tmp_path):
+    p, rng = flown(), np.random.default_rng(4)
+    angle = 0.2 * np.sin(2.0 * T)
+    q = np.stack([np.sin(angle / 2), 0.05 * np.cos(3.0 * T), 0 * T, 0 * T], axis=1)
+    q[:, 3] = np.sqrt(1.0 - (q ** 2).sum(axis=1))
+    for by in (1.0, 1e-3):
+        turned = np.round(q * [by, 1.0, 1.0, 1.0], 6)
+        xyz = np.stack([p[a] for a in "xyz"], axis=1) + 3e-4 * rng.normal(size=(len(T), 3))
+        np.savetxt(tmp_path / "f.tum", np.column_stack([T, xyz, turned]), fmt="%.9g")
+        (flight,) = load_recordings([tmp_path / "f.tum"], cache=False).flights
+        found = [f.columns for f in audit(flight).faults if f.kind == "unit"]
+        assert found == ([] if by == 1.0 else [("qx",)])
+
+
+@pytest.mark.parametrize(("scales", "words"), [
+    ({"Current (A)": 57.3}, "N per W"), ({"Thrust (kgf)": 1e-3}, "N per W"), ({"Thrust (kgf)": 1e3}, "N per W"),
+    ({"ESC signal (us)": 1e-3}, "in pulse_us a series reaches"), ({"ESC signal (us)": 1e3}, "in pulse_us a series")])
+def test_a_stand_with_a_column_in_another_unit_is_refused(tmp_path, scales, words):
+    share = np.linspace(0.0, 1.0, 30)
+    columns = {"ESC signal (us)": 1000 + 1000 * share, "Thrust (kgf)": 1.9 * share, "Voltage (V)": 16.0 - share,
+               "Current (A)": 24.0 * share ** 1.5}
+    for changed in ({}, scales):
+        rows = [",".join(columns), *(",".join(f"{changed.get(c, 1.0) * v[k]:.9g}" for c, v in columns.items())
+                                     for k in range(len(share)))]
+        (tmp_path / "stand.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+        loaded = load_recordings([tmp_path / "stand.csv"], cache=False)
+        assert len(loaded.flights) == (not changed)
+    assert words in loaded.failed[0]["error"]
+
+
+def test_rotations_of_exports_that_are_none_are_refused(tmp_path):
+    path = motive(tmp_path / "take.csv")
+    path.write_text(path.read_text(encoding="utf-8-sig").replace(",0,0,0,1,", ",0,0,0,1000,"))
+    assert "where 1 belongs" in load_recordings([path], cache=False).failed[0]["error"]
+    p = flown(1e3)
+    names = ["Frame", "Time", "cf1 X", "Y", "Z", "Roll", "Pitch", "Yaw"]
+    for k, (change, words) in enumerate(
+            [({}, ""), ({"Yaw": 2000.0}, "no angles in degrees"), ({"Z": None}, "X, Y and Z")]):
+        kept = [n for n in names if change.get(n, 0.0) is not None]
+        rows = ["NO_OF_FRAMES\t600", "FREQUENCY\t50", "BODY_NAMES\tcf1", "\t".join(kept), *(
+            "\t".join(str(dict(zip(names, (i, T[i], p["x"][i], p["y"][i], p["z"][i], 0.0, 0.0, change.get("Yaw", 5.0)),
+                                    strict=True))[n]) for n in kept) for i in range(len(T)))]
+        (tmp_path / f"{k}.tsv").write_text("\n".join(rows) + "\n")
+        loaded = load_recordings([tmp_path / f"{k}.tsv"], cache=False)
+        assert words in (loaded.failed[0]["error"] if loaded.failed else "")
+        assert bool(loaded.flights) is (not change)
 
 
 TABLES = {"battery_as_percent/flight.csv": ",", "cfclient_gyro_deg/log.csv": ",",

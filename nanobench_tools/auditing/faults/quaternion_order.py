@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from ...flight import Fault, Flight
 from ...signals.context import Context
-from ...signals.quaternions import STREAMS, quaternion_orders
+from ...signals.quaternion_lengths import STREAMS
+from ...signals.quaternions import quaternion_orders
 from .kind import FaultKind
 from .making import over_stream
 

@@ -1,0 +1,176 @@
+"""One column of every table of bug reports removed, renamed or rescaled: read right, asked about, or silently wrong?
+
+``python benchmarks/studies/column_mutations.py [FOLDER]`` counts outcomes over the tables below FOLDER (default
+``../shared/data/reports``) and lists what is silently wrong: a value in SI that differs from that of the whole table,
+of a unit that is neither marked as assumed nor asked about, in a flight whose audit reports no fault.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.errors import NanobenchError
+from nanobench_tools.flight import Flight
+from nanobench_tools.signals.column_draft import draft_columns
+from nanobench_tools.sources import load_recordings
+
+SCALES = (1000.0, 0.001, 180.0 / np.pi)
+"""Millimetres for metres, kilometres for metres, degrees for radians."""
+SUFFIXES = (".csv", ".tsv", ".txt", ".tum")
+SAME = 1e-6
+"""Relative difference of two readings of one value."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A flight as read; ``doubted``: quantities whose unit is assumed; ``asked``: whether a question was put."""
+
+    flight: Flight
+    doubted: frozenset[tuple[str, str]]
+    asked: bool
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The text of a table: lines above the names, names, rows."""
+
+    above: tuple[str, ...]
+    names: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    delimiter: str
+
+    def text(self) -> str:
+        join = self.delimiter.join
+        return "\n".join([*self.above, *([join(self.names)] if self.names else []), *map(join, self.rows)]) + "\n"
+
+    def without(self, k: int) -> Sheet:
+        return Sheet(self.above, _without(self.names, k), tuple(_without(r, k) for r in self.rows), self.delimiter)
+
+    def renamed(self, k: int) -> Sheet:
+        return Sheet(self.above, (*self.names[:k], "foo", *self.names[k + 1:]), self.rows, self.delimiter)
+
+    def scaled(self, k: int, by: float) -> Sheet:
+        return Sheet(self.above, self.names, tuple((*r[:k], _times(r[k], by), *r[k + 1:]) for r in self.rows),
+                     self.delimiter)
+
+
+def _without(cells: tuple[str, ...], k: int) -> tuple[str, ...]:
+    return (*cells[:k], *cells[k + 1:])
+
+
+def _times(cell: str, by: float) -> str:
+    try:
+        return repr(by * float(cell))
+    except ValueError:
+        return cell
+
+
+def sheet_of(text: str) -> Sheet:
+    """Rows are the longest run of lines at the end with one number of cells; the line before has the names."""
+    lines = text.splitlines()
+    delimiter = max(("\t", ";", ",", " "), key=lambda d: min((line.count(d) for line in lines[-5:]), default=0))
+    split = [tuple(line.split(delimiter)) for line in lines]
+    like_last = [len(row) == len(split[-1]) for row in split]
+    first = next((i for i, row in enumerate(split) if like_last[i] and all(map(_number_or_empty, row))),
+                 like_last.index(True) + 1)
+    named = first > 0 and len(split[first - 1]) == len(split[-1])
+    return Sheet(tuple(lines[: first - named]), split[first - 1] if named else (), tuple(split[first:]), delimiter)
+
+
+def _number_or_empty(cell: str) -> bool:
+    try:
+        return not cell.strip() or float(cell) is not None
+    except ValueError:
+        return False
+
+
+def read(path: Path) -> Reading | None:
+    """As a user reads it: without a map where that works, else by the draft. None where it is refused in one line."""
+    known = load_recordings([path], cache=False)
+    if known.flights:
+        return Reading(known.flights[0], frozenset(), False)
+    try:
+        draft = draft_columns(path)
+        written = path.with_suffix(".toml")
+        written.write_text(draft.text, encoding="utf-8")
+        loaded = load_recordings([path], columns=written, cache=False)
+        written.unlink()
+    except NanobenchError:
+        return None
+    doubted = frozenset(key for key, (column, _) in draft.mapped.items() if draft.status[column] == "assumed")
+    return Reading(loaded.flights[0], doubted, bool(draft.questions)) if loaded.flights else None
+
+
+def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
+    """(right, refused, asked, assumed, audited or SILENT; the first quantity that differs)."""
+    if found is None:
+        return "refused", ""
+    worst = ""
+    for stream, quantity in _quantities(found.flight):
+        if stream not in whole.flight or quantity not in whole.flight[stream]:
+            differs = True  # what the whole table does not give
+        else:
+            ours, theirs = found.flight[stream][quantity], whole.flight[stream][quantity]
+            differs = len(ours) != len(theirs) or not np.allclose(ours, theirs, rtol=SAME, atol=1e-12, equal_nan=True)
+        if differs:
+            worst = f"{stream}.{quantity}"
+            if (stream, quantity) not in found.doubted:
+                break
+    if not worst:
+        return "right", ""
+    if (*worst.split(".", 1),) in found.doubted:
+        return "assumed", worst
+    if found.asked:
+        return "asked", worst
+    faults = {f.kind for f in audit(found.flight).faults} - {f.kind for f in audit(whole.flight).faults}
+    return ("audited", f"{worst}: {', '.join(sorted(faults))}") if faults else ("SILENT", worst)
+
+
+def _quantities(flight: Flight) -> Iterator[tuple[str, str]]:
+    for name, stream in flight.streams.items():
+        yield from ((name, q) for q in stream.quantities if name != "extra")
+
+
+def mutations(sheet: Sheet) -> Iterator[tuple[str, Sheet]]:
+    for k in range(len(sheet.rows[0])):
+        name = sheet.names[k].strip() if sheet.names else f"column {k + 1}"
+        yield f"{name} removed", sheet.without(k)
+        if sheet.names:
+            yield f"{name} renamed", sheet.renamed(k)
+        for by in SCALES:
+            yield f"{name} times {by:.4g}", sheet.scaled(k, by)
+
+
+def main(folder: Path) -> None:
+    counts: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        for table in sorted(p for p in folder.rglob("*") if p.suffix in SUFFIXES):
+            path = Path(scratch) / table.name
+            path.write_bytes(table.read_bytes())
+            whole = read(path)
+            if whole is None:
+                print(f"{table.parent.name}/{table.name}: not read")
+                continue
+            of_table: Counter[str] = Counter()
+            for what, sheet in mutations(sheet_of(table.read_text(encoding="utf-8-sig"))):
+                path.write_text(sheet.text(), encoding="utf-8")
+                kind, where = outcome(whole, read(path))
+                of_table[kind] += 1
+                if kind == "SILENT":
+                    print(f"  SILENT {table.parent.name}/{table.name}: {what}: {where}", flush=True)
+            print(f"{table.parent.name}/{table.name}: {dict(of_table)}", flush=True)
+            path.unlink()
+            counts += of_table
+    print(f"{counts['SILENT']} of {sum(counts.values())} silently wrong: {dict(counts)}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "../shared/data/reports"))
