@@ -107,7 +107,7 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None,
 
 def _screen_of(options: Options, body: Result | Mapping[str, object], content: Mapping[str, Any]) -> list[Table | str]:
     """One task on a terminal, its result in a sentence last."""
-    from ..pages.task1_tables import task1_screen
+    from ..pages.sysid_tables import sysid_screen
     from ..pages.task3_tables import task3_screen
     from ..steps.controlling import control_screen
     from ..steps.result_bodies import ControlBody, EstimateBody, SysidBody
@@ -122,7 +122,7 @@ def _screen_of(options: Options, body: Result | Mapping[str, object], content: M
         return [*control_screen(options, body), f"Task 2{label}. {controlled(body)}"]
     if isinstance(body, SysidBody):
         recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == content["clock"]]}
-        return [task1_screen(recorded, options.synthetic)[0], f"Task 1{label}. {predicted(body)}"]
+        return [sysid_screen(recorded, options.synthetic)[0], f"Task 1{label}. {predicted(body)}"]
     return []
 
 

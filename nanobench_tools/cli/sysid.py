@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from ..pages.task1_tables import task1_screen
+from ..pages.sysid_tables import sysid_screen
 from ..physics import Vehicle
 from ..physics.vehicle import sized
 from ..results.result import to_json
@@ -109,7 +109,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         parts = family_parts(flights, train_family)
     body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
-    screen = [*task1_screen(to_json(body), options.synthetic), *filter(None, [body.models.simulator_note])]
+    screen = [*sysid_screen(to_json(body), options.synthetic), *filter(None, [body.models.simulator_note])]
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),

@@ -8,7 +8,7 @@ from typing import Any
 from ..tables.result_table import Column, Score, Table
 from .audit_entry import CLOCK_STREAMS, fault_counts, share_clean, total
 from .row_cells import DATA, count_of, data_label, reason_of, score_column, text_of
-from .task1_tables import task1, task1_clocks, task1_commands, task1_parameters, task1_ratios
+from .sysid_tables import task1, task1_clocks, task1_commands, task1_parameters, task1_ratios
 from .task2_tables import task2, task2_gate
 from .task3_tables import task3
 

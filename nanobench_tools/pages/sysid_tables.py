@@ -77,7 +77,7 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     return clock_in_place(drop_blank(table, "start"))
 
 
-def task1_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]:
+def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]:
     """Every model over all test flights from the published start, for one screen; of the position the interval, too."""
     rows = [row for row in one_truth(sysid["rows"]) if row["group"] == "all"]
     heads = {"position_mae_m": "position m", "velocity_mae_m_s": "velocity m/s", "attitude_mae_rad": "attitude rad",
