@@ -64,8 +64,8 @@ OTHER_WORLD_RAD = np.radians(5.0)
 
 COVERED = 0.95
 NEAR_S = 0.1
-"""A truth stamp is covered if the estimate has a stamp within NEAR_S. An estimator has to cover at least COVERED,
-because errors grow with time; a trajectory file that covers less is scored there, and ranked against no other."""
+"""A truth stamp is covered if the estimate has a stamp within NEAR_S. What covers less than COVERED is scored there and
+ranked against no other, because errors grow with time."""
 FEWEST_POSES = 10
 """An alignment has six degrees of freedom: with 10 poses (30 numbers) it hides a tenth of a random error."""
 ROUNDING = 1e-12
@@ -248,8 +248,8 @@ def stretches(time_s: np.ndarray) -> tuple[Span, ...]:
 
 def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
                  given_s: float) -> tuple[tuple[Span, ...], np.ndarray, float]:
-    """(spans, (n,) bool over the estimate's rows, share of the flight 0..1) that are scored; InputError when the
-    estimate covers too little.
+    """(spans, (n,) bool over the estimate's rows, share of the flight 0..1) that are scored; InputError for fewer than
+    FEWEST_POSES rows.
 
     What the vehicle logged in flight is scored where it is, and its share is 1. Of all others the share counts after
     the poses given until ``given_s``, and a method that was given them is not scored there. Who made a trajectory file
@@ -262,14 +262,13 @@ def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
     mocap_s = case.flight["mocap"].time_s
     rows = inside(spans, estimate.time_s) & (file | (estimate.time_s > given_s))
     found = covered(estimate.time_s[rows], mocap_s[inside(spans, mocap_s) & (file | (mocap_s > given_s))])
-    least = 0.0 if file else COVERED
     if isinstance(method, TrajectoryFile) and rows.sum() < FEWEST_POSES:
         raise InputError(str(method.path), _apart_in_time(case, estimate, rows),
                          "stamps are seconds since 1970, or as in the recording")
-    if found < least:
+    if rows.sum() < FEWEST_POSES:
         raise InputError(case.flight.provenance.path,
                          f"estimator {method.name} has {np.sum(rows)} stamps in the scored part of the flight and "
-                         f"covers {100.0 * found:.1f} % of it, {100.0 * COVERED:.0f} % are needed",
+                         f"covers {100.0 * found:.1f} % of it, {FEWEST_POSES} stamps are needed",
                          f"a stamp every {2.0 * NEAR_S} s or more often, in seconds from the recording's first row")
     return intersect_spans(spans, stretches(estimate.time_s[rows])), rows, found
 

@@ -156,23 +156,29 @@ def poses(mocap, rows=slice(None), off_m=0.0):
 
 
 def test_the_given_poses_alone_are_no_estimate():
-    with pytest.raises(InputError, match=r"made\.csv: estimator mine has 0 stamps .* covers 0\.0 % of it, 95 %"):
+    with pytest.raises(InputError, match=r"made\.csv: estimator mine has 0 stamps .* covers 0\.0 % of it, 10 stamps"):
         task3.score(one_case(made_flight()), From(lambda given: poses(given["mocap"])), "clean")
 
 
 @pytest.mark.parametrize("protocol", ["clean", "as-published", "as-published-corrected"])
-@pytest.mark.parametrize(("until_s", "every", "enough"), [(21.0, 1, False), (22.8, 1, True), (22.8, 20, True),
-                                                          (22.8, 40, False)])
-def test_an_estimate_covers_the_flight(protocol, until_s, every, enough):
+@pytest.mark.parametrize(("until_s", "every", "share"), [(12.0, 1, 48.0), (21.0, 1, 91.0), (22.8, 1, 100.0),
+                                                         (22.8, 20, 100.0), (22.8, 40, 52.5)])
+def test_an_estimate_is_scored_on_the_part_that_it_covers(protocol, until_s, every, share):
     flight = made_flight()
     mocap = flight["mocap"]
     case = one_case(flight, protocol=protocol)
-    method = From(lambda given: poses(mocap, np.flatnonzero(mocap.time_s < until_s)[::every]))
-    if enough:
-        assert task3.score(case, method, protocol).rows > 90
-    else:
-        with pytest.raises(InputError, match=r"covers \d\d\.\d % of it"):
-            task3.score(case, method, protocol)
+    rows = np.flatnonzero(mocap.time_s < until_s)[::every]
+    scored = task3.score(case, From(lambda given: poses(mocap, rows, off_m=0.01)), protocol)
+    assert scored.metrics["covered_percent"] == pytest.approx(share, abs=4.0)
+    row = task3.tabulate(protocol, From(None), [(case, scored)])[0]
+    assert (f"mine covers {scored.metrics['covered_percent']:.0f} %" in row.inputs) is (share < 95.0)
+
+
+def test_a_few_stamps_are_no_estimate():
+    mocap = made_flight()["mocap"]
+    few = From(lambda given: poses(mocap, np.flatnonzero(mocap.time_s > 5.0)[:9 * 20:20]))
+    with pytest.raises(InputError, match=r"has 9 stamps .* covers \d+\.\d % of it, 10 stamps are needed"):
+        task3.score(one_case(made_flight()), few, "clean")
 
 
 def test_a_hole_in_the_truth_is_not_asked_for():
