@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -17,8 +18,6 @@ WORDS = "nanobench.words"
 """Where the context keeps the words of the command line."""
 PROMPT = 1
 """Lines of a terminal for the prompt that follows."""
-SHORTEST = 9
-"""Lines of a table that is cut to fit: its headings and a few rows."""
 LONGEST_COMMAND = 320
 """Characters of a next command: four lines of a narrow terminal."""
 
@@ -48,15 +47,31 @@ def close(options: Options, result: str, why: str = "", *command: object, screen
 
 
 def _show_within(options: Options, parts: Sequence[Table | str], lines: int) -> None:
-    """The parts on ``lines``: rows of the longest tables are left out and counted where they do not fit."""
+    """The parts on ``lines``: rows of the longest tables, then the last tables, are left out and counted where they do
+    not fit."""
     width = screen_width()
     sizes = [len(lines_of(part, width) if isinstance(part, Table) else folded(part, width)) for part in parts]
-    cut = [i for i, part in enumerate(parts) if isinstance(part, Table)]
+    least = [_with_one_row(part, width) if isinstance(part, Table) else size
+             for part, size in zip(parts, sizes, strict=True)]
+    tables = [i for i, part in enumerate(parts) if isinstance(part, Table)]
+    dropped: list[int] = []
+    while sum(least) + bool(dropped) > lines and len(tables) > 1:
+        dropped.append(tables.pop())
+        least[dropped[-1]] = sizes[dropped[-1]] = 0
     limits = list(sizes)
-    while sum(limits) > lines and (longer := [i for i in cut if limits[i] > SHORTEST]):
+    while sum(limits) + bool(dropped) > lines and (
+            longer := [i for i, shortest in enumerate(least) if limits[i] > shortest]):
         limits[max(longer, key=lambda i: limits[i])] -= 1
-    for part, size, limit in zip(parts, sizes, limits, strict=True):
-        options.show(part, limit if limit < size else None)
+    for i, part in enumerate(parts):
+        if i not in dropped:
+            options.show(part, limits[i] if limits[i] < sizes[i] else None)
+    if dropped:
+        options.show(f"... {len(dropped)} more table{'s' * (len(dropped) > 1)}: --verbose")
+
+
+def _with_one_row(table: Table, width: int) -> int:
+    """Lines of a table that is cut to its headings, its first row and the number of the others."""
+    return len(lines_of(replace(table, rows=table.rows[:1]), width)) + (len(table.rows) > 1)
 
 
 def shortened(text: str, characters: int = 600) -> str:

@@ -15,6 +15,8 @@ from .quantities import DASH, MINUS, format_number, number
 if TYPE_CHECKING:
     import pandas as pd
 
+SENTENCE = 30
+"""Characters from which on a cell that begins like a number is a sentence."""
 _NUMBER = re.compile(r"[-+−±]?\d|-$|–$")
 NOT_GIVEN = "the results hold no value: the metric does not apply to this row or could not be computed"
 
@@ -87,9 +89,11 @@ class Table:
     @classmethod
     def plain(cls, title: str, heads: Sequence[str], rows: Sequence[Sequence[Cell]], note: str = "",
               name: str = "") -> Table:
-        """Of cells that are written out already. A column whose cells all begin like numbers stands to the right."""
-        kinds = ["number" if rows and all(_NUMBER.match(str(row[i] or "-")) for row in rows) and any(
-            row[i] for row in rows) else "text" for i in range(len(heads))]
+        """Of cells that are written out already. A column stands to the right where all cells begin like numbers and
+        none is a sentence."""
+        kinds = ["number" if rows and all(_NUMBER.match(str(row[i] or "-")) and len(str(row[i])) < SENTENCE
+                                          for row in rows) and any(row[i] for row in rows) else "text"
+                 for i in range(len(heads))]
         columns = tuple(Column(head, head, kind) for head, kind in zip(heads, kinds, strict=True))
         return cls(name, title, columns, tuple(map(tuple, rows)), note)
 
