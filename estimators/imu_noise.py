@@ -1,9 +1,9 @@
 """How noisy an IMU is: one small TOML file that all estimators read.
 
-Densities are those of the low frequencies, where they add up in an integral: a row that a resampler drew between two
-packets is quieter than a packet and tells nothing new, so the scatter of rows says too little. ``at_rate`` carries a
-density to a stream that lost packets: vibration is faster than any of these rates and folds into them as white noise,
-of which fewer packets average less.
+Densities are those of the low frequencies, where they add up in an integral: a row that a resampler interpolated
+between two packets is quieter than a packet and tells nothing new, so the scatter of rows says too little. ``at_rate``
+carries a density to a stream that lost packets: vibration is faster than any of these rates and folds into them as
+white noise, of which fewer packets average less.
 """
 
 from __future__ import annotations

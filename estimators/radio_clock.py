@@ -1,9 +1,10 @@
 """How late the rows of a log sent by radio are, told from the packets that are missing, without any reference.
 
 A resampler draws rows on a straight line where no packet came. While the radio waits, what a row shows falls behind its
-stamp; the packets of the gap then come all at once and the stamps catch up. So lateness rises with every drawn row and
-fades within some tenths of a second: sums of the drawn rows so far, forgotten at several rates, follow it. Causal: a
-row is known to be drawn when the next one is there. Where rows are packets nothing is drawn and nothing is late.
+stamp; the packets of the gap then come all at once and the stamps catch up. So lateness rises with every interpolated
+row and fades within some tenths of a second: sums of the interpolated rows so far, forgotten at several rates, follow
+it. Causal: a row is known to be drawn when the next one is there. Where rows are packets nothing is drawn and nothing
+is late.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from nanobench_tools.signals.radio_gaps import drawn
 
 FORGET_S = setting("imu.radio_clock.forget_s")
 LATE_S = setting("imu.radio_clock.late_s")
-"""Seconds of lateness per drawn row, forgotten at FORGET_S; a ridge regression on circles and trefoils."""
+"""Seconds of lateness per interpolated row, forgotten at FORGET_S; a ridge regression on circles and trefoils."""
 
 def lateness(flight: Flight) -> np.ndarray:
-    """(n,) s at the rows of the IMU; the constant part cannot be told from packets and is left to the filter."""
+    """(n,) s at the rows of the IMU; the constant part cannot be distinguished from packets and is left to the
+    filter."""
     return np.asarray(_forgetting(flight["imu"].time_s, drawn(flight), np.array(FORGET_S)) @ np.array(LATE_S))
 
 

@@ -8,7 +8,7 @@ to be the motors themselves. Below CUTOFF_HZ what they push is what is felt:
     M_x = J_x dw_x/dt + d_r w_x + c v_y        M_y = J_y dw_y/dt + d_r w_y - c v_x    (moments of the motors, body)
 
 T_i: the firmware's thrust curve of logged PWM and battery, behind the motors' lag. Constants of a flight (trim, bias)
-are taken out flight by flight. Vertical drag cannot be told from the
+are taken out flight by flight. Vertical drag cannot be distinguished from the
 thrust and is left out; lag, yaw moment and the ratio of inertias are not seen slowly, their sources are below.
 """
 

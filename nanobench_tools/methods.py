@@ -51,7 +51,7 @@ class Past:
 
     position_m, velocity_m_s (n, P, 3) world; quaternion (n, P, 4) of the same source as the start; rate_rad_s and
     specific_force_m_s2 (n, P, 3) body (nan without an accelerometer); motor (n, P, 4); battery_V (n, P); rows (n,) how
-    many of them were flown (the first of those stands in for what is missing before).
+    many of them were flown (the first of those replaces what is missing before).
     """
 
     position_m: np.ndarray

@@ -11,8 +11,8 @@ channels in units of its own spread. Of ``mass`` and ``thrust_scale``, which do 
     STLSQ           threshold by flights held out in turn, the sparsest within one standard error of the best
     best threshold  one threshold for all cases: the one that gets most of these very cases right (flatters pysindy)
 
-Sparse regression has no way to say "unknown", nor that two terms cannot be told apart; both are scored by the rules of
-``nanobench prove``, which count a name right when it is the concealed term or its declared twin; a thrust map that
+Sparse regression has no way to say "unknown", nor that two terms cannot be distinguished; both are scored by the rules
+of ``nanobench prove``, which count a name right when it is the concealed term or its declared twin; a thrust map that
 pysindy names is taken for either map. Time is from tracks to
 verdict for both; ours includes predictions of flights left out.
 """

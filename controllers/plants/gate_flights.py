@@ -28,7 +28,7 @@ from .senses import TICK_S, Sensing
 
 FLEET: dict[str, type[PidCascade] | type[Mellinger]] = {"pid": PidCascade, "mellinger": Mellinger}
 REST_S = 1.0
-"""The vehicle stands on the ground for so long at the start of a whole recording."""
+"""The vehicle is on the ground for so long at the start of a whole recording."""
 KEPT = 2
 """Every second tick of a path is kept: 50 Hz."""
 IDLE = 0.05

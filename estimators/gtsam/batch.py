@@ -29,7 +29,8 @@ from .state_path import UP, Path, State, steps_of
 NOISE = ImuNoise(gyro_rad_s_sqrtHz=TUNED["gyro_noise"], acc_m_s2_sqrtHz=TUNED["acc_noise"],
                  vertical_m_s2_sqrtHz=TUNED["vertical_noise"], gyro_walk_rad_s2_sqrtHz=TUNED["gyro_walk"],
                  acc_walk_m_s3_sqrtHz=TUNED["acc_walk"], stamp_s_sqrtHz=TUNED["stamp"])
-"""That of ``drag_ekf``, in flight, where the stamps' wander is told apart: it counts as much as the signal changes."""
+"""That of ``drag_ekf``, in flight, where the stamps' wander is distinguished: it counts as much as the signal
+changes."""
 
 CLOCK_SD_S = number("smoothers.batch.clock_sd_s")
 TOGETHER_SD_M = number("smoothers.batch.together_sd_m")

@@ -110,7 +110,7 @@ def identify(train: Iterable[Flight | str | Path], test: Iterable[Flight | str |
              mass_kg: float | None = None, vehicle: Vehicle | None = None, seed: int = 0) -> Study:
     """Everything from recordings (flights, files, folders); without ``test`` flights are held out in turn.
 
-    mass_kg: of the vehicle with battery; without it only k_f / m is known, and the vehicle's mass stands in. InputError
+    mass_kg: of the vehicle with battery; without it only k_f / m is known, and the vehicle's mass is taken. InputError
     for flights that cannot be used, one flight alone, or flights of different vehicles.
     """
     parts = [_load(train), *([] if test is None else [_load(test)])]

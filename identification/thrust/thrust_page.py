@@ -32,7 +32,7 @@ from .thrust_result import FlightResult, Series, StandResult, ThrustResult
 
 SECTIONS = {"stand": "Thrust stand", "flight": "Flights"}
 FEW = 8
-"""More files than this are told apart by split only."""
+"""More files than this are distinguished by split only."""
 VOLTAGES: tuple[Colour, ...] = ("red", "orange", "green", "sky", "blue")
 UNITS = {"stand": (1e3, "mN per motor", 2), "flight": (1.0, "m/s²", 4)}
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..protocols.task1 import Case
 
 VEHICLE_ROW = "simulator.toml"
-"""Name of the exported vehicle by itself, as in the rows of ``nanobench sysid``."""
+"""Name of the exported vehicle alone, as in the rows of ``nanobench sysid``."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,7 +101,7 @@ class VehicleModel:
         """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
 
         by: ``predictor``, what predicts best (``fit_balanced`` of ``nanobench sysid``, fitted to the same flights at
-        the first call), or ``vehicle``, the exported vehicle by itself.
+        the first call), or ``vehicle``, the exported vehicle alone.
         """
         if by not in ("predictor", "vehicle"):
             raise UsageError(f"by is {by!r}; it can be predictor or vehicle")
@@ -112,7 +112,7 @@ class VehicleModel:
 
     def score(self, flights: Flight | Iterable[Flight]) -> pd.DataFrame:
         """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum; index (model, quantity): the
-        predictor and the exported vehicle by itself."""
+        predictor and the exported vehicle alone."""
         import pandas as pd
 
         from identification.greybox.fit_windows import cut, mean_errors

@@ -57,7 +57,7 @@ class Motors:
 @speaks_python
 def motors(flights: Flight | Iterable[Flight], test: Flight | Iterable[Flight] | None = None,
            mass_kg: float | None = None, seed: int = 0) -> Motors:
-    """Identifies the motors of one vehicle from flights with rotor speed beside the PWM, logged at 200 Hz or more.
+    """Identifies the motors of one vehicle from flights with rotor speed and PWM, logged at 200 Hz or more.
 
     test: flights that judge; None: whole flights are held out in turn. mass_kg: of the vehicle with battery; without
     it thrust and inertia are ratios to the mass. Raises InputError where the flights hold too little.

@@ -18,7 +18,7 @@ MINOR_SHARE = 0.05
 SHORTEST_S = 1.0
 """Without a usable stretch of this length a recording is ``unusable``: a convention."""
 MOST_EVENTS = 2
-"""Events that the sentence tells; the others stand in the list."""
+"""Events that the sentence tells; the others are in the list."""
 
 
 @dataclass(frozen=True, repr=False)

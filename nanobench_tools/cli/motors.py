@@ -35,7 +35,7 @@ SHOWN = (("roll_pitch_rate_mae_rad_s", "roll, pitch rate rad/s"), ("yaw_rate_mae
 @click.option("--mass", "mass_kg", type=float, metavar="KG",
               help="Mass of the vehicle with battery, for k_f; without it only k_f / m is identified.")
 def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], mass_kg: float | None) -> int:
-    """Motors from logs that hold rotor speed beside the PWM at 200 Hz or more, such as uSD logs with an RPM deck.
+    """Motors from logs that hold rotor speed and PWM at 200 Hz or more, such as uSD logs with an RPM deck.
 
     Time constants up and down by simulation against measured speed; speed from PWM and voltage; thrust and moments from
     speed; and how well rotation is predicted from PWM at the rate of the log, from the same PWM as a radio delivers it,

@@ -48,7 +48,7 @@ def report(options: Options) -> int:
 def recordings(options: Options, results: dict[str, Any]) -> list[Any]:
     """The recordings that audit.json names, found by content hash; none when there are no recordings to look at.
 
-    A name is only a label, so it is the audit's: the same file may be called differently beside other files.
+    A name is only a label, so it is the audit's: the same file may be called differently together with other files.
     """
     from dataclasses import replace
 

@@ -122,7 +122,7 @@ def control_on(given: Recordings) -> ControlBody:
 
 def sysid_on(given: Recordings) -> SysidBody:
     """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
-    clock has a simulator file of its own. What is not a row stands for the ``clock`` it names, and for every other one
+    clock has a separate simulator file. What is not a row stands for the ``clock`` it names, and for every other one
     in ``by_clock``."""
     from ..auditing.selection import distinct
     from ..protocols import compare

@@ -58,7 +58,7 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, vehicle: Vehicl
                        f"fit {' and '.join(rung.name for rung in lot)}, group {number} held out", file=place)
              for lot in alike([rung for rung in chosen if rung.adapt != "past"])
              for number, (rest, left_out) in enumerate(choice.held_out(train), 1)]
-    values = options.run([*items, *again], "fit").values  # the longest first; the others fill the cores beside it
+    values = options.run([*items, *again], "fit").values  # the longest first; the others fill the remaining cores
     found = {name: value for item in items if item.key in values for name, value in values[item.key].items()}
     scores: dict[str, list[WindowErrors]] = {}
     for item in again:

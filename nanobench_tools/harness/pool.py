@@ -162,7 +162,7 @@ def _interrupt_held() -> Iterator[None]:
 
 
 def _start_worker(parent: int) -> None:
-    """A worker ends by itself when its first process is gone (killed)."""
+    """A worker ends automatically when its first process is gone (killed)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

@@ -42,7 +42,7 @@ Labels = Sequence[int] | np.ndarray | None
 
 @dataclass(frozen=True)
 class Interval:
-    """low, high (...) of the 95 % interval, None where there is none; why: that, or why it is not to be trusted (empty:
+    """low, high (...) of the 95 % interval, or None; why: that, or why it is not to be trusted (empty:
     it is); sessions: how many the flights are of, None where unknown or where draws are independent."""
 
     low: np.ndarray | None

@@ -98,7 +98,7 @@ def _own_delay(behind_m: np.ndarray, lateness_s: np.ndarray, speed_m_s: np.ndarr
 
 def typical(entries: Mapping[str, Mapping[str, Any]], taken_out: Mapping[str, Any]) -> str | None:
     """The flight to show: of those whose moving error was confirmed the longer half in the air, and of these the one
-    with the median wander; None when there is none."""
+    with the median wander; or None."""
     moving = [name for name, found in taken_out.items() if found and found.get("moving") and found.get("warp")
               and name in entries]
     by_length = sorted(moving, key=lambda name: (-(total(entries[name].get("airborne")) or 0.0), name))

@@ -13,7 +13,7 @@ from .packed import Values
 Colour = str
 """A name of the theme: ink, soft, grey, mocap, blue, orange, green, red, purple, sky."""
 COLOURS: tuple[Colour, ...] = ("blue", "red", "green", "purple", "orange", "sky", "ink", "grey")
-"""Of the first, second, ... line where a colour means nothing but which; told apart by colour-blind eyes."""
+"""Of the first, second, ... line where a colour means nothing but which; distinguished by colour-blind eyes."""
 SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "star", "cross", "triangle-down")
 DASHES = ("solid", "dash", "dot", "dashdot")
 Entry = float | str | None
@@ -21,7 +21,7 @@ Entry = float | str | None
 
 @dataclass(frozen=True)
 class Mark:
-    """One series of a panel. ``name`` stands in the legend, once for all marks of that name.
+    """One series of a panel. ``name`` is in the legend, once for all marks of that name.
 
     x, y: values (n,), None or nan where there is none. kind: ``line``, ``points``, ``both``, ``area`` (a line filled
     between ``low`` and ``high``) or ``bars`` (lying, from ``x`` to ``high``). low, high: ends of an interval (n,), of
@@ -63,7 +63,7 @@ class Axis:
 @dataclass(frozen=True)
 class Panel:
     """One plot. shaded: spans of x with a colour; rules: dotted lines (``x`` or ``y``, value). equal: both axes have
-    one scale. wide: it has a row of its own. timed: x is the time of the cursor; such panels zoom together."""
+    one scale. wide: it has a separate row. timed: x is the time of the cursor; such panels zoom together."""
 
     x: Axis
     y: Axis
@@ -80,7 +80,7 @@ class Panel:
 @dataclass(frozen=True)
 class Figure:
     """A picture with its caption and what is to be seen in it. cursor: first and last time [s] of a slider that shows
-    where everything is at one time. Two panels are beside each other where there is room."""
+    where everything is at one time. Two panels are side by side where there is room."""
 
     title: str
     note: str

@@ -53,7 +53,7 @@ def flights(audit: Mapping[str, Any] | None) -> Figure | None:
 
 
 def task1(sysid: Mapping[str, Any] | None, published: bool) -> Figure | None:
-    """Mean error over horizon, a panel per quantity, a line per model; ``published`` values as lines of their own."""
+    """Mean error over horizon, a panel per quantity, a line per model; ``published`` values as separate lines."""
     rows = one_truth(of_one_clock(r for r in (sysid or {}).get("rows") or [] if r.get("group", "all") == "all"))
     names = list(dict.fromkeys(str(row.get("model")) for row in rows))
     style = styled(names)

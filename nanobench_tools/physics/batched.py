@@ -49,8 +49,8 @@ def _uniform(array: np.ndarray, name: str, shape: tuple[int, int]) -> np.ndarray
 
 
 class Compiled:
-    """Machine code of a casadi.Function. ``roles`` of its inputs: ``lane`` (own value for every window), ``uniform``
-    (one for all), ``row`` (own value for every window and row) and, first only, ``state``.
+    """Machine code of a casadi.Function. ``roles`` of its inputs: ``lane`` (a separate value for every window),
+    ``uniform`` (one for all), ``row`` (a separate value for every window and row) and, first only, ``state``.
     """
 
     def __init__(self, function: Any, roles: Sequence[str], threads: int = 1) -> None:

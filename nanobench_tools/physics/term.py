@@ -148,10 +148,10 @@ class Term:
     groups of terms of which one has to be in the model too. ``input``: of a thrust map, the vehicle's input it takes.
 
     Of a diagnosis: ``level``: any thrust curve contains it; ``changes``: it may be changed between two flights;
-    ``scatters``: elements of which every flight has its own value; ``of_air``: a push of the air, that no steady moment
-    alone shows; ``answered``: a slope of thrust, which the controller's answers to gusts look like; ``far``: it may act
-    so far from linearly that a first order ranks it badly; ``frame``: where it is fixed (by default what its stage
-    says); ``cause``: what may have been done to the vehicle.
+    ``scatters``: elements of which every flight has a separate value; ``of_air``: a push of the air, that no steady
+    moment alone shows; ``answered``: a slope of thrust, which the controller's answers to gusts look like; ``far``: it
+    may act so far from linearly that a first order ranks it badly; ``frame``: where it is fixed (by default what its
+    stage says); ``cause``: what may have been done to the vehicle.
 
     ``left_out``: target of an export -> what to do there instead, ``""`` for all others. ``injector``:
     "module:Class" of an ``identification.prove`` effect that flies it in blind cases, by default its own expressions;

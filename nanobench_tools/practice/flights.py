@@ -65,7 +65,7 @@ def practice_flights(n: int, seed: int = 0, *, families: Sequence[str] | None = 
 
 def _fly_all(plan: list[tuple[int, PathSpec, str]], seed: int, chain: LoggingChain, spread: float,
              controller: Controller | None = None, progress: Callable[[int, int], None] | None = None) -> list[Flight]:
-    """Plan of (number, path, controller) -> flights in its order. Long and short paths fly in batches of their own."""
+    """Plan of (number, path, controller) -> flights in its order. Long and short paths fly in separate batches."""
     flights: dict[int, Flight] = {}
     order = sorted(plan, key=lambda p: (-p[1].duration_s, p[0]))
     for start in range(0, len(order), BATCH):

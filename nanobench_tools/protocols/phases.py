@@ -53,7 +53,7 @@ def flown_spans(flight: Flight, airborne: Iterable[Span]) -> tuple[Span, ...]:
 
 
 def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span | None:
-    """The stretch in which a path was streamed to the vehicle, between hover and landing; None if there is none.
+    """The stretch in which a path was streamed to the vehicle, between hover and landing; or None.
 
     From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jumps to the
     start of the path and to the landing place. Planned take-off and landing hold x and y still. valid: spans in which

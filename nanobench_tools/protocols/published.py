@@ -1,4 +1,4 @@
-"""The published tables, read from ``published.toml`` beside this file, and put into the rows they belong to."""
+"""The published tables, read from ``published.toml`` in this folder, and put into the rows they belong to."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def few(cases: Sequence[Case]) -> list[Case]:
 
 
 def probed(cases: Sequence[Case], past: bool) -> Windows | None:
-    """About FLIGHTS x PER_FLIGHT windows of ``cases``; None when there is none."""
+    """About FLIGHTS x PER_FLIGHT windows of ``cases``; or None."""
     parts = []
     for case in few(cases):
         cut = cut_windows(case.flight, case.spans, "onboard", past=past)

@@ -105,7 +105,7 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     """The cases of a protocol; ``audits`` by name of the flight. Copies and slices of other recordings are left out.
 
     as-published: whole recordings of the medium trefoil. clean: every recording in which a path was streamed.
-    Raises InputError when there is none.
+    Raises InputError if it is missing.
     """
     check_protocol(protocol)
     fit = usable(distinct(flights)[0], audits, CONTROL)

@@ -14,7 +14,7 @@ POSIX = hasattr(signal, "setitimer")
 
 
 def within(seconds: float, call: Callable[[], object], name: str) -> bool:
-    """Whether ``call`` ended in time. It runs in a thread of its own, which is left alone if it does not; raises what
+    """Whether ``call`` ended in time. It runs in a separate thread, which is left alone if it does not; raises what
     the call raises until then."""
     raised: list[BaseException] = []
 

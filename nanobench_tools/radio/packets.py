@@ -2,7 +2,7 @@
 
 A file is a line of magic, the length of a JSON header and the header, then records. A record is ``<BBHdI``: kind,
 number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload; then the payload. Records are written
-by a thread of their own every FLUSH_S, so that the sender never waits for a disk and a killed program loses at most
+by a separate thread every FLUSH_S, so that the sender never waits for a disk and a killed program loses at most
 what came since. A file that ends inside a record is read up to there.
 """
 

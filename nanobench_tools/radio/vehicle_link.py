@@ -27,7 +27,7 @@ ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
 PROTOCOLS = (9, 12)
 """Oldest and newest CRTP version whose set-points are known here (9: signs of yaw rates as today's)."""
 SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
-"""``virtual`` is a simulated vehicle in this process on a clock of its own (``virtual``)."""
+"""``virtual`` is a simulated vehicle in this process on a separate clock (``virtual``)."""
 GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
 HL_TAKEOFF, HL_LAND = 7, 8
 FLYING = 1 << 4

@@ -1,6 +1,6 @@
 """What a computation gives: frozen dataclasses with a short ``repr``, and the one way into JSON and back.
 
-Metadata of a field says how it stands in JSON: ``OPTIONAL``, absent where it is None or an empty text; ``INLINE``, its
+Metadata of a field says how it is in JSON: ``OPTIONAL``, absent where it is None or an empty text; ``INLINE``, its
 own keys among those around it; ``named("pass")``, under another key.
 """
 

@@ -25,7 +25,7 @@ from ..errors import InputError
 
 FOLDER = Path(__file__).parent
 KEYS = {"value", "does", "set_on"}
-"""Of an entry; ``unit`` (1 without it) and ``how`` (by hand, likelihood, median ...) may stand beside them."""
+"""Of an entry; ``unit`` (1 without it) and ``how`` (by hand, likelihood, median ...) are optional."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def recordings() -> dict[str, Recordings]:
 
 @functools.cache
 def models() -> tuple[Model, ...]:
-    """Whole models that are files of their own."""
+    """Whole models that are separate files."""
     entries = tomllib.loads((FOLDER / "models.toml").read_text(encoding="utf-8"))
     return tuple(Model(file, entry["does"], entry["set_on"]) for file, entry in entries.items())
 

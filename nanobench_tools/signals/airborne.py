@@ -125,7 +125,7 @@ def _motors_off(context: Context) -> list[Span]:
 
 
 def _rests(context: Context, span: Span) -> bool:
-    """Whether the vehicle stands still on the ground in most of a low stretch between two flights: it moves by no more
+    """Whether the vehicle is at rest on the ground in most of a low stretch between two flights: it moves by no more
     than its tracker's noise, and its motors, where they are known, do not carry it."""
     place = context.once(position_of)
     if span.duration_s < RESTS_S or place is None or _carried(context, span):

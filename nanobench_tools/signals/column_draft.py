@@ -222,7 +222,7 @@ def _like_px4(table: Table) -> bool:
 
 
 def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
-    """Drafts the time, and gives (n,) s since the first row. Raises InputError where there is none."""
+    """Drafts the time, and gives (n,) s since the first row. Raises InputError if it is missing."""
     if TIME not in draft.mapped:
         seen = ", ".join(map(repr, table.values))
         also = f"; of text: {', '.join(map(repr, table.texts))}" if table.texts else ""

@@ -1,7 +1,7 @@
 """Where each stream really ends: what lies between its last packet and the last row was made by the resampler.
 
 A log that stops before the recording does is continued by the resampler as a straight line (all columns exactly
-linear in time) or held. A straight line that moves is proof by itself: no sensor draws one. A held one is proof
+linear in time) or held. A straight line that moves is proof enough: no sensor draws one. A held one is proof
 only for streams that cannot hold still, because their noise is gone; commands may (a setpoint holds, motors stand
 at 0), so a held command is called dead only from the moment at which the streams with noise died as well.
 """

@@ -22,8 +22,8 @@ AROUND_ROWS = count("audit.ground_contact.around_rows")
 def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:
     """(n,) bool for times ``at_s``: low (or within half a second of it) from just before take-off to the end.
 
-    There a true shock of the airframe cannot be told from a wrong sample, the less as packets are lost in a landing.
-    All True if heights are unknown; before take-off, or in a recording without flight, all False.
+    There a true shock of the airframe cannot be distinguished from a wrong sample, the less as packets are lost in a
+    landing. All True if heights are unknown; before take-off, or in a recording without flight, all False.
     """
     air = context.once(airborne_spans)
     heights = [h for h in (context.once(height_of), _estimated(context)) if h is not None and len(h[0]) > 10]

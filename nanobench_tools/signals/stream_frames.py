@@ -29,7 +29,7 @@ ROTATIONS = tuple(turn for order in permutations(range(3)) for signs in product(
 GRAVITY_WEIGHT = number("audit.stream_frames.gravity_weight")
 """Of the direction of the mean specific force, against one correlation of an axis."""
 ALONE = number("audit.stream_frames.alone")
-"""Two rotations that explain a stream alike to within this are not told apart."""
+"""Two rotations that explain a stream alike to within this are not distinguished."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def unexplained_gravity(context: Context) -> Gravity | None:
 
 
 def _shared(matches: list[AxisUnitMatch]) -> np.ndarray | None:
-    """The one rotation that all signs of the matches of a stream agree with; None where there is none, or several."""
+    """The one rotation that all signs of the matches of a stream agree with; or None, or several."""
     orders = {match.order for match in matches if match.swapped}
     if len(orders) > 1:
         return None

@@ -1,6 +1,6 @@
 """Text tables to numbers: a fast path through pyarrow, and an exact one, cell by cell, for files that are broken.
 
-Both return the same Grid. A cell that holds no number is NaN and listed; a row whose cells cannot be told apart
+Both return the same Grid. A cell that holds no number is NaN and listed; a row whose cells cannot be distinguished
 is left out and listed; nothing is guessed.
 """
 

@@ -81,7 +81,8 @@ LOW_M = number("sources.describe.low_m")
 
 @dataclass(frozen=True)
 class Curve:
-    """Harmonics of x, y, z; ``climbs``: z also has a slope. Circle, oval and helix share one and are told apart after.
+    """Harmonics of x, y, z; ``climbs``: z also has a slope. Circle, oval and helix share one and are distinguished
+    after.
 
     residual: the largest share of the curve's spread that may be left; turns: how much of the first harmonic must be
     seen, since a short piece of one curve looks like a piece of another.

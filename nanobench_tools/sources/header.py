@@ -143,7 +143,7 @@ def header_of(head: bytes) -> tuple[list[str], Dialect]:
 @dataclass(frozen=True)
 class Opened:
     """A table cut at its header: ``body`` the rows, ``columns`` unique names, ``repeated`` those that came twice,
-    ``units`` by column where a row of units stands there, ``first_line`` the number of the first row's line."""
+    ``units`` by column where a row of units is there, ``first_line`` the number of the first row's line."""
 
     body: bytes
     columns: list[str]

@@ -23,7 +23,7 @@ _OF = {spelling: quantity for quantity, spellings in QUANTITIES.items() for spel
 
 def split_names(line: str) -> list[tuple[str, str]]:
     """(name, unit) of every column of a header line: ``# timestamp [ns] tx(m)`` -> timestamp ns, tx m. The unit is
-    empty where none stands there."""
+    empty where none is there."""
     return [(match[1], (match[2] or "").strip()) for match in _PIECE.finditer(line.strip().lstrip("#"))]
 
 

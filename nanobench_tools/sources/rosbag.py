@@ -49,7 +49,7 @@ SENSORS = {IMU: {**_paths("acc_x acc_y acc_z", "linear_acceleration"),
 
 @dataclass(frozen=True)
 class _Plan:
-    """One stream: the topic and entries it comes from; ``turned``: its velocity stands in the body."""
+    """One stream: the topic and entries it comes from; ``turned``: its velocity is in the body."""
 
     stream: str
     topic: str

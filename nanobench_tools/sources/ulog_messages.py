@@ -1,4 +1,4 @@
-"""Messages of a ULog told apart before they are parsed, so that damage costs only what it hit.
+"""Messages of a ULog distinguished before they are parsed, so that damage costs only what it hit.
 
 A log is 16 bytes of header, then messages: u16 size, u8 kind, payload. Where a size or kind cannot be, the next place
 is searched from which messages follow each other again.
@@ -79,7 +79,7 @@ def _appended(data: bytes) -> list[int]:
 
 
 def _next(data: bytes, at: int, sizes: dict[bytes, int]) -> int | None:
-    """Where the message at ``at`` ends, None when there is none. Data messages of one id have one size: another one is
+    """Where the message at ``at`` ends, or None. Data messages of one id have one size: another one is
     believed only when more messages follow it."""
     if at + 3 > len(data):
         return None
@@ -122,7 +122,7 @@ def _resume(data: bytes, at: int, sizes: dict[bytes, int]) -> int | None:
 
 
 def _is_cut(data: bytes, at: int, sizes: dict[bytes, int]) -> bool:
-    """Whether what stands at ``at`` is the beginning of a message that the file ends in."""
+    """Whether what is at ``at`` is the beginning of a message that the file ends in."""
     if at + 3 > len(data):
         return True
     size, kind = _head(data, at)

@@ -35,7 +35,7 @@ RECKONING = ("strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "inv
 DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "clean": LOGGED + FLOORS,
                    "aided": (*LOGGED, *RECKONING, "delayed_pose_ekf", *FLOORS), "blackout": RECKONING + FLOORS,
                    "whole-flight": RECKONING + FLOORS}
-"""Scored when nothing else is asked for."""
+"""Scored when no other is requested."""
 
 JUDGED = ("position", "velocity")
 """What is judged of the logged estimate by every metric that is not about attitude."""

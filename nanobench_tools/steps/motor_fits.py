@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FittedNumber:
-    """A number of the motors in SI ``unit`` with its 95 % interval; None where there is none."""
+    """A number of the motors in SI ``unit`` with its 95 % interval; or None."""
 
     name: str
     value: float

@@ -1,8 +1,8 @@
 """A flight and its audit as a recording of the Rerun viewer (https://rerun.io, rerun-sdk 0.41): one .rrd file.
 
-Drawn is what was measured. Rows that the audit cuts, rows that a resampler drew between packets and rows without a
-number are left out. A line breaks where something was cut and at gaps, and a vehicle vanishes while nothing is known
-of it. How many rows are left out stands in the log. Times are seconds from the first row, as recorded.
+Drawn is what was measured. Rows that the audit cuts, rows that a resampler interpolated between packets and rows
+without a number are left out. A line breaks where something was cut and at gaps, and a vehicle vanishes while nothing
+is known of it. How many rows are left out is in the log. Times are seconds from the first row, as recorded.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""dead_stream: the log of a stream ended before the recording did, and the resampler drew on.
+"""dead_stream: the log of a stream ended before the recording did, and the resampler went on.
 
 Found by the last bend of the stream (``signals.dropouts``): behind it every column is exactly linear in time, which no
 sensor is, or stands exactly still although the stream always moves. Commands may stand still (a held setpoint, motors

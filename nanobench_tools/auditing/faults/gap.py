@@ -2,7 +2,7 @@
 
 Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further apart
 than 0.1 s, or than 10 of its usual packet intervals if the stream is slower than 50 Hz (equal readings hide packets).
-Streams with stamps of their own: stamps that far apart. For the motion capture: frames further apart than 0.05 s
+Streams with separate stamps: stamps that far apart. For the motion capture: frames further apart than 0.05 s
 (single frames are lost ordinarily, 20-40 ms), or, where poses came irregularly, than 2.5 times the step that 95 % of
 them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
@@ -42,7 +42,7 @@ KINK = number("audit.gap.kink")
 USUAL_STEPS = number("audit.gap.usual_steps")
 """Where poses came irregularly a gap is longer than so many times the step that 95 % of them keep to."""
 DRAWN = number("audit.gap.drawn")
-"""Share of drawn rows beside a drawn line, from which on it is no gap."""
+"""Share of interpolated rows beside a drawn line, from which on it is no gap."""
 
 
 def shortest_s(name: str, interval_s: float) -> float:

@@ -7,7 +7,7 @@ of single frames reaches 0.07). Samples that jump and come back within three row
 
 A jump changes the frame in which the truth is given until another one undoes it, so the fault is the displaced stretch:
 from the jump to its counter-jump, or, when it never returns, to the end of the recording (from the start to the jump
-if that part is shorter). What is left stands in one frame. One entry per displaced stretch.
+if that part is shorter). What is left is in one frame. One entry per displaced stretch.
 
 Size: metres, or radians for a rotation alone. Smallest found: the limit plus the noise of the poses.
 """

@@ -1,6 +1,6 @@
 """crazyflow's ``first_principles`` physics as a simulator, or the same of drone-models where only that is installed.
 
-Both want to be imported before SciPy with SCIPY_ARRAY_API set, so that they run in a process of their own. Frames,
+Both want to be imported before SciPy with SCIPY_ARRAY_API set, so that they run in a separate process. Frames,
 quaternions, motors and signs are as here, rotor speeds in RPM (``export.drone_models`` has the equations). Rotors lag
 as theirs do: dOmega/dt = a (cmd - Omega) + b (cmd^2 - Omega^2).
 """

@@ -11,7 +11,7 @@ from ..in_time import last_resort, renew
 
 
 class Guardian:
-    """Watches a flight from a thread of its own: a call that does not end within ``most_s`` (a controller that hangs),
+    """Watches a flight from a separate thread: a call that does not end within ``most_s`` (a controller that hangs),
     or a loop that shows no life for STUCK_S, whatever it waits for, is taken the flight from by ``take_over(why)``,
     which runs in this thread. Has the loop not ended BACK_S after that, ``give_up(why)`` ends the program; so does the
     system if this thread does not come to its turn itself (``in_time.last_resort``)."""

@@ -36,7 +36,7 @@ ECHO_S = 0.1
 RELEASES = 50
 """So often the end of set-points is said again after landing: a link may lose some of them."""
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
-"""A vehicle that stands on the ground so long after the command to take off does not fly. It is told again before:
+"""A vehicle that is on the ground so long after the command to take off does not fly. It is told again before:
 soon, as the command may have been lost, then late, as the integrals of one that is heavy need time."""
 
 

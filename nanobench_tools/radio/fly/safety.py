@@ -47,7 +47,7 @@ class Situation:
 
 
 class Rule(Protocol):
-    """``name`` stands in the exit line and in the log; ``check`` gives why the flight ends, or ""."""
+    """``name`` is in the exit line and in the log; ``check`` gives why the flight ends, or ""."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""A simulated vehicle in this process, flown through cflib on a clock of its own: as fast as the machine can, and the
+"""A simulated vehicle in this process, flown through cflib on a separate clock: as fast as the machine can, and the
 same every time.
 
 cflib is given one more link driver, whose other end is the simulated vehicle. Time stands while anybody works: it goes

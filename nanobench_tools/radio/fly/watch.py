@@ -73,7 +73,7 @@ class Watch:
         self._phase = text
 
     def render(self) -> Table:
-        """What stands in the terminal now."""
+        """What is in the terminal now."""
         from rich.table import Table
 
         link, errors = self._link, list(self._errors)

@@ -52,7 +52,7 @@ class PackageMocap:
                 now = clock.now()
                 sink(_pose(now, system.rigidBodies.get(self.body)))
                 self._ready.set()
-        except Exception as error:  # other people's code; without poses the flight ends by itself
+        except Exception as error:  # other people's code; without poses the flight ends automatically
             if not self._ready.is_set():
                 self._error = f"{type(error).__name__}: {error}"
             self._ready.set()

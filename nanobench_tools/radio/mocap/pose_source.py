@@ -1,6 +1,6 @@
 """What a source of poses has to be while flying; ``mocap_sources`` knows those there are.
 
-A source calls ``sink(pose)`` from a thread of its own for every pose it sees, as soon as it sees it. Poses are metres
+A source calls ``sink(pose)`` from a separate thread for every pose it sees, as soon as it sees it. Poses are metres
 in a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up) into it; the checklist refuses
 what is in another frame.
 """

@@ -78,7 +78,7 @@ class SimulatedCrazyflie:
         self.stop()
 
     def start(self) -> None:
-        """Takes the addresses and begins to serve in a thread of its own."""
+        """Takes the addresses and begins to serve in a separate thread."""
         if self._own_clock:
             return
         self._radio_socket = _bound(self._host, self._port)

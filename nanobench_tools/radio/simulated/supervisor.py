@@ -138,7 +138,7 @@ class Supervisor:
             self.armed = False
         self.state, self._entered_ms = state, now_ms
         if state == S.CHECKS_PASSED:
-            self.armed = True  # this build arms by itself
+            self.armed = True  # this build arms automatically
         elif state == S.CRASHED:
             self.crashed = True
             self._say("SUP: Crashed, recovery needed")

@@ -201,7 +201,7 @@ def _speed(context: Context, rows_s: np.ndarray) -> np.ndarray:
 def _slow_error_s(context: Context, evidence: list[Evidence], rows_s: np.ndarray, delay: np.ndarray) -> np.ndarray:
     """(n,) s: what a slow error of the estimator's position along the track passes off as time.
 
-    Along the track it cannot be told from time; its size is read across the track, where time cannot act.
+    Along the track it cannot be distinguished from time; its size is read across the track, where time cannot act.
     """
     position = next((e for e in evidence if e.kind.name == "position"), None)
     truth = context.once(derivatives_of)
