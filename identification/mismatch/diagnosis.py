@@ -62,7 +62,7 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     wrench = Wrench(recordings.tracks)
     if given is not None:  # what it gives beyond its equivalent is no residual
         wrench.measured = wrench.measured[0] - given.gap[0], wrench.measured[1] - given.gap[1]
-    ratio = _lift(wrench, simulator)
+    ratio = lift_ratio(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
         return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
     moments, decision, proof = judge(recordings, wrench, simulator, seed, say)
@@ -179,7 +179,7 @@ def _unlike(recordings: Recordings, given: Equivalent) -> Verdict:
                     "corrected_simulator": None, "elapsed_s": 0.0}, None)
 
 
-def _lift(wrench: Wrench, simulator: Model) -> float:
+def lift_ratio(wrench: Wrench, simulator: Model) -> float:
     """Mean thrust over mass of the simulator, over that of the flights."""
     up = so3.rotate_inverse(wrench.quaternion[wrench.force_at], np.array([0.0, 0.0, simulator.vehicle.gravity_m_s2]))
     return float(np.mean(wrench.model(simulator)[0][:, 2] + up[:, 2]) / np.mean(wrench.measured[0][:, 2] + up[:, 2]))

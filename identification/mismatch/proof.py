@@ -107,7 +107,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     whole = bool(set(terms) & set(MAPS)) and not set(terms) & set(LEVEL)
     told = {*decision.own, *(LEVEL if set(decision.own) & set(LEVEL) else ())}
     before = _each(own_levels(known, first, first.model, (), whole, told), tracks, numbers)
-    floor = _floor(simulator, tracks, seed)
+    floor = floor_of(simulator, tracks, seed)
     if not terms:
         return Proof(before, before, tuple(names[n] for n in numbers), len(numbers) > 1, {}, None,
                      (simulator, simulator), floor=floor)
@@ -208,7 +208,7 @@ def _noise(track: Track, rng: np.random.Generator) -> np.ndarray:
                            rng.normal(size=track.rate_rad_s.shape) * white(track.rate_rad_s)], axis=1)
 
 
-def _floor(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
+def floor_of(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
     """(H, 4) mean errors of a model that is right, because its start and what it is judged by are noisy: the same
     predictions from starts with noise drawn anew, against each other. Gusts come on top."""
     rng = np.random.default_rng([seed, 7])

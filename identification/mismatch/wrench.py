@@ -148,9 +148,9 @@ class Wrench:
             if model.key not in self._known:
                 self._known[model.key] = self.model(model, model.values)
             return self._known[model.key]
-        return self._of_thrust(model, parameters, *self._thrust(model, parameters))
+        return self._of_thrust(model, parameters, *self.thrust(model, parameters))
 
-    def _thrust(self, model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def thrust(self, model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, rows) thrusts [N] that commands make, lagged where rotors lag, and what was commanded."""
         inputs = self._inputs(model, values)
         flat = np.concatenate(inputs)
@@ -234,7 +234,7 @@ class Wrench:
         drag turns the vehicle about z."""
         key = ("drag at rotors", *model.key)
         if key not in self.slopes:
-            thrust, command = self._thrust(model, model.values)
+            thrust, command = self.thrust(model, model.values)
             acceleration, _ = self._slopes(model, model.values, thrust, command)
             gravity = np.array([0.0, 0.0, model.vehicle.gravity_m_s2])
             mass = model.values_of("mass").get("m", model.vehicle.mass_kg)

@@ -44,7 +44,7 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--engine", metavar="NAME",
               help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
                    "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
-                   "--corrupted: what diagnoses, rules (default) or module:function.")
+                   "--corrupted: what diagnoses, rules (default), posterior or module:function.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "

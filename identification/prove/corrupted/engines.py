@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.mismatch.diagnosis import diagnose
+from identification.mismatch import diagnosis
+from identification.mismatch.posterior import posterior_engine as posterior
 from identification.mismatch.recordings import Recordings
+from identification.mismatch.verdict import Verdict
 from nanobench_tools.errors import UsageError, did_you_mean
 from nanobench_tools.lookup.registry import OURS
 from nanobench_tools.lookup.user_folder import load_module
@@ -17,7 +19,8 @@ from nanobench_tools.physics import Model
 from .kept_results import PHYSICS, READING, code_hash
 from .nominal import as_json
 
-MISMATCH = "nanobench_tools/settings/values/mismatch.toml"
+CODE = ("identification/mismatch/*", "nanobench_tools/settings/values/mismatch.toml", *PHYSICS, *READING)
+"""What every engine of this project is made of."""
 Diagnose = Callable[[Recordings, Model, int], Mapping[str, Any]]
 """-> the content of verdict.json. ``corrected``: the corrected simulator as of ``nominal.as_json``, or None."""
 
@@ -31,22 +34,41 @@ class Engine:
     code: str
 
 
-def rules(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, Any]:
-    """The verdict of ``identification.mismatch.diagnosis``."""
-    verdict = diagnose(recordings, simulator, seed=seed)
+def _content(verdict: Verdict) -> Mapping[str, Any]:
     return {**verdict.to_json(), "corrected": None if verdict.corrected is None else as_json(verdict.corrected)}
 
 
+def by_rules(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, Any]:
+    """The verdict of ``identification.mismatch.diagnosis``."""
+    return _content(diagnosis.diagnose(recordings, simulator, seed=seed))
+
+
+def by_posterior(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, Any]:
+    """The verdict of ``identification.mismatch.posterior``."""
+    return _content(posterior.diagnose(recordings, simulator, seed=seed))
+
+
+OF_THIS_PROJECT: dict[str, tuple[Diagnose, tuple[str, ...]]] = {
+    "rules": (by_rules, CODE),
+    "posterior": (by_posterior, (*CODE, "identification/mismatch/posterior/*",
+                                 "nanobench_tools/settings/values/posterior.toml")),
+}
+"""name: engine, and the files it is made of."""
+
+
 def engine_of(name: str) -> Engine:
-    """``rules``, or ``module:function`` of another engine. UsageError for anything else."""
-    if name == "rules":
-        return Engine(name, rules, code_hash(("identification/mismatch/*", MISMATCH, *PHYSICS, *READING)))
+    """One of ``OF_THIS_PROJECT``, or ``module:function`` of another engine. UsageError for anything else."""
+    if name in OF_THIS_PROJECT:
+        found, files = OF_THIS_PROJECT[name]
+        return Engine(name, found, code_hash(files))
     module, _, attribute = name.partition(":")
     if not attribute:
-        raise UsageError(f"--engine {name} is unknown; {did_you_mean(name, ('rules',))}give rules or module:function")
+        names = ", ".join(OF_THIS_PROJECT)
+        raise UsageError(f"--engine {name} is unknown; {did_you_mean(name, tuple(OF_THIS_PROJECT))}"
+                         f"give {names} or module:function")
     try:
         ours = module.partition(".")[0] in OURS
-        found = getattr(importlib.import_module(module) if ours else load_module(module), attribute)
+        other = getattr(importlib.import_module(module) if ours else load_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise UsageError(f"--engine {name}: {error}") from error
-    return Engine(name, found, code_hash(("identification/mismatch", MISMATCH, *PHYSICS, *READING)))
+    return Engine(name, other, code_hash(CODE))

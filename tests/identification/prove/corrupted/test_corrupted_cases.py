@@ -168,7 +168,8 @@ def test_tables_count_cases_by_vehicle_size_and_belief(made):
 
 def test_engines_are_found_by_name(monkeypatch):
     assert engine_of("rules").name == "rules"
-    assert engine_of("identification.prove.corrupted.engines:rules").diagnose is engine_of("rules").diagnose
+    assert engine_of("posterior").code != engine_of("rules").code
+    assert engine_of("identification.prove.corrupted.engines:by_rules").diagnose is engine_of("rules").diagnose
     for wrong in ("rule", "nowhere:diagnose", "identification.prove.corrupted.engines:nothing"):
         with pytest.raises(UsageError, match="--engine"):
             engine_of(wrong)

@@ -1,0 +1,1 @@
+"""Diagnosis by posterior: the residual wrench as a sum of effects, offsets of flights, a discrepancy and noise."""

@@ -1,0 +1,20 @@
+"""One unit for forces and moments: m/s^2 of acceleration, moments by the arm of the thrust that would make them.
+
+A moment of J rad/s^2 is the thrust of m rad/s^2 J / (m l) at the mean arm l. So a vehicle of 30 g and one of 5 kg are
+judged by the same numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+
+
+def arms(model: Model) -> np.ndarray:
+    """(3,) m/s^2 per rad/s^2 about body x, y, z."""
+    vehicle = model.vehicle
+    mass = model.values_of("mass").get("m", vehicle.mass_kg)
+    inertia = np.array(model.values_of("inertia").get("inertia_kg_m2", vehicle.inertia_kg_m2))
+    x, y = np.abs(np.array(vehicle.motor_positions_m)[:, :2]).mean(axis=0)
+    return np.asarray(inertia / (mass * np.maximum([y, x, np.hypot(x, y)], 1e-3)))

@@ -1,0 +1,235 @@
+"""What stands beside every effect: offsets of flights, physics that has no name, and what logging does.
+
+Columns in groups; every group has one amplitude, in m/s^2 RMS. Features of the discrepancy are random cosines of a
+Gaussian process (Rahimi and Recht 2007), centred: an explicit constant would cancel against the thrust's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
+
+from nanobench_tools import so3
+from nanobench_tools.settings import count, number
+
+from ..space import Space
+from ..track import ROW_S
+from ..wrench import FORCE_ROWS, TORQUE_ROWS, Wrench
+from .effects import Effect
+
+FEATURES = count("posterior.background.features")
+PLACE_LENGTH = number("posterior.background.place_length")
+AIR_LENGTH = number("posterior.background.air_length")
+THRUST_LENGTH, THRUST_FEATURES = 0.8, 5
+SLOWEST_S = number("posterior.background.shortest_period_s")
+"""Shortest period of a disturbance that only time describes."""
+DELAY_S = number("posterior.background.delay_s")
+SHAKE = number("posterior.background.shake")
+FAST_S = 0.3
+"""Thrust that moves faster than this is logged with the shaking of the loop in it."""
+LATE_S = (0.06, 0.15, 0.4)
+SLOW_LATE_S = (1.0, 3.0, 10.0, 25.0)
+SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
+LEVELS = ("tilt", "lift", "trim", "yaw_trim")
+"""Groups that differ from flight to flight."""
+FIXED = "fixed"
+"""Groups of amplitude 1: their columns have the size of a standard deviation."""
+
+
+@dataclass(frozen=True)
+class Background:
+    """``force`` (N, 3, Q) m/s^2, ``torque`` (M, 3, Q) rad/s^2, and the group (Q,) of each column."""
+
+    force: np.ndarray
+    torque: np.ndarray
+    group: np.ndarray
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Those whose amplitude is learnt."""
+        return tuple(dict.fromkeys(g for g in self.group.tolist() if g != FIXED))
+
+
+def rms(columns: np.ndarray) -> np.ndarray:
+    """(n, 3, ...) -> (...) root mean square of the length."""
+    return np.asarray(np.sqrt((columns**2).sum(1).mean(0))) if len(columns) else np.zeros(columns.shape[2:])
+
+
+def turning_size(columns: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """(M, 3, ...) rad/s^2 -> m/s^2 RMS."""
+    if not len(columns):
+        return np.zeros(columns.shape[2:])
+    weight = arm.reshape(3, *[1] * (columns.ndim - 2))
+    return rms(columns * weight)
+
+
+def fourier(inputs: np.ndarray, features: int, length: float, rng: np.random.Generator) -> np.ndarray:
+    """(n, 2 features) centred cosines of a Gaussian process of unit variance over inputs (n, d), whose length scale is
+    ``length`` standard deviations."""
+    z = (inputs - inputs.mean(0)) / np.maximum(inputs.std(0), 1e-6)
+    angle = z @ (rng.normal(size=(z.shape[1], features)) / length)
+    found = np.concatenate([np.cos(angle), np.sin(angle)], axis=1) / np.sqrt(features)
+    return np.asarray(found - found.mean(0))
+
+
+class _Columns:
+    def __init__(self, forces: int, torques: int) -> None:
+        self.sizes = forces, torques
+        self.force: list[np.ndarray] = []
+        self.torque: list[np.ndarray] = []
+        self.group: list[str] = []
+
+    def add(self, name: str, force: np.ndarray | None = None, torque: np.ndarray | None = None) -> None:
+        """(N, 3, k), (M, 3, k); None: does nothing there."""
+        many = next(c.shape[2] for c in (force, torque) if c is not None)
+        self.force.append(np.zeros((self.sizes[0], 3, many)) if force is None else force)
+        self.torque.append(np.zeros((self.sizes[1], 3, many)) if torque is None else torque)
+        self.group += [name] * many
+
+    def done(self) -> Background:
+        return Background(np.concatenate(self.force, 2), np.concatenate(self.torque, 2), np.array(self.group))
+
+
+def _on_axes(features: np.ndarray, axes: Sequence[int] = (0, 1, 2)) -> np.ndarray:
+    """(n, k) -> (n, 3, k len(axes)): every feature along every axis."""
+    eye = np.eye(3)[:, list(axes)]
+    return np.asarray(np.einsum("nk,ij->nijk", features, eye).reshape(len(features), 3, -1))
+
+
+def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: np.ndarray, seed: int) -> Background:
+    """All columns that stand beside the effects. ``arm``: ``arm_unit.arms``."""
+    rng = np.random.default_rng([seed, 11])
+    at, turns = wrench.force_at, wrench.torque_at
+    quaternion = wrench.quaternion[at]
+    frame = so3.matrix(quaternion)
+    made = wrench.model(space.model)[0]
+    found = _Columns(len(at), len(turns))
+
+    def in_body(world: np.ndarray) -> np.ndarray:
+        return np.asarray(np.einsum("nji,njk->nik", frame, world))
+
+    _levels(found, wrench, made, quaternion, arm)
+    place, air = wrench.of("position_m", at), so3.rotate_inverse(quaternion, wrench.of("velocity_m_s", at))
+    load = np.sqrt(np.mean(wrench.of("motor", at) ** 2, axis=1))
+    found.add("place", in_body(_on_axes(fourier(place, FEATURES, PLACE_LENGTH, rng))))
+    found.add("air", _on_axes(fourier(air, FEATURES, AIR_LENGTH, rng)))
+    found.add("thrust", _on_axes(fourier(load[:, None], THRUST_FEATURES, THRUST_LENGTH, rng), [2]))
+    found.add("time", in_body(_in_time(wrench, at)))
+    found.add("late", _late(wrench, made[:, 2]))
+    if len(turns):
+        turned = wrench.quaternion[turns]
+        there = so3.rotate_inverse(turned, wrench.of("velocity_m_s", turns))
+        push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
+        about = 1.0 / arm[None, :, None]
+        found.add("turn_place", torque=about * _on_axes(fourier(wrench.of("position_m", turns), FEATURES, PLACE_LENGTH,
+                                                               rng)))
+        found.add("turn_air", torque=about * _on_axes(fourier(there, FEATURES, AIR_LENGTH, rng)))
+        found.add("turn_thrust", torque=about * _on_axes(fourier(push[:, None], THRUST_FEATURES, THRUST_LENGTH, rng)))
+        found.add("turn_late", torque=about * _on_axes(_fast_load(wrench, push)))
+    _logging(found, wrench, space, effects, made)
+    return found.done()
+
+
+def _levels(found: _Columns, wrench: Wrench, made: np.ndarray, quaternion: np.ndarray, arm: np.ndarray) -> None:
+    """Of every flight beside the mean of all: tilt of the markers, thrust as a whole, trim of the motors; per m/s^2.
+    What all flights share is no part of it: large equal levels would cancel against large effects."""
+    flights = np.unique(wrench.flight)
+    many = len(flights)
+    if many < 2:
+        return
+    beside = (np.eye(many) - 1.0 / many) * np.sqrt(many / (many - 1.0))
+    each = (wrench.flight[wrench.force_at][:, None] == flights).astype(float) @ beside
+    up = so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0]))
+    lift = np.zeros((len(made), 3))
+    lift[:, 2] = (made + 9.81 * up)[:, 2]
+    lift /= max(float(rms(lift)), 1e-6)
+    thrust = lift[:, 2:]
+    tilt = np.zeros((len(made), 3, 2))
+    tilt[:, 0, 0], tilt[:, 1, 1] = thrust[:, 0], thrust[:, 0]
+    for axis in range(2):
+        found.add("tilt", tilt[..., axis, None] * each[:, None, :])
+    found.add("lift", lift[..., None] * each[:, None, :])
+    if len(wrench.torque_at):
+        turning = (wrench.flight[wrench.torque_at][:, None] == flights).astype(float) @ beside
+        for axis in range(3):
+            column = np.zeros((len(turning), 3, len(flights)))
+            column[:, axis] = turning / arm[axis]
+            found.add("trim" if axis < 2 else "yaw_trim", torque=column)
+
+
+def _in_time(wrench: Wrench, at: np.ndarray) -> np.ndarray:
+    """(N, 3, k) slow cosines of time, world, every flight its own."""
+    flight, since = wrench.flight[at], wrench.of("since_s", at)
+    parts = []
+    for one in np.unique(flight):
+        mine = flight == one
+        start, span = since[mine].min(), max(float(np.ptp(since[mine])), 1.0)
+        many = int(2.0 * span / SLOWEST_S)
+        if many:
+            wave = np.zeros((len(at), many))
+            turns = np.arange(1, many + 1) * (since[mine, None] - start) / span
+            wave[mine] = np.cos(np.pi * turns) * np.sqrt(2.0 / many)
+            parts.append(_on_axes(wave))
+    return np.concatenate(parts, 2) if parts else np.zeros((len(at), 3, 0))
+
+
+def _late(wrench: Wrench, made: np.ndarray) -> np.ndarray:
+    """(N, 3, k) thrust of the past along z: batteries, motors that warm up, lags that no term has."""
+    thrust = made - made.mean()
+
+    def lagged(tau_s: float) -> np.ndarray:
+        keep = np.exp(-SAMPLE_S / tau_s)
+        return _by_track(wrench, thrust, lambda x: lfilter([1.0 - keep], [1.0, -keep], x, zi=[keep * x[0]])[0])
+
+    columns = [thrust - lagged(t) for t in LATE_S] + [lagged(t) for t in SLOW_LATE_S]
+    return _along_z(np.stack([(c - c.mean()) / max(float(np.std(c)), 1e-6) for c in columns], axis=1))
+
+
+def _fast_load(wrench: Wrench, push: np.ndarray) -> np.ndarray:
+    """(M, k) what of the load changes fast: with a trim it turns the vehicle as no lag or delay says exactly."""
+    track = wrench.track[wrench.torque_at]
+    found = np.zeros((len(push), len(LATE_S)))
+    for one in np.unique(track):
+        mine = track == one
+        for k, tau_s in enumerate(LATE_S):
+            keep = np.exp(-STRETCH_S / tau_s)
+            x = push[mine]
+            found[mine, k] = x - lfilter([1.0 - keep], [1.0, -keep], x, zi=[keep * x[0]])[0]
+    return np.asarray(found / np.maximum(found.std(0), 1e-9))
+
+
+def _by_track(wrench: Wrench, values: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(N,) values, those of each track changed by themselves."""
+    found = np.zeros_like(values)
+    track = wrench.track[wrench.force_at]
+    for one in np.unique(track):
+        mine = track == one
+        found[mine] = change(values[mine])
+    return found
+
+
+def _along_z(columns: np.ndarray) -> np.ndarray:
+    found = np.zeros((len(columns), 3, columns.shape[1]))
+    found[:, 2] = columns
+    return found
+
+
+def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Effect], made: np.ndarray) -> None:
+    """What the logging of commands feigns, each with the size of a standard deviation: the moment a row stands for,
+    rotors whose speed lags in place of their thrust, drag at the rotors, thrust that shakes between rows, and another
+    slope of thrust."""
+    model = space.model
+    for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model)):
+        found.add(FIXED, force[..., None], torque[..., None])
+    delay = next((e for e in effects if e.term == "command_delay"), None)
+    if delay is not None:
+        per_s = 1.0 / next(iter(delay.moves.values()))[0]
+        found.add(FIXED, DELAY_S * per_s * delay.force[..., :1], DELAY_S * per_s * delay.torque[..., :1])
+    thrust = made[:, 2]
+    slow = _by_track(wrench, thrust, lambda x: gaussian_filter1d(x, FAST_S / SAMPLE_S, mode="nearest"))
+    for column in (thrust - slow, thrust - thrust.mean()):
+        found.add(FIXED, SHAKE * _along_z(column[:, None]))

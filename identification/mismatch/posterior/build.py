@@ -1,0 +1,122 @@
+"""From recordings and a simulator to the evidence: residual, effects, background, whitened Gram matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.model import Slot
+
+from ..space import MAPS, Space
+from ..wrench import Wrench
+from .arm_unit import arms
+from .background import Background, background_of, rms, turning_size
+from .effects import Effect, effects_of
+from .rows import Rows, rows_of
+from .set_evidence import MEANS, Evidence
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a set of effects is asked about: the wrench, the space around the simulator, and its columns."""
+
+    wrench: Wrench
+    space: Space
+    simulator: Model
+    effects: Sequence[Effect]
+    background: Background
+    rows: Rows
+    values: np.ndarray
+    evidence: Evidence
+    flights: np.ndarray
+    grams: np.ndarray
+    arm: np.ndarray
+    _factors: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict, repr=False)
+
+    def across(self, asked: np.ndarray) -> np.ndarray:
+        """(flights, C + k, k) inner products, flight by flight, of all that stands beside a set with whitened columns
+        ``asked`` (R, k), and of these among themselves."""
+        both = np.concatenate([self.values[:, :-1], asked], axis=1)
+        return np.stack([both[mine].T @ asked[mine] for mine in self.rows_by_flight])
+
+    def beside(self, across: np.ndarray, without: Sequence[int] = ()) -> np.ndarray:
+        """(k, k) inner products of the columns of ``across`` with all that stands beside a set integrated out;
+        ``without`` some flights."""
+        keep, key = ~np.isin(self.flights, list(without)), tuple(sorted(without))
+        if key not in self._factors:
+            self._factors[key] = self.evidence.factor_beside(self.grams[keep].sum(0)[:-1, :-1])
+        mine = across[keep].sum(0)
+        many = self.values.shape[1] - 1
+        return self.evidence.beside(self._factors[key], mine[:many], mine[many:])
+
+    @cached_property
+    def rows_by_flight(self) -> list[np.ndarray]:
+        """Rows of each flight."""
+        return [np.flatnonzero(self.rows.flight == f) for f in self.flights]
+
+
+def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case:
+    """Everything that does not depend on which set is asked about."""
+    arm = arms(simulator)
+    effects = effects_of(wrench, space, simulator)
+    background = background_of(wrench, space, effects, arm, seed)
+    owner = np.repeat(np.arange(len(effects)), [e.width for e in effects])
+    force = np.concatenate([e.force for e in effects], 2)
+    torque = np.concatenate([e.torque for e in effects], 2)
+    pushes, turns = rms(force), turning_size(torque, arm)
+    unit = np.hypot(pushes, turns)
+    force, torque = force / unit, torque / unit
+    lower, upper = (np.concatenate([getattr(e, side) for e in effects]) for side in ("lower", "upper"))
+    residual = wrench.residual(space.model)
+    prior = np.concatenate([np.minimum(1.0, np.maximum(np.abs(lower), np.abs(upper)) * unit),
+                            [MEANS.get(g, 1.0) for g in background.group.tolist()]])
+    forces, torques = np.concatenate([force, background.force], 2), np.concatenate([torque, background.torque], 2)
+    rows = rows_of(wrench, residual, forces, torques, prior)
+    values = np.concatenate([rows.of(forces, torques), rows.of(residual[0][..., None], residual[1][..., None])], axis=1)
+    numbers = np.unique(rows.flight)
+    grams = np.stack([values[rows.flight == f].T @ values[rows.flight == f] for f in numbers])
+    work = np.stack([part[:, k].T @ part[:, k] / max(len(part), 1)
+                     for part in (force, torque * arm[None, :, None]) for k in range(3)])
+    evidence = Evidence(effects, background, grams.sum(0), owner, unit, lower * unit, upper * unit,
+                        _believed(wrench, space, effects, unit, arm), work, (turns / unit) ** 2, arm, len(numbers))
+    return Case(wrench, space, simulator, effects, background, rows, values, evidence, numbers, grams, arm)
+
+
+def _believed(wrench: Wrench, space: Space, effects: Sequence[Effect], unit: np.ndarray,
+              arm: np.ndarray) -> np.ndarray:
+    """(P,) m/s^2 that the simulator's own terms do along each direction, against where they do nothing; 0 of terms it
+    does not have, and of thrust maps, which do everything. Of an inertia: what turns the vehicle."""
+    model = space.model
+    slots = {slot.name: slot for slot in model.slots}
+    here, found, done = wrench.model(model), list[float](), dict[tuple[float, ...], float]()
+    for effect in effects:
+        for k in range(effect.width):
+            moved = [n for n, way in effect.moves.items() if way[k]]
+            size = 0.0
+            if effect.term == "inertia":
+                whole = sum(model.parameters[n] * float(effect.moves[n][k]) for n in moved)
+                size = float(unit[len(found)]) * abs(whole)
+            elif effect.term in space.believed and effect.term not in MAPS and moved:
+                rest = {n: rest_of(slots[n], model) for n in moved}
+                values = model.values.copy()
+                values[[model.index(n) for n in moved]] = list(rest.values())
+                key = tuple(values)
+                if key not in done:
+                    there = wrench.model(model, values)
+                    done[key] = float(np.hypot(rms(there[0] - here[0]), turning_size(there[1] - here[1], arm)))
+                size = done[key]
+            found.append(size)
+    return np.array(found)
+
+
+def rest_of(slot: Slot, model: Model) -> float:
+    """Where a parameter does nothing."""
+    neutral = slot.parameter.neutral
+    if isinstance(neutral, str):
+        value = getattr(model.vehicle, neutral)
+        return float(value[slot.element] if isinstance(value, tuple) else value)
+    return float(neutral or 0.0)

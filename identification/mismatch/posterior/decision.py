@@ -1,0 +1,178 @@
+"""From probabilities to findings: which effects are named, what else each could be, and how large it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+from nanobench_tools.settings import number
+
+from ..space import reduced
+from ..wrench import CHANNELS
+from .build import Case, rest_of
+from .sizing import INSIDE, Refined, on_map, parts_of
+from .weighing import Weighing
+
+NAMED = number("posterior.decision.named")
+"""A false name costs this over one less this times what a missed one costs."""
+LEANING = number("posterior.decision.leaning")
+ALTERNATIVE = number("posterior.decision.alternative")
+"""Log evidence that an exchange may cost for these flights not to tell two effects."""
+NINETY_FIVE = 1.96
+TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass": ("thrust_scale",),
+                                     "thrust_scale": ("mass",)}
+"""Terms that differ by gains of torque only, which no flight tells well enough: along roll and pitch unequal motors do
+what a centre of mass does, and free flight shows thrust per mass."""
+SHOWS = 0.3
+"""An effect shows along an axis from this share of its strongest one on."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter: what the simulator has, what flights say, and the half width of its 95 % interval."""
+
+    believed: float
+    value: float
+    half: float
+    unit: str
+
+    @property
+    def excludes(self) -> bool:
+        """Whether the interval leaves the simulator's value out."""
+        return abs(self.value - self.believed) > self.half
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect: its term, terms that these flights cannot tell from it with the probability of each, probability of
+    the class, sizes by parameter, and what it does: m/s^2 RMS of force and rad/s^2 RMS of turning."""
+
+    term: str
+    equivalent: Mapping[str, float]
+    probability: float
+    sizes: Mapping[str, Size]
+    force_m_s2: float
+    torque_rad_s2: float
+    axes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """findings; leaning {term: probability}; rejected {term: why}; found: sizes of what is named; corrected: the
+    simulator with them."""
+
+    findings: tuple[Finding, ...]
+    leaning: Mapping[str, float]
+    rejected: Mapping[str, str]
+    found: Refined
+    corrected: Model | None
+
+
+def decide(case: Case, judge: Callable[[Refined, Refined], float]) -> Decision:
+    """Names the classes of effects whose probability reaches NAMED; ``judge`` gives what predictions of left-out
+    flights say: log likelihood of the first sizes over the second."""
+    evidence, weighing = case.evidence, Weighing(case, judge)
+    posterior = weighing.weigh()
+    best = max(posterior, key=lambda s: posterior[s])
+    kinds = {i: _class_of(weighing, best, i) for i in best}
+    sure = {i: sum(p for s, p in posterior.items()
+                   if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
+    by_term, rejected = _by_term(case, posterior), dict[str, str]()
+    found = weighing.sizes(tuple(i for i in best if sure[i] >= NAMED))
+    while found.chosen:
+        sizes = {i: _sizes(case, i, found) for i in found.chosen}
+        said = {i: f"the interval holds what the simulator has, {_shortest(sizes[i])}" for i in found.chosen
+                if not any(size.excludes for size in sizes[i].values())}
+        said |= {i: "it would have to lie on the bound of what such a vehicle can have" for i in found.chosen
+                 if i not in said and _on_bound(case, i, found)}
+        if not said:
+            break
+        rejected |= {case.effects[i].term: why for i, why in said.items()}
+        found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
+    findings = tuple(_finding(case, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
+    named = {t for f in findings for t in (f.term, *f.equivalent)}
+    leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
+    rejected |= {t: f"probability {p:.2g}, below {NAMED:g}" for t, p in by_term.items()
+                 if t not in named and t not in rejected and t not in leaning}
+    return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None)
+
+
+def _on_bound(case: Case, which: int, found: Refined) -> bool:
+    """Whether a size ended at a bound, other than where the term does nothing."""
+    effect, part = case.effects[which], dict(parts_of(case, found.chosen, found.step))[which]
+    at = (((part <= INSIDE * effect.lower) & (effect.lower < 0.0))
+          | ((part >= INSIDE * effect.upper) & (effect.upper > 0.0)))
+    slots = {slot.name: slot for slot in case.space.model.slots}
+    before, after = case.space.model.parameters, found.model.parameters
+    for name, way in effect.moves.items():
+        rest = rest_of(slots[name], case.space.model)
+        if abs(after[name] - rest) < 2.0 * (1.0 - INSIDE) * abs(before[name] - rest):
+            at &= way == 0.0
+    return bool(at.any())
+
+
+def _shortest(sizes: Mapping[str, Size]) -> str:
+    name, size = next(iter(sizes.items()))
+    return f"{name} {size.value:.3g} +- {size.half:.2g} {size.unit}"
+
+
+def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str, float]:
+    found = dict.fromkeys((e.term for e in case.effects), 0.0)
+    for chosen, p in posterior.items():
+        for term in {case.effects[i].term for i in chosen}:
+            found[term] += p
+    return found
+
+
+def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
+    """{term: log odds lost by the exchange}: terms that could stand in the place of one of a set."""
+    evidence = weighing.case.evidence
+    term = evidence.effects[which].term
+    found = {term: 0.0} | dict.fromkeys(TWINS.get(term, ()), 0.0)
+    for other, effect in enumerate(evidence.effects):
+        exchanged = tuple(sorted({*chosen, other} - {which}))
+        if effect.term in found or len(exchanged) != len(chosen) or not evidence.allowed(exchanged):
+            continue
+        lost = weighing.score(chosen) - weighing.score(exchanged)
+        if lost < ALTERNATIVE:
+            found[effect.term] = min(lost, found.get(effect.term, np.inf))
+    return found
+
+
+def _sizes(case: Case, which: int, found: Refined) -> dict[str, Size]:
+    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
+    at = found.chosen.index(which)
+    mine = slice(int(ends[at]), int(ends[at + 1]))
+    effect, part, covariance = case.effects[which], found.step[mine], found.covariance[mine, mine]
+    if effect.map_share:
+        return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}
+    units = dict(zip(found.model.names, found.model.units, strict=True))
+    believed = case.space.model.parameters
+    return {name: Size(believed[name], believed[name] + float(way @ part),
+                       NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name])
+            for name, way in effect.moves.items()}
+
+
+def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], probability: float,
+             by_term: Mapping[str, float]) -> Finding:
+    effect = case.effects[which]
+    part = dict(parts_of(case, found.chosen, found.step))[which]
+    force, torque = effect.force @ part, effect.torque @ part
+    by_axis = np.concatenate([np.sqrt((force**2).mean(0)),
+                              np.sqrt((torque**2).mean(0)) * case.arm if len(torque) else np.zeros(3)])
+    axes = tuple(n for n, size in zip(CHANNELS, by_axis, strict=True) if size > SHOWS * by_axis.max())
+    others = {t: by_term[t] for t in kind if t != effect.term and t in by_term}
+    return Finding(effect.term, others, probability, _sizes(case, which, found),
+                   float(np.sqrt((force**2).sum(1).mean())),
+                   float(np.sqrt((torque**2).sum(1).mean())) if len(torque) else 0.0, axes)
+
+
+def _written(case: Case, found: Refined) -> Model:
+    """The corrected simulator: its own terms and the named ones; another map where that is named."""
+    named = tuple(case.effects[i].term for i in found.chosen if not case.effects[i].map_share)
+    return reduced(on_map(case, found.chosen, found.model), case.space.believed, named)
+
+

@@ -1,0 +1,212 @@
+"""What each term of the vocabulary would do to the residual: columns of force and torque, per unit of what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+from nanobench_tools.settings import setting
+
+from ..diagnosis import ANOTHER
+from ..space import LEVEL, MAPS, Space, fixed_mean, scales, space_of_other_map
+from ..track import joined
+from ..wrench import Wrench
+
+STARTS: dict[str, tuple[float, ...]] = setting("posterior.effects.starts")
+"""Of parameters that act far from linearly: sizes at which an effect is tried, in the parameter's unit."""
+QUANTILES: tuple[float, ...] = setting("posterior.effects.quantiles")
+"""Of the inputs: limits that are tried."""
+STEP = 1e-3
+"""Of a parameter's usual size: the slope of what acts nearly linearly."""
+DISTINCT = 3e-3
+"""A direction of a list of parameters that is this near to the others is none of its own."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One reading of a term: k directions in which its parameters may move, from the simulator's values. ``force``
+    (N, 3, k) m/s^2 and ``torque`` (M, 3, k) rad/s^2 per unit of a direction; ``moves`` {flat name: (k,)} what the
+    parameter changes by per unit; ``lower``, ``upper`` (k,) bounds of a direction. ``map_share``: the direction is the
+    share of another thrust map."""
+
+    term: str
+    force: np.ndarray
+    torque: np.ndarray
+    moves: dict[str, np.ndarray]
+    lower: np.ndarray
+    upper: np.ndarray
+    map_share: bool = False
+
+    @property
+    def width(self) -> int:
+        """Number of directions."""
+        return int(self.force.shape[2])
+
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+def _less(a: Pair, b: Pair, by: float = 1.0) -> Pair:
+    return (a[0] - b[0]) / by, (a[1] - b[1]) / by
+
+
+def _moved(model: Model, index: int, by: float) -> np.ndarray:
+    values = model.values.copy()
+    values[index] += by
+    return values
+
+
+def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
+    """All readings of all terms around ``space.model``: one of what acts nearly linearly, several of what does not."""
+    model = space.model
+    here, sizes = wrench.model(model), scales(model)
+    found: list[Effect] = []
+
+    def secant(index: int, by: float) -> Pair:
+        return _less(wrench.model(model, _moved(model, index, by)), here, by)
+
+    for term in space.terms:
+        free = space.free(term)
+        names = [model.names[i] for i in free]
+        if term in MAPS:
+            whole = secant(model.index("thrust_scale.s"), STEP)
+            found += _of_map(term, [secant(int(i), STEP * sizes[i]) for i in free], names, whole)
+        elif any(_place(n) in STARTS for n in names) or any(n.startswith("saturation.") for n in names):
+            found += _far(wrench, model, term, free, here)
+        elif any(fixed_mean(model)[i] for i in free):
+            found.append(_of_list(term, [secant(int(i), STEP) for i in free], names, model, free))
+        else:
+            keep = [int(i) for i in free if not _untold(model.names[i])]
+            pairs = [secant(i, _step(model, i, STEP * sizes[i])) for i in keep]
+            if pairs:
+                lower, upper = _bounds(model)
+                found.append(Effect(term, *_stacked(pairs), _own([model.names[i] for i in keep]),
+                                    lower[keep] - model.values[keep], upper[keep] - model.values[keep]))
+    other = space_of_other_map(simulator, wrench.battery_V, space.unasked)
+    if other is not None:
+        found.append(_other_map(wrench, model, other.model, here))
+    return [e for e in (_seen(effect) for effect in found) if e is not None]
+
+
+def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) what a vehicle of this mass and these arms can have: a term's own bounds of a fit where it states any, such
+    as all mass at the motors, else the physical ones; the simulator's value is always inside. Of weight and thrust what
+    is no other vehicle."""
+    lower, upper = model.lower.copy(), model.upper.copy()
+    for i, slot in enumerate(model.slots):
+        if callable(slot.parameter.fitted):
+            lower[i], upper[i] = slot.parameter.fitted(model.vehicle)[slot.element]
+        if slot.term.name in LEVEL:
+            lower[i], upper[i] = model.values[i] / ANOTHER, model.values[i] * ANOTHER
+    return np.minimum(lower, model.values), np.maximum(upper, model.values)
+
+
+def _place(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _step(model: Model, index: int, by: float) -> float:
+    return by if model.values[index] + by <= model.upper[index] else -by
+
+
+def _untold(name: str) -> bool:
+    """What no flight tells: a steady vertical push is a mass or a thrust; of the inertia about z only the ratio to the
+    moment of the rotors acts."""
+    return name in ("force_world.f_N[2]", "wind.w_m_s[2]", "inertia.inertia_kg_m2[2]")
+
+
+def _own(names: Sequence[str]) -> dict[str, np.ndarray]:
+    return dict(zip(names, np.eye(len(names)), strict=True))
+
+
+def _stacked(pairs: Sequence[Pair]) -> Pair:
+    return np.stack([p[0] for p in pairs], -1), np.stack([p[1] for p in pairs], -1)
+
+
+def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair) -> list[Effect]:
+    """One reading for every size at which the term is tried: the secant from the simulator's value there. A list of
+    time constants moves together: which of them differs is told afterwards."""
+    found = []
+    asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
+    if term == "saturation":
+        groups = [([index], size - float(model.values[index])) for index in asked
+                  for size in _limits(wrench, model, index)]
+    else:
+        groups = [(asked, size - float(np.mean(model.values[asked]))) for size in STARTS[_place(model.names[asked[0]])]]
+    for indices, by in groups:
+        values = model.values.copy()
+        values[indices] = np.clip(values[indices] + by, model.lower[indices], model.upper[indices])
+        if abs(by) < 1e-9 or np.array_equal(values, model.values):
+            continue
+        force, torque = _less(wrench.model(model, values), here)
+        moves = {model.names[i]: np.array([values[i] - model.values[i]]) for i in indices}
+        room = np.array([(bound[i] - model.values[i]) / moves[model.names[i]][0] for i in indices
+                         for bound in (model.lower, model.upper) if abs(moves[model.names[i]][0]) > 0.0])
+        found.append(Effect(term, force[..., None], torque[..., None], moves,
+                            np.array([max(room[room <= 0.0], default=0.0)]), np.array([min(room[room > 0.0])])))
+    return found
+
+
+def _limits(wrench: Wrench, model: Model, index: int) -> list[float]:
+    """Values of a limit that is tried: some that flights reach, and one that they never reach where they do now."""
+    values, most = model.values.copy(), float(model.values[index])
+    values[index] = model.upper[index]
+    judged = np.concatenate([t.counts for t in wrench.tracks])
+    reached = (joined(wrench.tracks, "motor")[judged].ravel() if model.names[index].endswith("u_max")
+               else wrench.thrust(model, values)[1][:, judged].ravel())
+    sizes = [min(float(np.quantile(reached, q)), 0.99 * most) for q in QUANTILES]
+    return list(dict.fromkeys(sizes)) + ([float(reached.max())] if most < float(reached.max()) else [])
+
+
+def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Model, free: np.ndarray) -> Effect:
+    """A list whose mean is given by definition, such as the gains of motors: the direction along which only yaw is
+    upset. Along the others unequal motors turn a vehicle as its centre of mass does, and com_offset is asked."""
+    spin = np.array(model.vehicle.spin)
+    way = spin - spin.mean()
+    way = (way / max(float(np.abs(way).max()), 1e-9))[:, None]
+    force, torque = _stacked(pairs)
+    room = float(np.min(np.minimum(model.upper[free] - model.values[free], model.values[free] - model.lower[free])))
+    wide = np.array([max(room, 1e-3)])
+    return Effect(term, force @ way, torque @ way, dict(zip(names, way, strict=True)), -wide, wide)
+
+
+def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair) -> list[Effect]:
+    """The shape of a thrust map: what of its coefficients is no thrust as a whole ``whole``, in directions of their
+    own."""
+    force, torque = _stacked(pairs)
+    flat, level = force.reshape(-1, force.shape[2]), whole[0].ravel()
+    share = (level @ flat) / (level @ level)
+    _, size, right = np.linalg.svd(flat - np.outer(level, share), full_matrices=False)
+    keep = size > DISTINCT * size[0]
+    ways = right[keep].T / (size[keep] / np.sqrt(len(force)))
+    limit = np.full(int(keep.sum()), np.inf)
+    force, torque = (part @ ways - all_of_it[..., None] * (share @ ways)
+                     for part, all_of_it in zip((force, torque), whole, strict=True))
+    return [Effect(term, force, torque, dict(zip(names, ways, strict=True)), -limit, limit)]
+
+
+def _other_map(wrench: Wrench, model: Model, other: Model, here: Pair) -> Effect:
+    """Thrust that follows the battery where the simulator's does not, or the reverse."""
+    values = dict(zip(model.names, model.values, strict=True))
+    there = other.with_parameters({n: values[n] for n in other.names
+                                   if n in values and n.partition(".")[0] not in MAPS})
+    name = next(t.name for t in other.terms if t.name in MAPS and t.name not in model)
+    force, torque = _less(wrench.model(there), here)
+    return Effect(name, force[..., None], torque[..., None], {}, np.array([-1.0]), np.array([2.0]), map_share=True)
+
+
+def _seen(effect: Effect) -> Effect | None:
+    """Without directions that do nothing in these flights; None where none is left."""
+    size = np.sqrt((effect.force**2).sum(1).mean(0))
+    if effect.torque.size:
+        size = size + np.sqrt((effect.torque**2).sum(1).mean(0))
+    span = np.minimum(effect.upper - effect.lower, 1e3)
+    keep = np.isfinite(size) & (size * span > 1e-6)
+    if not keep.any():
+        return None
+    return Effect(effect.term, effect.force[..., keep], effect.torque[..., keep],
+                  {n: way[keep] for n, way in effect.moves.items()}, effect.lower[keep], effect.upper[keep],
+                  effect.map_share)

@@ -1,0 +1,149 @@
+"""Predictions of flights that were left out, before and after: each with its own offsets, which both share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+from nanobench_tools.settings import number
+
+from ..proof import FOLDS, HORIZONS, QUANTITIES, prediction_errors, relative_intervals
+from ..track import ROW_S
+from .build import Case
+from .sizing import Refined, moved_by, on_map, parts_of, refine
+
+WINDOW_S = number("posterior.left_out_flights.window_s")
+"""Seconds of flight that hold one independent prediction."""
+MOST = number("posterior.left_out_flights.most")
+"""Nats: what predictions of one flight can say for or against an effect; they start from noisy inputs, which favour a
+sluggish vehicle."""
+KINDS = (slice(0, 2), slice(2, 4))
+"""Of ``proof.QUANTITIES``: the path, and turning."""
+GAINS = (0.3, 2.0)
+"""Bounds of the gain from logged commands to turning."""
+JUDGED = slice(1, None)
+"""Horizons that are judged: 0.1 and 0.5 s."""
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """Errors (flights, H, 4) at ``proof.HORIZONS`` of ``proof.QUANTITIES``; ``after`` by sizes that were fitted without
+    the flight. ``ci95`` {steps: (lo, hi)} of the share that is taken away, of what improves most."""
+
+    flights: tuple[str, ...]
+    before: np.ndarray
+    after: np.ndarray
+    ci95: dict[int, tuple[float, float]]
+    held_out: bool
+
+
+class Predictions:
+    """Errors of flights that were left out of a fit, kept by what was named."""
+
+    def __init__(self, case: Case, names: Sequence[str], seed: int) -> None:
+        self.case, self.names, self.seed = case, names, seed
+        self._known: dict[tuple[int, ...], np.ndarray] = {}
+
+    def of(self, found: Refined) -> np.ndarray:
+        """(flights, H, 4): every flight by sizes fitted without it and its fold."""
+        if found.chosen not in self._known:
+            self._known[found.chosen] = self._errors(found)
+        return self._known[found.chosen]
+
+    def likelihood(self, one: Refined, other: Refined) -> float:
+        """Log likelihood of one fit over another: errors of each flight as normal ones of unknown size, those of the
+        path and those of turning each for themselves (the log of the ratio of errors is all that counts)."""
+        ratio = np.log(np.maximum(self.of(other), 1e-9) / np.maximum(self.of(one), 1e-9))[:, JUDGED]
+        told = [ratio[:, :, kind].mean(axis=(1, 2)) for kind in KINDS]
+        each = np.sum([np.where(np.isfinite(part), part, 0.0) for part in told], axis=0)
+        return float(np.clip(self.windows * each, -MOST, MOST).sum())
+
+    @cached_property
+    def windows(self) -> np.ndarray:
+        """(flights,) independent predictions in each."""
+        track = self.case.wrench.tracks
+        judged = [sum(int(t.counts.sum()) for t in track if t.flight == f) * ROW_S for f in self.case.flights]
+        return np.array(judged) / WINDOW_S
+
+    def improvement(self, found: Refined) -> Improvement:
+        """Before and after."""
+        before, after = self.of(refine(self.case, ())), self.of(found)
+        ci95 = relative_intervals(before, after, self.seed) if found.chosen else {}
+        return Improvement(tuple(self.names[int(n)] for n in self.case.flights), before, after, ci95,
+                           len(self.case.flights) > 1)
+
+    def _errors(self, found: Refined) -> np.ndarray:
+        case, numbers = self.case, [int(f) for f in self.case.flights]
+        errors = np.zeros((len(numbers), len(HORIZONS), 4))
+        folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if found.chosen else [numbers]
+        for left_out in folds:
+            step = found.without(case, left_out if len(numbers) > 1 else ())
+            model = moved_by(case, found.chosen, step) if found.chosen else case.space.model
+            offset = _own_offsets(case, found.chosen, step, model)
+            for one in left_out:
+                place = numbers.index(one)
+                tracks = [t for t in case.wrench.tracks if t.flight == one]
+                errors[place] = prediction_errors(on_map(case, found.chosen, offset[place]), tracks, [one])[0]
+        return errors
+
+
+def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: Model) -> list[Model]:
+    """The model once for every flight, with tilt, thrust and trim as that flight has them beside the mean of all, and
+    with the gain of its logged commands: a noisy command turns a vehicle less than a true one, and what only makes up
+    for that predicts no better."""
+    wrench = case.wrench
+    force, torque = wrench.residual(model)
+    for i, part in parts_of(case, chosen, step):
+        if case.effects[i].map_share:
+            force = force - case.effects[i].force @ part
+            torque = torque - case.effects[i].torque @ part
+    by_force, by_torque = wrench.flight[wrench.force_at], wrench.flight[wrench.torque_at]
+    gain = np.array([_gain(wrench.measured[1][by_torque == f], torque[by_torque == f]) for f in case.flights])
+    pushed = np.array([np.median(force[by_force == f], axis=0) for f in case.flights])
+    made = wrench.measured[1] - torque
+    turned = np.array([np.median(torque[by_torque == f] + (1.0 - g) * made[by_torque == f], axis=0)
+                       if len(torque) else np.zeros(3) for f, g in zip(case.flights, gain, strict=True)])
+    pushed, turned = pushed - pushed.mean(0), turned - turned.mean(0)
+    found = []
+    weight = model.vehicle.gravity_m_s2
+    values = model.parameters
+    mass = model.values_of("mass").get("m", model.vehicle.mass_kg)
+    inertia = np.array(model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2))
+    for push, turn, mine in zip(pushed, turned, inertia / gain, strict=True):
+        changes = {"thrust_scale.s": values["thrust_scale.s"] * (1.0 + push[2] / weight)}
+        if "frame_tilt.pitch_rad" in values:
+            changes |= {"frame_tilt.pitch_rad": values["frame_tilt.pitch_rad"] + push[0] / weight,
+                        "frame_tilt.roll_rad": values["frame_tilt.roll_rad"] - push[1] / weight}
+        if "com_offset.r_m[0]" in values and len(torque):
+            lift = mass * weight
+            changes |= {"com_offset.r_m[0]": values["com_offset.r_m[0]"] + turn[1] * mine[1] / lift,
+                        "com_offset.r_m[1]": values["com_offset.r_m[1]"] - turn[0] * mine[0] / lift}
+        if "inertia.inertia_kg_m2[0]" in values:
+            changes |= {f"inertia.inertia_kg_m2[{k}]": mine[k] for k in range(3)}
+        inside = {n: float(np.clip(v, model.lower[model.index(n)], model.upper[model.index(n)]))
+                  for n, v in changes.items()}
+        found.append(model.with_parameters(inside))
+    return found
+
+
+def _gain(measured: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(3,) least squares of measured (n, 3) angular accelerations on what the model made of logged commands."""
+    made = measured - left
+    if len(made) < 2:
+        return np.ones(3)
+    made = made - made.mean(0)
+    found = ((measured - measured.mean(0)) * made).sum(0) / np.maximum((made**2).sum(0), 1e-9)
+    return np.asarray(np.clip(found, *GAINS))
+
+
+def row_of(errors: np.ndarray, at: int) -> dict[str, float | None]:
+    """Mean errors of all flights at one horizon, as in verdict.json."""
+    means = errors.mean(axis=0)[at].tolist()
+    return {q: x if np.isfinite(x) else None for q, x in zip(QUANTITIES, means, strict=True)}
+
+
+__all__ = ["HORIZONS", "Improvement", "Predictions", "row_of"]

@@ -1,0 +1,166 @@
+"""The whole chain of a diagnosis by posterior: columns, evidence, decision, prediction - and what is said of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.physics import Model
+from nanobench_tools.physics.model import find_term
+from nanobench_tools.settings import number
+
+from ..commanded import believed
+from ..diagnosis import ANOTHER, lift_ratio
+from ..headline import good_for, headline
+from ..proof import HORIZONS, floor_of
+from ..recordings import LEAST_S, Recordings
+from ..space import space_around
+from ..verdict import Verdict, data_faults
+from ..wrench import Wrench
+from .build import Case, build
+from .decision import Decision, Finding, decide
+from .left_out_flights import Improvement, Predictions, row_of
+
+MATTERS_M_S2 = number("posterior.posterior_engine.matters_m_s2")
+"""Physics without a name below this is as good as flights allow."""
+LAST = 0.9
+"""Confidence where a single flight judged itself."""
+
+
+def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
+             progress: Callable[[str], None] | None = None) -> Verdict:
+    """As ``identification.mismatch.diagnosis.diagnose``; InputError for recordings of another number of rotors."""
+    start = time.perf_counter()
+    say = progress or (lambda text: None)
+    if recordings.judged_s < LEAST_S:
+        return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
+    rotors = recordings.tracks[0].motor.shape[1]
+    if rotors != simulator.rotors:
+        raise InputError(recordings.tracks[0].name, f"has {rotors} motors, and the simulator {simulator.rotors} rotors",
+                         "give the simulator.toml of this vehicle")
+    simulator = believed(simulator, recordings.tracks[0].commanded)
+    wrench = Wrench(recordings.tracks)
+    ratio = lift_ratio(wrench, simulator)
+    if not 1.0 / ANOTHER < ratio < ANOTHER:
+        return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
+    say("residual along the measured states")
+    case = build(wrench, space_around(simulator, wrench.unasked), simulator, seed)
+    say(f"evidence of sets of {len(case.effects)} effects")
+    case.evidence.learn()
+    case.evidence.weigh()
+    say("prediction of flights that were left out")
+    predictions = Predictions(case, recordings.names, seed)
+    decision = decide(case, predictions.likelihood if len(case.flights) > 1 else lambda one, other: 0.0)
+    improvement = predictions.improvement(decision.found)
+    body = body_of(case, decision, improvement, recordings, floor_of(simulator, recordings.tracks, seed))
+    body["elapsed_s"] = time.perf_counter() - start
+    return Verdict(body, decision.corrected)
+
+
+def verdict_body(recordings: Recordings, simulator: Model, seed: int = 0) -> dict[str, Any]:
+    """``diagnose`` as a dictionary, for the test bed of wrong simulators."""
+    return diagnose(recordings, simulator, seed=seed).to_json()
+
+
+def unexplained(case: Case, decision: Decision) -> dict[str, float]:
+    """m/s^2 RMS by group of the discrepancy: what no effect explains, beside the named ones."""
+    evidence = case.evidence
+    return evidence.sizes_of(evidence.everything(decision.found.chosen)[evidence.P:])
+
+
+def body_of(case: Case, decision: Decision, improvement: Improvement, recordings: Recordings,
+            floor: np.ndarray) -> dict[str, Any]:
+    """verdict.json without what belongs to the file around it."""
+    left = unexplained(case, decision)
+    size = float(np.sqrt(sum(v**2 for g, v in left.items() if g in ("place", "air", "thrust", "time", "late"))))
+    findings = [_entry(f, recordings) for f in decision.findings]
+    unknown = None
+    if size > MATTERS_M_S2:
+        most = max((g for g in left if g in ("place", "air", "thrust", "time", "late")), key=lambda g: left[g])
+        unknown = {"where": {"axes": ["force"], "kind": most, "flights": list(recordings.names)},
+                   "bound_m_s2": 2.0 * size, "hint": f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"}
+    outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"
+    body: dict[str, Any] = {
+        "outcome": outcome, "findings": findings, "unknown": unknown if outcome != "named" or unknown else None,
+        "data_faults": data_faults(recordings), "power": power(case),
+        "improvement": {**{str(h): {"before": row_of(improvement.before, k), "after": row_of(improvement.after, k),
+                                    "floor": row_of(floor[None], k),
+                                    "relative_ci95": list(improvement.ci95[h]) if h in improvement.ci95 else None}
+                           for k, h in enumerate(HORIZONS)},
+                        "share_of_achievable": None,
+                        "held_out": list(improvement.flights) if improvement.held_out else []},
+        "withdrawn": [], "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
+        "levels": {}, "not_asked": [{"term": t, "why": case.wrench.why_unasked} for t in case.wrench.unasked],
+        "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
+        "engine": "posterior"}
+    body["paragraph"] = _paragraph(body, recordings)
+    body["good_for"] = good_for(body["improvement"])
+    body["good_for_corrected"] = good_for(body["improvement"], "after") if findings else None
+    body["headline"] = headline(body)
+    return body
+
+
+WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "time": "time alone",
+         "late": "the thrust of the seconds before"}
+
+
+def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:
+    term = find_term(finding.term)
+    single = len({t.flight for t in recordings.tracks}) == 1
+    settle = [f"{o}: {term.confused_with[o]}" for o in finding.equivalent if o in term.confused_with]
+    return {"term": finding.term, "equivalent": list(finding.equivalent),
+            "confidence": min(finding.probability, LAST if single else 1.0),
+            "where": {"axes": list(finding.axes), "frame": term.fixed_in, "covariate": None,
+                      "flights": list(recordings.names), "regime": "all"},
+            "by_flight": {}, "parameters": {n: {"value": s.value, "ci95": [s.value - s.half, s.value + s.half],
+                                                "unit": s.unit, "believed": s.believed}
+                                            for n, s in finding.sizes.items()},
+            "members": {finding.term: finding.probability, **finding.equivalent},
+            "force_m_s2": finding.force_m_s2, "torque_rad_s2": finding.torque_rad_s2,
+            "residual_share": None, "cause": term.cause, "motors": [], "settle_with": "; ".join(settle) or None}
+
+
+def power(case: Case) -> dict[str, dict[str, Any]]:
+    """Of each term the smallest change of its best told parameter that would be identified in nine of ten such
+    recordings: what its own evidence takes, and 1.28 standard deviations."""
+    evidence = case.evidence
+    sd = 1.0 / np.sqrt(np.maximum(np.diag(evidence.rest)[:-1], 1e-12))
+    needed = np.sqrt(2.0 * (np.log(9.0) - np.log(0.05))) + 1.28
+    found: dict[str, dict[str, Any]] = {}
+    for i, effect in enumerate(case.effects):
+        for k, column in enumerate(evidence.columns((i,))):
+            least = float(needed * sd[column] / evidence.unit[column])
+            name = max(effect.moves, key=lambda n: abs(effect.moves[n][k])) if effect.moves else f"{effect.term}.share"
+            change = least * (abs(float(effect.moves[name][k])) if effect.moves else 1.0)
+            size = least * float(evidence.unit[column])
+            if effect.term not in found or size < found[effect.term]["m_s2"]:
+                unit = dict(zip(case.space.model.names, case.space.model.units, strict=True)).get(name, "1")
+                found[effect.term] = {"minimum_detectable": change, "unit": unit, "parameter": name, "m_s2": size}
+    return found
+
+
+def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
+    flown = sum(s.duration_s for a in recordings.audits.values() for s in a.airborne)
+    parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged."]
+    for entry in body["findings"]:
+        values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g} {p['unit']} (95 %: {p['ci95'][0]:.4g} to "
+                           f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
+                           for n, p in entry["parameters"].items())
+        other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
+        parts.append(f"The simulator is wrong about {entry['term']}: {find_term(entry['term']).sentence} {values}. "
+                     f"Probability {entry['confidence']:.2f}.{other}")
+    if body["leaning"]:
+        parts.append("Not sure enough to be identified: " + ", ".join(
+            f"{t} (probability {p:.2f})" for t, p in body["leaning"].items()) + ".")
+    if body["unknown"]:
+        parts.append(f"Something is there that no term of the vocabulary describes: {body['unknown']['hint']}.")
+    elif not body["findings"]:
+        parts.append("Nothing is identified.")
+    return " ".join(parts)
+
+
+__all__ = ["diagnose", "verdict_body"]

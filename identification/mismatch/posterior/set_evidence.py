@@ -1,0 +1,308 @@
+"""Evidence of every small set of effects: one Gram matrix, everything but the effects integrated out once.
+
+    residual = sum over a set S of Phi_t b_t + sum over all t of Phi_t e_t + background + noise
+
+b_t ~ N(0, s^2) with s from a half-Cauchy, at most MOST of them; e_t ~ N(0, spike_t^2) always: every term is a little
+wrong, more so where physics without a name is strong. Amplitudes of the background are learnt once with every term
+free, and kept over all sets: an amplitude that may grow to suit a set swallows the effect. All in m/s^2
+(``arm_unit.py``).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import ndtr
+
+from nanobench_tools.settings import count, number, setting
+
+from .background import FIXED, LEVELS, Background, rms, turning_size
+from .effects import Effect
+
+SCALES: tuple[float, ...] = setting("posterior.set_evidence.scales")
+WIDTH = number("posterior.set_evidence.width")
+"""m/s^2: scale of the half-Cauchy of sizes."""
+PRIOR = number("posterior.set_evidence.prior")
+"""Probability of a term before any flight."""
+SPIKE = number("posterior.set_evidence.spike")
+"""m/s^2 by which every term may be off without being a finding."""
+LOOSE = number("posterior.set_evidence.loose")
+"""Share of what a believed term does that may be off, too."""
+UNNAMED = number("posterior.set_evidence.unnamed")
+"""Share of the discrepancy that may lie along any one slope."""
+MOST = count("posterior.set_evidence.most")
+CANCELS = 2.0
+"""A set whose terms make so many times their sum along an axis cancels, and is no explanation."""
+CONCERNED = 0.1
+"""Share of all that a set does from which on an axis counts for that."""
+GRID = (0.0, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2, 0.35, 0.6, 1.0, 1.8, 3.0)
+"""m/s^2: amplitudes that are tried."""
+MEANS: dict[str, float] = setting("posterior.set_evidence.amplitudes")
+"""m/s^2: of each group, mean of the exponential prior of its amplitude, of levels the SD of a half-normal."""
+CAPS: dict[str, float] = setting("posterior.set_evidence.most_level")
+TILT_SHARED, LIFT_SHARED = number("posterior.set_evidence.tilt_shared"), number("posterior.set_evidence.lift_shared")
+"""Times the scatter between flights."""
+FAMILIES: tuple[frozenset[str], ...] = tuple(frozenset(f) for f in (
+    ("wind", "force_world", "frame_tilt"), ("drag_linear", "drag_quadratic", "drag_rotor"),
+    ("motor_lag", "command_delay"), ("thrust_scale", "thrust_voltage", "thrust_pwm", "mass"),
+    ("saturation", "thrust_pwm", "thrust_voltage")))
+"""One of each may be in a set: two of them trade against each other."""
+TWINS = ("mass",)
+"""Terms that another one nearly is (thrust_scale, but for drag), which is a little wrong in their place: two of them
+would cancel."""
+SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
+          "thrust_voltage": "lift", "thrust_pwm": "lift", "com_offset": "trim", "motor_imbalance": "trim"}
+"""Term -> level of flights out of whose scatter a change that all share has to stand."""
+
+
+@dataclass
+class Evidence:
+    """``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last; ``grams`` of each
+    flight. ``owner`` (P,) number of the effect of each column, ``unit`` (P,) m/s^2 of it per unit of its direction,
+    ``believed`` (P,) m/s^2 that the simulator's own term does;
+    ``work`` (6, P, P) inner products of what columns do along each axis, force and moment."""
+
+    effects: Sequence[Effect]
+    background: Background
+    gram: np.ndarray
+    owner: np.ndarray
+    unit: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    believed: np.ndarray
+    work: np.ndarray
+    share_turning: np.ndarray
+    arm: np.ndarray
+    flights: int = 1
+    amplitudes: dict[str, float] = field(default_factory=dict)
+    spike: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sets: dict[tuple[int, ...], float] = field(default_factory=dict)
+    """Log of prior times evidence of every set of effects' numbers."""
+    rest: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    """(P + 1, P + 1) Gram matrix of effects and residual with everything that stands beside them integrated out."""
+
+    @property
+    def P(self) -> int:
+        """Columns of effects."""
+        return len(self.owner)
+
+    @cached_property
+    def room(self) -> np.ndarray:
+        """(P,) m/s^2: the longer way to a bound."""
+        return np.asarray(np.maximum(np.abs(self.lower), np.abs(self.upper)))
+
+    def columns(self, chosen: Iterable[int]) -> np.ndarray:
+        """Column numbers of a set of effects."""
+        return np.flatnonzero(np.isin(self.owner, list(chosen)))
+
+    def without_background(self, amplitudes: dict[str, float],
+                           gram: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+        """(P + 1, P + 1) Gram matrix of effects and residual with the background integrated out, and half the log
+        determinant that it took."""
+        g = self.gram if gram is None else gram
+        deviation = np.array([amplitudes.get(name, 1.0) for name in self.background.group.tolist()])
+        middle = slice(self.P, self.P + len(deviation))
+        factor = _factor(g[middle, middle], deviation)
+        outer = np.concatenate([np.arange(self.P), [g.shape[0] - 1]])
+        taken = solve_triangular(factor, g[middle][:, outer] * deviation[:, None], lower=True)
+        return g[np.ix_(outer, outer)] - taken.T @ taken, float(np.log(np.diag(factor)).sum())
+
+    def reduced(self, left: np.ndarray, spike: np.ndarray) -> tuple[np.ndarray, float]:
+        """The same with every effect a little wrong, too, and the log evidence of no effect but for the background's
+        determinant."""
+        factor = _factor(left[:-1, :-1], spike)
+        taken = solve_triangular(factor, left[:-1] * spike[:, None], lower=True)
+        rest = left - taken.T @ taken
+        return rest, -0.5 * float(rest[-1, -1]) - float(np.log(np.diag(factor)).sum())
+
+    def score(self, chosen: tuple[int, ...]) -> float:
+        """Log of prior times evidence."""
+        if chosen not in self.sets:
+            self.sets[chosen] = self.weighed(chosen)[0] + self.log_prior(chosen)
+        return self.sets[chosen]
+
+    def factor_beside(self, gram: np.ndarray) -> np.ndarray:
+        """Of ``gram`` (P + Q, P + Q) of all that stands beside a set."""
+        return _factor(gram, self._deviations())
+
+    def beside(self, factor: np.ndarray, across: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        """(k, k) inner products of further columns, ``asked``, with all that stands beside a set integrated out;
+        ``across`` (P + Q, k) with the further ones."""
+        taken = solve_triangular(factor, across * self._deviations()[:, None], lower=True)
+        return np.asarray(asked - taken.T @ taken)
+
+    def _deviations(self) -> np.ndarray:
+        return np.concatenate([self.spike, [self.amplitudes.get(g, 1.0) for g in self.background.group.tolist()]])
+
+    def everything(self, chosen: tuple[int, ...]) -> np.ndarray:
+        """(P + Q,) posterior mean of all columns, given a set: how far terms are off beside it, and the background."""
+        shift = np.zeros(self.P + len(self.background.group))
+        shift[self.columns(chosen)] = self.weighed(chosen)[1]
+        deviation = self._deviations()
+        right = deviation * (self.gram[:-1, -1] - self.gram[:-1, :-1] @ shift)
+        factor = _factor(self.gram[:-1, :-1], deviation)
+        return np.asarray(deviation * solve_triangular(factor.T, solve_triangular(factor, right, lower=True),
+                                                       lower=False))
+
+    def weighed(self, chosen: tuple[int, ...]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Log evidence of a set over none, sizes marginalised; its coefficients and their slab at the most probable
+        scales."""
+        left = self.rest
+        if not chosen:
+            return 0.0, np.zeros(0), np.zeros(0)
+        index = self.columns(chosen)
+        own = np.searchsorted(np.array(chosen), self.owner[index])
+        scales = np.array(list(itertools.product(SCALES, repeat=len(chosen))))
+        weight = _log_weights(scales)
+        slab = np.minimum(scales[:, own], self.room[index])
+        normal = left[np.ix_(index, index)][None] * slab[:, :, None] * slab[:, None, :] + np.eye(len(index))
+        right = slab * left[index, -1]
+        solved = np.linalg.solve(normal, right[..., None])[..., 0]
+        log = 0.5 * np.einsum("ck,ck->c", right, solved) - 0.5 * np.linalg.slogdet(normal)[1] + weight
+        best = int(np.argmax(log))
+        coefficients = slab[best] * solved[best]
+        total = float(np.logaddexp.reduce(log)) + self._within(index, coefficients, slab[best], normal[best])
+        if len(chosen) > 1 and self._cancel(index, own, coefficients):
+            total -= 1e6
+        return total, coefficients, slab[best]
+
+    def _within(self, index: np.ndarray, mean: np.ndarray, slab: np.ndarray, normal: np.ndarray) -> float:
+        """Log of the share of the posterior that is inside the bounds over that of the prior, direction by direction:
+        sizes are normal ones that end at what a vehicle can have."""
+        sd = slab * np.sqrt(np.diag(np.linalg.inv(normal)))
+        lower, upper = self.lower[index], self.upper[index]
+        after = ndtr((upper - mean) / sd) - ndtr((lower - mean) / sd)
+        before = ndtr(upper / slab) - ndtr(lower / slab)
+        return float(np.log(np.maximum(after, 1e-20) / before).sum())
+
+    def _cancel(self, index: np.ndarray, own: np.ndarray, coefficients: np.ndarray) -> bool:
+        work = self.work[:, index][:, :, index]
+        parts = sum(np.einsum("i,kij,j->k", c, work[:, own == i][:, :, own == i], c)
+                    for i in range(int(own.max()) + 1) for c in [coefficients[own == i]])
+        net = np.einsum("i,kij,j->k", coefficients, work, coefficients)
+        large = parts > CONCERNED * parts.sum()
+        return bool((parts[large] > CANCELS**2 * net[large]).any())
+
+    def learn(self) -> None:
+        """Amplitudes of the background with every term free, then how far every term may be off."""
+        start = {g: min(0.07, CAPS.get(g, 9.0)) for g in self.background.groups}
+        free = np.minimum(np.full(self.P, 1.0), self.room)
+        self.amplitudes = self._climb(start, free)
+        a = self._realised(free)
+        side = np.hypot(a.get("place", 0.0), a.get("air", 0.0))
+        up = np.hypot(a.get("thrust", 0.0), a.get("late", 0.0))
+        turn = np.hypot(np.hypot(a.get("turn_place", 0.0), a.get("turn_air", 0.0)), a.get("turn_thrust", 0.0))
+        upward = self.work[2].diagonal() / np.maximum(self.work[:3].sum(0).diagonal(), 1e-12)
+        pushes = np.hypot(side, up * np.sqrt(upward))
+        feigned = UNNAMED * np.hypot(pushes * np.sqrt(1.0 - self.share_turning), turn * np.sqrt(self.share_turning))
+        shared = [_shared(self.effects[i].term, self.amplitudes) for i in self.owner]
+        levels = np.array(shared) / np.sqrt(max(self.flights, 1))
+        spike = np.sqrt(SPIKE**2 + (LOOSE * self.believed) ** 2 + feigned**2 + levels**2)
+        spike[[self.effects[i].term in TWINS for i in self.owner]] = 0.0
+        self.spike = np.minimum(spike, self.room)
+        self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
+
+    def _realised(self, spike: np.ndarray) -> dict[str, float]:
+        """m/s^2 RMS of each group of the background on these flights, with every term free."""
+        self.spike = spike
+        mean = self.everything(())[self.P:]
+        return self.sizes_of(mean)
+
+    def sizes_of(self, coefficients: np.ndarray) -> dict[str, float]:
+        """m/s^2 RMS that each group of the background does with these coefficients (Q,)."""
+        background = self.background
+        return {g: float(np.hypot(rms(background.force[..., at] @ coefficients[at]),
+                                  turning_size(background.torque[..., at] @ coefficients[at], self.arm)))
+                for g in background.groups for at in [background.group == g]}
+
+    def _climb(self, start: dict[str, float], spike: np.ndarray) -> dict[str, float]:
+        """Amplitudes of most evidence times prior, one after the other on the grid."""
+        best, found = -np.inf, dict(start)
+        for _ in range(3):
+            moved = False
+            for group in found:
+                options = [v for v in GRID if v <= CAPS.get(group, 9.0)]
+                place = int(np.argmin([abs(v - found[group]) for v in options]))
+                if best == -np.inf:
+                    best = self._score(found, spike)
+                for step in (1, -1):
+                    at = place + step
+                    while 0 <= at < len(options):
+                        score = self._score({**found, group: options[at]}, spike)
+                        if score <= best + 1e-9:
+                            break
+                        best, moved = score, True
+                        found[group] = options[at]
+                        at += step
+            if not moved:
+                break
+        return found
+
+    def _score(self, amplitudes: dict[str, float], spike: np.ndarray) -> float:
+        prior = sum(-0.5 * (v / MEANS[g]) ** 2 if g in LEVELS else -v / MEANS[g] for g, v in amplitudes.items())
+        left, determinant = self.without_background(amplitudes)
+        return self.reduced(left, spike)[1] - determinant + prior
+
+    def allowed(self, chosen: Sequence[int]) -> bool:
+        """No term twice, and one of each family at most."""
+        names = [self.effects[i].term for i in chosen]
+        return len(set(names)) == len(names) and all(len(f.intersection(names)) < 2 for f in FAMILIES)
+
+    def log_prior(self, chosen: Sequence[int]) -> float:
+        """Of a set, less that of none: readings of one term share its probability."""
+        readings = [sum(e.term == self.effects[i].term for e in self.effects) for i in chosen]
+        return sum(float(np.log(PRIOR / (1.0 - PRIOR) / n)) for n in readings)
+
+    def weigh(self, further: int = 60) -> None:
+        """Evidence of all sets of one and two effects, and of three that the most probable pairs grow into."""
+        self.sets = {(): self.weighed(())[0]}
+        numbers = range(len(self.effects))
+
+        def add(chosen: tuple[int, ...]) -> None:
+            if self.allowed(chosen):
+                self.score(chosen)
+
+        for many in (1, 2):
+            for chosen in itertools.combinations(numbers, many):
+                add(chosen)
+        for _ in range(MOST - 2):
+            size = max(len(s) for s in self.sets)
+            grown = sorted((s for s in self.sets if len(s) == size), key=lambda s: -self.sets[s])[:further]
+            for chosen in grown:
+                for i in numbers:
+                    if i not in chosen:
+                        add(tuple(sorted((*chosen, i))))
+
+    def posterior(self) -> dict[tuple[int, ...], float]:
+        """Probability of every set that was weighed."""
+        log = np.array(list(self.sets.values()))
+        p = np.exp(log - np.logaddexp.reduce(log))
+        return dict(zip(self.sets, p.tolist(), strict=True))
+
+
+def _factor(normal: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """Cholesky factor of D normal D + 1."""
+    inner = normal * deviation[:, None] * deviation
+    inner[np.diag_indices_from(inner)] += 1.0
+    return np.linalg.cholesky(inner)
+
+
+def _log_weights(scales: np.ndarray) -> np.ndarray:
+    one = np.array(SCALES) / WIDTH
+    log = np.log(one / (1.0 + one**2))
+    log -= np.logaddexp.reduce(log)
+    return np.asarray(log[np.searchsorted(SCALES, scales)].sum(axis=1))
+
+
+def _shared(term: str, amplitudes: dict[str, float]) -> float:
+    """Scatter between flights that a shared change has to stand out of."""
+    level = SHARED.get(term, "")
+    return (LIFT_SHARED if level == "lift" else TILT_SHARED) * amplitudes.get(level, 0.0)
+
+
+__all__ = ["FIXED", "Evidence"]

@@ -1,0 +1,133 @@
+"""Sizes of a set of effects, with slopes taken again where it ends: much acts far from linearly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nanobench_tools.physics import Model
+
+from ..space import with_other_map
+from .build import Case
+
+STEPS, NEAR = 3, 0.1
+"""Gauss-Newton steps; of a standard deviation: a shorter step is none."""
+INSIDE = 0.98
+"""Share of its room that an effect may take."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """Sizes of a set: ``step`` (k,) in directions of its effects, ``covariance`` (k, k), the model there, and what a
+    fit without some flights begins from: ``Case.across`` of slopes near that step, ``at`` (k,), per m/s^2, with the
+    residual last."""
+
+    chosen: tuple[int, ...]
+    step: np.ndarray
+    covariance: np.ndarray
+    model: Model
+    at: np.ndarray
+    across: np.ndarray
+    slab: np.ndarray
+
+    def without(self, case: Case, flights: Sequence[int]) -> np.ndarray:
+        """The step on the other flights."""
+        if not self.chosen:
+            return self.step
+        unit = case.evidence.unit[case.evidence.columns(self.chosen)]
+        found, _ = _solved(case, self.across, self.slab, self.at * unit, flights)
+        return _inside(case, self.chosen, found / unit)
+
+
+def _solved(case: Case, across: np.ndarray, slab: np.ndarray, at: np.ndarray,
+            without: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) most probable coefficients, where ``across`` is of slopes and of what is left at coefficients ``at``; (k, k)
+    their covariance."""
+    reduced = case.beside(across, without)
+    covariance = np.linalg.inv(reduced[:-1, :-1] + np.diag(slab**-2.0))
+    return np.asarray(covariance @ (reduced[:-1, -1] + reduced[:-1, :-1] @ at)), covariance
+
+
+def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
+    """Slopes are taken again at the values that were found (Gauss-Newton), since lags, limits and the ground act far
+    from linearly."""
+    evidence = case.evidence
+    if not chosen:
+        return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0),
+                       np.zeros((0, 0, 0)), np.zeros(0))
+    _, scaled, slab = evidence.weighed(chosen)
+    unit = evidence.unit[evidence.columns(chosen)]
+    step = at = _inside(case, chosen, scaled / unit)
+    for _ in range(STEPS):
+        at = step
+        columns, left = _slopes(case, chosen, at)
+        asked = np.concatenate([columns / unit, left[:, None]], axis=1)
+        across = case.across(asked)
+        moved, covariance = _solved(case, across, slab, at * unit)
+        step = _inside(case, chosen, moved / unit)
+        if (np.abs(step - at) * unit < NEAR * np.sqrt(np.diag(covariance))).all():
+            break
+    return Refined(chosen, step, covariance / unit[:, None] / unit, moved_by(case, chosen, step), at, across, slab)
+
+
+def _inside(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> np.ndarray:
+    lower = np.concatenate([case.effects[i].lower for i in chosen])
+    upper = np.concatenate([case.effects[i].upper for i in chosen])
+    return np.asarray(np.clip(step, INSIDE * lower, INSIDE * upper))
+
+
+def parts_of(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """(number of an effect, its coefficients) of a set."""
+    if not chosen:
+        return []
+    ends = np.cumsum([case.effects[i].width for i in chosen])
+    return list(zip(chosen, np.split(step, ends[:-1]), strict=True))
+
+
+def moved_by(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> Model:
+    """The space's model with the effects of a set at a step; shares of another map are no parameter of it."""
+    values = case.space.model.values.copy()
+    for i, part in parts_of(case, chosen, step):
+        for name, way in case.effects[i].moves.items():
+            values[case.space.model.index(name)] += float(way @ part)
+    model = case.space.model
+    return model.with_values(np.clip(values, model.lower, model.upper))
+
+
+def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(R, k) what directions do at a step, and (R,) what is left there."""
+    wrench = case.wrench
+    here = wrench.model(moved_by(case, chosen, step))
+    force, torque = (m - h for m, h in zip(wrench.measured, here, strict=True))
+    columns, at = [], 0
+    for i, part in parts_of(case, chosen, step):
+        effect = case.effects[i]
+        for k in range(effect.width):
+            if effect.map_share:
+                pair = effect.force[..., k], effect.torque[..., k]
+                force, torque = force - pair[0] * part[k], torque - pair[1] * part[k]
+            else:
+                by = _small(effect.lower[k], effect.upper[k], step[at])
+                there = wrench.model(moved_by(case, chosen, step + by * (np.arange(len(step)) == at)))
+                pair = (there[0] - here[0]) / by, (there[1] - here[1]) / by
+            columns.append(pair)
+            at += 1
+    return (case.rows.of(np.stack([c[0] for c in columns], -1), np.stack([c[1] for c in columns], -1)),
+            case.rows.of(force[..., None], torque[..., None])[:, 0])
+
+
+def _small(lower: float, upper: float, at: float) -> float:
+    """A step along a direction that stays inside."""
+    by = 1e-3 * min(upper - lower, 1.0)
+    return by if at + by < upper else -by
+
+
+def on_map(case: Case, chosen: tuple[int, ...], model: Model) -> Model:
+    """A model of the space on the other thrust map, where that is named."""
+    if not any(case.effects[i].map_share for i in chosen):
+        return model
+    other = with_other_map(model, float(np.median(case.wrench.battery_V)))
+    assert other is not None  # its share was found
+    return other

@@ -1,0 +1,75 @@
+"""Prior, evidence of the residual, and predictions of flights that were left out, together: how probable a set is.
+
+Predictions take longer than evidence, so only the most probable effects are predicted, each alone, and then the most
+probable sets; what any other set predicts is taken to be what its effects do alone, together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nanobench_tools.settings import count, number
+
+from .build import Case
+from .sizing import Refined, refine
+
+Chosen = tuple[int, ...]
+ALONE = count("posterior.weighing.alone")
+"""Effects that are predicted alone."""
+PREDICTED = count("posterior.weighing.predicted")
+"""Sets of several that are predicted at most."""
+REACH = number("posterior.weighing.reach")
+"""Log odds below the most probable set from which on no prediction is asked."""
+
+
+@dataclass
+class Weighing:
+    """judge: log likelihood that predictions give the first sizes over the second."""
+
+    case: Case
+    judge: Callable[[Refined, Refined], float]
+    told: dict[Chosen, float] = field(default_factory=dict)
+    """Of sets that were predicted: log likelihood over no effect."""
+    _sizes: dict[Chosen, Refined] = field(default_factory=dict)
+
+    def sizes(self, chosen: Chosen) -> Refined:
+        """Kept."""
+        if chosen not in self._sizes:
+            self._sizes[chosen] = refine(self.case, chosen)
+        return self._sizes[chosen]
+
+    def predict(self, chosen: Chosen) -> float:
+        """Log likelihood of a set over none."""
+        if chosen not in self.told:
+            self.told[chosen] = self.judge(self.sizes(chosen), self.sizes(())) if chosen else 0.0
+        return self.told[chosen]
+
+    def score(self, chosen: Chosen) -> float:
+        """Log probability, but for a constant."""
+        told = self.told.get(chosen)
+        if told is None:
+            told = sum(self.told.get((i,), 0.0) for i in chosen)
+        return self.case.evidence.score(chosen) + told
+
+    def weigh(self) -> dict[Chosen, float]:
+        """Probability of every set."""
+        known = self.case.evidence.sets
+        alone = sorted((s for s in known if len(s) == 1), key=lambda s: -known[s])
+        for chosen in [(), *alone[:ALONE]]:
+            if known[chosen] > -REACH:
+                self.predict(chosen)
+        for _ in range(PREDICTED):
+            open_ones = [s for s in known if s not in self.told]
+            most = max(open_ones, key=self.score, default=None)
+            if most is None or self.score(most) < max(map(self.score, self.told)) - REACH:
+                break
+            self.predict(most)
+        log = np.array([self.score(s) for s in known])
+        p = np.exp(log - np.logaddexp.reduce(log))
+        return dict(zip(known, p.tolist(), strict=True))
+
+
+__all__ = ["Weighing"]

@@ -1,0 +1,71 @@
+"""The diagnosis by posterior on tracks whose truth is known: what is wrong comes back, what is right is left alone.
+
+The path of these tracks does not belong to their attitude, so predictions far ahead say little there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from carried_tracks import MODEL, track_of
+
+from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body
+from identification.mismatch.recordings import Recordings
+from nanobench_tools.errors import InputError
+from nanobench_tools.flight import Flight, Provenance
+
+
+def recordings_of(tracks) -> Recordings:
+    flights = tuple(Flight(t.name, {}, {}, Provenance(t.name, "", "made")) for t in tracks)
+    return Recordings(flights, {}, tuple(tracks), (), {})
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Four flights of MODEL."""
+    return recordings_of([track_of(MODEL, 30 + k, k, seconds=12.0) for k in range(4)])
+
+
+def test_a_right_simulator_is_left_alone(flown):
+    body = verdict_body(flown, MODEL)
+    assert body["findings"] == []
+    assert body["outcome"] == "none"
+    assert body["improvement"]["50"]["before"] == body["improvement"]["50"]["after"]
+
+
+@pytest.fixture(scope="module")
+def too_heavy(flown):
+    return diagnose(flown, MODEL.on(mass_kg=0.046))
+
+
+def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
+    finding, = too_heavy.body["findings"]
+    assert (finding["term"], finding["equivalent"]) == ("thrust_scale", ["mass"])
+    low, high = finding["parameters"]["thrust_scale.s"]["ci95"]
+    assert low < 0.046 / 0.04 < high
+    assert too_heavy.corrected is not None
+    assert too_heavy.corrected.parameters["thrust_scale.s"] == pytest.approx(1.15, abs=0.03)
+    soon = too_heavy.body["improvement"]["10"]
+    assert soon["after"]["velocity_m_s"] < soon["before"]["velocity_m_s"]
+    assert too_heavy.body["headline"].startswith("The simulator is wrong about thrust_scale")
+
+
+def test_the_order_of_flights_changes_nothing(flown, too_heavy):
+    tracks = [replace(t, flight=3 - t.flight) for t in flown.tracks[::-1]]
+    body = verdict_body(recordings_of(tracks), MODEL.on(mass_kg=0.046))
+    one, other = (b["findings"][0]["parameters"]["thrust_scale.s"]["value"] for b in (too_heavy.body, body))
+    assert one == pytest.approx(other, rel=1e-3)
+
+
+def test_what_is_turned_down_has_a_reason(too_heavy):
+    reasons = {entry["term"]: entry["why"] for entry in too_heavy.body["not_named"]}
+    assert {"thrust_scale", "mass"}.isdisjoint(reasons)
+    assert {"wind", "drag_linear", "inertia", "motor_lag"} <= set(reasons)
+    assert all(reasons.values())
+
+
+def test_another_number_of_motors_is_refused(flown):
+    six = [replace(t, motor=np.concatenate([t.motor, t.motor[:, :2]], axis=1)) for t in flown.tracks]
+    with pytest.raises(InputError, match="has 6 motors, and the simulator 4 rotors"):
+        diagnose(recordings_of(six), MODEL)

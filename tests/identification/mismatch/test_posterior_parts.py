@@ -1,0 +1,104 @@
+"""Parts of the diagnosis by posterior against hand-worked cases and SciPy."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
+
+from identification.mismatch.posterior import set_evidence
+from identification.mismatch.posterior.arm_unit import arms
+from identification.mismatch.posterior.background import FIXED, Background, fourier
+from identification.mismatch.posterior.effects import Effect
+from identification.mismatch.posterior.rows import _ridge, _ways
+from identification.mismatch.posterior.set_evidence import Evidence
+from nanobench_tools.physics import Model, Vehicle
+
+
+def test_a_moment_is_the_thrust_at_the_arm_that_makes_it():
+    vehicle = Vehicle(mass_kg=0.05, inertia_kg_m2=(2e-5, 2e-5, 4e-5))
+    model = Model(vehicle, {"thrust_pwm": {"c": (0.0, 0.2)}})
+    # 0.01 N more on both motors of one side at 32.5 mm: 0.02 N make 6.5e-4 N m, 32.5 rad/s^2 and 0.4 m/s^2
+    assert arms(model)[0] * 0.02 * 0.0325 / 2e-5 == pytest.approx(0.02 / 0.05)
+
+
+def test_a_vehicle_of_another_size_has_the_same_unit():
+    """Lengths times 4, masses times 64, inertia times 1024: the same motion in the unit of weight and arm."""
+    small = Model(Vehicle(), {"thrust_pwm": {"c": (0.0, 0.2)}})
+    vehicle = Vehicle(mass_kg=64 * 0.04085, inertia_kg_m2=tuple(1024 * j for j in Vehicle().inertia_kg_m2),
+                      motor_positions_m=tuple((4 * x, 4 * y) for x, y in Vehicle().motor_positions_m))
+    # angular accelerations of similar vehicles go with 1 over length
+    assert arms(Model(vehicle, {"thrust_pwm": {"c": (0.0, 9.0)}})) / 4 == pytest.approx(arms(small))
+
+
+def test_random_cosines_have_the_covariance_of_their_process():
+    """exp(-d^2 / 2 l^2) of the distance in standard deviations, but for the mean that is taken away."""
+    x = np.linspace(-2.0, 2.0, 81)[:, None]
+    drawn = [fourier(x, 20, 0.8, np.random.default_rng(k))[:, :40] for k in range(300)]
+    found = np.mean([f @ f.T for f in drawn], axis=0)
+    z = x / x.std()
+    kernel = np.exp(-0.5 * ((z - z.T) / 0.8) ** 2)
+    centre = np.eye(81) - 1.0 / 81
+    assert np.abs(found - centre @ kernel @ centre).max() < 0.1
+
+
+def small_case(seed: int = 0):
+    """Two effects and one background column on 30 rows of unit noise; truth: the first effect, 0.8."""
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(30, 3)) * [1.0, 1.0, 2.0]
+    y = 0.8 * columns[:, 0] + 0.3 * columns[:, 2] + rng.normal(size=30)
+    values = np.concatenate([columns, y[:, None]], axis=1)
+    effects = [Effect(t, np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), {}, np.array([-9.0]), np.array([9.0]))
+               for t in ("wind", "inflow")]
+    background = Background(np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), np.array([FIXED]))
+    work = np.stack([np.eye(2)] * 6)
+    case = Evidence(effects, background, values.T @ values, np.arange(2), np.ones(2), np.full(2, -9.0),
+                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3))
+    case.spike = np.array([0.1, 0.2])
+    case.rest = case.reduced(case.without_background({})[0], case.spike)[0]
+    return case, columns, y
+
+
+def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
+    monkeypatch.setattr(set_evidence, "SCALES", (0.5,))
+    case, columns, y = small_case()
+    beside = columns @ np.diag([0.1**2, 0.2**2, 1.0]) @ columns.T + np.eye(30)
+    for chosen in ((0,), (1,), (0, 1)):
+        wide = beside + 0.5**2 * columns[:, list(chosen)] @ columns[:, list(chosen)].T
+        want = multivariate_normal.logpdf(y, cov=wide) - multivariate_normal.logpdf(y, cov=beside)
+        assert case.weighed(chosen)[0] == pytest.approx(want, abs=1e-9)
+    # the coefficient is the mean of the conditional distribution
+    wide = beside + 0.25 * np.outer(columns[:, 0], columns[:, 0])
+    assert case.weighed((0,))[1][0] == pytest.approx(0.25 * columns[:, 0] @ np.linalg.solve(wide, y), abs=1e-9)
+
+
+def test_a_true_effect_is_the_most_probable_and_sets_of_one_family_are_none():
+    case, _, _ = small_case()
+    case.weigh()
+    posterior = case.posterior()
+    assert max(posterior, key=posterior.get) == (0,)
+    assert sum(posterior.values()) == pytest.approx(1.0)
+    twins = SimpleNamespace(effects=[SimpleNamespace(term=t) for t in ("wind", "force_world", "inflow")])
+    assert not Evidence.allowed(twins, (0, 1))
+    assert Evidence.allowed(twins, (0, 2))
+
+
+def test_instruments_find_the_gain_that_noisy_inputs_hide():
+    """A command that shakes between rows: least squares halves the gain, earlier commands do not."""
+    rng = np.random.default_rng(1)
+    n = 4000
+    true = lfilter([1.0], [1.0, -0.9], rng.normal(size=n))
+    logged = true + 2.3 * rng.normal(size=n)
+    answer = 3.0 * true + 2.0 * rng.normal(size=n)
+    x = np.stack([logged, answer], axis=1)[6:]
+    plain = float(x[:, 0] @ x[:, 1] / (x[:, 0] @ x[:, 0]))
+    assert plain < 1.7
+    before = np.stack([logged[6 - k:n - k] for k in (2, 3, 4, 6)], axis=1)
+    way = _ways(before, x[:, 1] - 3.0 * x[:, 0], np.ones(len(x)))
+    assert float(_ridge(way @ x)[0]) == pytest.approx(3.0, abs=0.2)
+    # the projected rows are in standard deviations of the noise
+    noise = way @ (x[:, 1] - 3.0 * x[:, 0])
+    assert np.sqrt(np.mean(noise**2)) < 2.5
