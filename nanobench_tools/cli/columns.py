@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
 
 from ..errors import InputError, UsageError
-from ..steps.options import Options, one_line
+from ..steps.options import Options, one_line, write_lines
+from ..tables.result_table import Table
 from .closing import close
 from .shared_options import PATH, shared_options
 
@@ -34,9 +36,16 @@ def columns(options: Options, file: Path) -> int:
                          "status": draft.status[column]}
                         for (stream, quantity), (column, unit) in draft.mapped.items()]}
     target, written = "MAP.toml", options.out is not None
-    if options.out is None:
-        options.show(one_line_each(draft.text))
-    else:
+    screen: list[Table | str] = []
+    if options.out is None and sys.stdout.isatty() and not options.verbose:
+        rows = [(stream or "time", "" if not stream else quantity, column, unit, draft.status[column])
+                for (stream, quantity), (column, unit) in draft.mapped.items()]
+        screen = [*draft.notes, *(f"question: {q}" for q in draft.questions),
+                  Table.plain(f"Drafted from {file.name}; --verbose prints the map",
+                              ("stream", "quantity", "column", "unit", "unit is"), rows)]
+    elif options.out is None and not options.silent:
+        write_lines(one_line_each(draft.text).splitlines())  # a line of a map is never folded
+    elif options.out is not None:
         target = str(options.out)
         try:
             with open(options.out, "x", encoding="utf-8") as out:
@@ -58,7 +67,7 @@ def columns(options: Options, file: Path) -> int:
     if written:
         close(options, text, "after a look at the units", "nanobench", "audit", file, "--columns", target)
     else:
-        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target)
+        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target, screen=screen)
     return options.finish("columns", body)
 
 
