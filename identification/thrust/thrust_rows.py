@@ -39,7 +39,8 @@ def sort_out(flights: Iterable[Flight]) -> tuple[list[Flight], list[Flight]]:
 
 
 def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
-    """Series that can be fitted; of byte-identical files the first."""
+    """Series that can be fitted; of byte-identical files the first. Beside series with battery voltage, one without
+    would take every map of the voltage from all of them."""
     found: Rows[Stand] = Rows()
     seen: dict[str, str] = {}
     for recording in recordings:
@@ -53,6 +54,11 @@ def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
             continue
         seen[stand.sha256] = stand.name
         found.files.append(stand)
+    if any(stand.battery_V is not None for stand in found.files):
+        without = {s.name: "no battery voltage, which the other series have" for s in found.files
+                   if s.battery_V is None}
+        found.files = [s for s in found.files if s.name not in without]
+        found.reasons |= without
     return found
 
 

@@ -148,3 +148,18 @@ def test_bad_series_are_refused_in_one_line(tmp_path, case):
         ThrustModel(draws=0).fit([path])
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_series_without_battery_voltage_takes_no_map_from_the_others(tmp_path):
+    from identification.thrust.thrust_rows import stand_rows
+    from nanobench_tools.sources import load_recordings
+
+    u, volts = drive(40)
+    (tmp_path / "with.csv").write_text(text(u, volts, dc_law(u, volts)))
+    rows = [line.split(",") for line in text(u, volts, dc_law(u, volts)).splitlines()]
+    (tmp_path / "without.csv").write_text("\n".join(f"{a},{c}" for a, _, c in rows) + "\n")
+    flights = load_recordings([tmp_path], cache=False).flights
+    found = stand_rows(flights)
+    assert [s.name for s in found.files] == ["with"]
+    assert found.reasons == {"without": "no battery voltage, which the other series have"}
+    assert [s.name for s in stand_rows([f for f in flights if f.name == "without"]).files] == ["without"]
