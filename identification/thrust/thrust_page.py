@@ -90,7 +90,7 @@ def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:
     panels = [Panel(Axis(title, of), Axis("error", unit, zero=True), marks, height=340, rules=rules)
               for title, of, marks in (("PWM ratio", "1", _points(chosen.points, lambda p: p.pwm, left)),
                                        ("battery", "V", _points(chosen.points, lambda p: p.voltage_V, left)))
-              if any(x is not None for mark in marks for x in mark.x)]  # type: ignore[union-attr]
+              if any(x is not None for mark in marks for x in mark.x)]
     if panels:
         found["left"] = Figure("What is left, over PWM and battery voltage",
                                "Prediction minus measurement; dotted: the 95 % prediction interval for a row of a new "
