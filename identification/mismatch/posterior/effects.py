@@ -19,6 +19,8 @@ STARTS: dict[str, tuple[float, ...]] = setting("posterior.effects.starts")
 """Of parameters that act far from linearly: sizes at which an effect is tried, in the parameter's unit."""
 QUANTILES: tuple[float, ...] = setting("posterior.effects.quantiles")
 """Of the inputs: limits that are tried."""
+FARTHEST = 3.0
+"""Times such a size: a secant says nothing beyond, nor on the other side."""
 STEP = 1e-3
 """Of a parameter's usual size: the slope of what acts nearly linearly."""
 DISTINCT = 3e-3
@@ -75,7 +77,7 @@ def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
             whole = secant(model.index("thrust_scale.s"), STEP)
             found += _of_map(term, [secant(int(i), STEP * sizes[i]) for i in free], names, whole)
         elif any(_place(n) in STARTS for n in names) or any(n.startswith("saturation.") for n in names):
-            found += _far(wrench, model, term, free, here)
+            found += _far(wrench, model, term, free, here, term in space.believed)
         elif any(fixed_mean(model)[i] for i in free):
             found.append(_of_list(term, [secant(int(i), STEP) for i in free], names, model, free))
         else:
@@ -126,27 +128,29 @@ def _stacked(pairs: Sequence[Pair]) -> Pair:
     return np.stack([p[0] for p in pairs], -1), np.stack([p[1] for p in pairs], -1)
 
 
-def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair) -> list[Effect]:
-    """One reading for every size at which the term is tried: the secant from the simulator's value there. A list of
-    time constants moves together: which of them differs is told afterwards."""
+def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
+         believed: bool) -> list[Effect]:
+    """One reading for every size at which the term is tried: the secant from the simulator's value there; where the
+    simulator has the term already, to none of it and to so much more. A list of time constants moves together."""
     found = []
     asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
     if term == "saturation":
-        groups = [([index], size - float(model.values[index])) for index in asked
-                  for size in _limits(wrench, model, index)]
+        groups = [([index], np.array([size])) for index in asked for size in _limits(wrench, model, index)]
     else:
-        groups = [(asked, size - float(np.mean(model.values[asked]))) for size in STARTS[_place(model.names[asked[0]])]]
-    for indices, by in groups:
+        sizes = np.array([STARTS[_place(model.names[i])] for i in asked]).T
+        more = [0.0 * sizes[0], *(model.values[asked] + sizes)]
+        groups = [(asked, size) for size in (more if believed else sizes)]
+    for indices, to in groups:
         values = model.values.copy()
-        values[indices] = np.clip(values[indices] + by, model.lower[indices], model.upper[indices])
-        if abs(by) < 1e-9 or np.array_equal(values, model.values):
+        values[indices] = np.clip(to, model.lower[indices], model.upper[indices])
+        if np.allclose(values, model.values, rtol=0.0, atol=1e-9):
             continue
         force, torque = _less(wrench.model(model, values), here)
         moves = {model.names[i]: np.array([values[i] - model.values[i]]) for i in indices}
         room = np.array([(bound[i] - model.values[i]) / moves[model.names[i]][0] for i in indices
                          for bound in (model.lower, model.upper) if abs(moves[model.names[i]][0]) > 0.0])
-        found.append(Effect(term, force[..., None], torque[..., None], moves,
-                            np.array([max(room[room <= 0.0], default=0.0)]), np.array([min(room[room > 0.0])])))
+        found.append(Effect(term, force[..., None], torque[..., None], moves, np.zeros(1),
+                            np.array([min([FARTHEST, *room[room > 0.0]])])))
     return found
 
 

@@ -12,7 +12,7 @@ from nanobench_tools.physics import Model
 from ..space import with_other_map
 from .build import Case
 
-STEPS, NEAR = 3, 0.1
+STEPS, NEAR = 8, 0.1
 """Gauss-Newton steps; of a standard deviation: a shorter step is none."""
 INSIDE = 0.98
 """Share of its room that an effect may take."""
