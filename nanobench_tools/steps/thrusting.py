@@ -48,9 +48,10 @@ def thrust_maps(options: Options, flights: Sequence[Flight],
         place = flights[0].provenance.path
         reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")
         more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
-        raise InputError(place, f"nothing to fit: {reason}{more}",
-                         "a map takes motor commands, battery voltage and the accelerometer (m1 .. m4, vbat, acc_z), "
-                         "or a thrust stand's table")
+        remedy = ("" if "; " in reason else  # of a fault: its own
+                  "a map takes motor commands, battery voltage and the accelerometer (m1 .. m4, vbat, acc_z), or a "
+                  "thrust stand's table")
+        raise InputError(place, f"nothing to fit: {reason}{more}", remedy)
     return whole(found, left), found
 
 
