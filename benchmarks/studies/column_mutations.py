@@ -22,11 +22,16 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources import load_recordings
 
-SCALES = (1000.0, 0.001, 180.0 / np.pi)
-"""Millimetres for metres, kilometres for metres, degrees for radians."""
+SCALES = (1000.0, 0.001, 100.0, 180.0 / np.pi, np.pi / 180.0)
+"""Millimetres, kilometres and centimetres for metres, degrees for radians and the reverse."""
+SAYING = frozenset({"unit", "frame", "body_frame", "axis_swap", "sign", "quaternion_order", "bad_cell", "coarse_time",
+                    "no_common_time", "saturated_sensor", "never_flew"})
+"""Kinds of fault that say of a quantity that it is not what it should be, rather than of rows that some are lost."""
 SUFFIXES = (".csv", ".tsv", ".txt", ".tum")
 SAME = 1e-6
 """Relative difference of two readings of one value."""
+SAME_ROW = 1e-3
+"""Difference of two times, in rows: written times are rounded."""
 
 
 @dataclass(frozen=True)
@@ -110,33 +115,43 @@ def read(path: Path) -> Reading | None:
 
 
 def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
-    """(right, refused, asked, assumed, audited or SILENT; the first quantity that differs)."""
+    """(right, refused, asked, assumed, audited or SILENT; the first quantity that differs).
+
+    Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``."""
     if found is None:
         return "refused", ""
-    worst = ""
-    for stream, quantity in _quantities(found.flight):
-        if stream not in whole.flight or quantity not in whole.flight[stream]:
-            differs = True  # what the whole table does not give
-        else:
-            ours, theirs = found.flight[stream][quantity], whole.flight[stream][quantity]
-            differs = len(ours) != len(theirs) or not np.allclose(ours, theirs, rtol=SAME, atol=1e-12, equal_nan=True)
-        if differs:
-            worst = f"{stream}.{quantity}"
-            if (stream, quantity) not in found.doubted:
-                break
-    if not worst:
+    differs = [(s, q) for s, q in _quantities(found.flight) if not _same(whole.flight, found.flight, s, q)]
+    sure = [key for key in differs if key not in found.doubted]
+    if not differs:
         return "right", ""
-    if (*worst.split(".", 1),) in found.doubted:
-        return "assumed", worst
+    first = ".".join((sure or differs)[0])
+    if not sure:
+        return "assumed", first
     if found.asked:
-        return "asked", worst
-    faults = {f.kind for f in audit(found.flight).faults} - {f.kind for f in audit(whole.flight).faults}
-    return ("audited", f"{worst}: {', '.join(sorted(faults))}") if faults else ("SILENT", worst)
+        return "asked", first
+    before = {(f.kind, f.stream, f.columns) for f in audit(whole.flight).faults}
+    faults = {f"{f.kind} {f.stream} {','.join(f.columns)}" for f in audit(found.flight).faults
+              if (f.kind, f.stream, f.columns) not in before and f.kind in SAYING
+              and (not f.columns or any((f.stream == s and {q, _column(found.flight, s, q)} & set(f.columns))
+                                        or (q == "t" and "t" in f.columns) for s, q in sure))}
+    return ("audited", f"{first}: {'; '.join(sorted(faults))}") if faults else ("SILENT", first)
+
+
+def _same(whole: Flight, found: Flight, stream: str, quantity: str) -> bool:
+    if stream not in whole or (quantity != "t" and quantity not in whole[stream]):
+        return quantity == "t"  # values that the whole table does not give differ
+    ours, theirs = (f[stream].time_s if quantity == "t" else f[stream][quantity] for f in (found, whole))
+    within = SAME_ROW * abs(float(np.nanmedian(np.diff(theirs)))) if quantity == "t" and len(theirs) > 1 else 1e-12
+    return len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=SAME, atol=within, equal_nan=True)
+
+
+def _column(flight: Flight, stream: str, quantity: str) -> str:
+    return "t" if quantity == "t" else flight[stream].columns[flight[stream].quantities.index(quantity)]
 
 
 def _quantities(flight: Flight) -> Iterator[tuple[str, str]]:
     for name, stream in flight.streams.items():
-        yield from ((name, q) for q in stream.quantities if name != "extra")
+        yield from ((name, q) for q in ("t", *stream.quantities) if name != "extra")
 
 
 def mutations(sheet: Sheet) -> Iterator[tuple[str, Sheet]]:
@@ -164,8 +179,8 @@ def main(folder: Path) -> None:
                 path.write_text(sheet.text(), encoding="utf-8")
                 kind, where = outcome(whole, read(path))
                 of_table[kind] += 1
-                if kind == "SILENT":
-                    print(f"  SILENT {table.parent.name}/{table.name}: {what}: {where}", flush=True)
+                if kind in ("SILENT", "audited"):
+                    print(f"  {kind} {table.parent.name}/{table.name}: {what}: {where}", flush=True)
             print(f"{table.parent.name}/{table.name}: {dict(of_table)}", flush=True)
             path.unlink()
             counts += of_table

@@ -19,8 +19,8 @@ import pyarrow.parquet as pq
 from .. import so3
 from ..errors import InputError
 from ..sources.cells import read_grid, read_text_columns
-from ..sources.column_map import DATES, PWM_STREAMS, SCHEMA, allowed_units
-from ..sources.column_names import NUMBERED, guessed, known_names, meaning, recognised, topic_in, unit_of
+from ..sources.column_map import DATES, FORCE_UNITS, PWM_STREAMS, SCHEMA, allowed_units
+from ..sources.column_names import NUMBERED, guessed, is_wanted, known_names, meaning, recognised, topic_in, unit_of
 from ..sources.dates import looks_like_dates, seconds_of_dates
 from ..sources.dialect import normalise_text
 from ..sources.header import find_header, is_number
@@ -34,6 +34,7 @@ from .plausible_ranges import SLOWEST_STEP_S
 QUATERNION = ("qx", "qy", "qz", "qw")
 Key = tuple[str, str]
 TIME: Key = ("", "time")
+COMMANDED_THRUST: Key = ("command", "thrust")
 VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
     (stream, names) for stream, names in (
         ("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z")), ("setpoint", ("x", "y", "z")),
@@ -207,6 +208,10 @@ def _whose(draft: Draft) -> None:
                    and ("estimator", known + a) not in draft.mapped]
         if lacking and any(("estimator", known + a) in draft.mapped for a in "xyz"):
             draft.ask(lacking, "the estimate's missing axis, or the motion capture's? write it in its stream")
+    thrust = draft.mapped.get(COMMANDED_THRUST)
+    if thrust is not None and thrust.why == "stated" and thrust.unit in FORCE_UNITS and not is_wanted(thrust.column):
+        draft.ask([COMMANDED_THRUST], "a force: commanded, or measured by a load cell? a command belongs in "
+                  "[streams.command]")
     pitch = draft.mapped.get(("attitude", "pitch"))
     if pitch is not None and pitch.why in ("", "stated"):
         draft.notes.append(f"{pitch.column}: taken as positive nose down; write sign = -1 if it is positive nose up")
@@ -349,7 +354,7 @@ def _battery(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     elif low <= middle <= high and not whole:
         draft.mapped[key] = replace(drafted, why=f"{middle:.3g} V is a battery's voltage")
     elif low <= 1e-3 * middle <= high:
-        _set(draft, [key], "mV", f"the median is {middle:.4g}")
+        _set(draft, [key], "mV", f"the median is {middle:.4g}", "assumed" if whole and falling else "shown")
     else:
         draft.ask([key], f"a median of {middle:.3g}: volts or a percentage? write unit = \"V\", or leave it out")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -89,27 +90,37 @@ def spans(values: np.ndarray) -> np.ndarray:
     return np.asarray(high - low)
 
 
-def noise(values: np.ndarray) -> np.ndarray:
-    """(k,) standard deviation of white noise in (n, k); nan where an axis holds none that differences agree on."""
+def noise(values: np.ndarray, orders: tuple[int, int] = (2, 4)) -> np.ndarray:
+    """(k,) standard deviation of white noise in (n, k); nan where differences of the two orders do not agree on it.
+
+    Higher orders contain less motion where rows are rare."""
     found = []
     for column in values.T:
         good = column[np.isfinite(column)]
         if len(good) < 8 * WINDOW:
             found.append(float("nan"))
             continue
-        second, fourth = (float(np.median(np.abs(np.diff(good, n)))) * 1.4826 / np.sqrt(variance)
-                          for n, variance in ((2, 6.0), (4, 70.0)))
-        white = fourth > 0.0 and abs(np.log(second / fourth)) < 0.5 * np.log(SAME) if second > 0.0 else False
-        found.append(fourth if white else float("nan"))
+        low, high = (float(np.median(np.abs(np.diff(good, n)))) * 1.4826 / np.sqrt(comb(2 * n, n)) for n in orders)
+        white = high > 0.0 and abs(np.log(low / high)) < 0.5 * np.log(SAME) if low > 0.0 else False
+        found.append(high if white else float("nan"))
     return np.array(found)
 
 
 def one_unit(values: np.ndarray, measured: bool) -> bool:
     """False where axes of (n, k) values carry noise of different sizes: they are not in one unit. ``measured``: by a
     sensor or a tracker, rather than estimated."""
-    sizes = noise(values)
+    sizes, most = noise_by_axis(values, measured)
     sizes = sizes[np.isfinite(sizes)]
-    return len(sizes) < 2 or bool(sizes.max() < (SENSOR_NOISE_APART if measured else NOISE_APART) * sizes.min())
+    return len(sizes) < 2 or bool(sizes.max() < most * sizes.min())
+
+
+def noise_by_axis(values: np.ndarray, measured: bool) -> tuple[np.ndarray, float]:
+    """(k,) ``noise``, from higher differences where lower ones show that of one axis at most, and the largest ratio of
+    two axes in one unit."""
+    sizes = noise(values)
+    if np.isfinite(sizes).sum() > 1:
+        return sizes, SENSOR_NOISE_APART if measured else NOISE_APART
+    return noise(values, (4, 6)), NOISE_APART
 
 
 def lengths_that_fit(values: np.ndarray, time_s: np.ndarray, factors: dict[str, float]) -> list[str]:
@@ -119,10 +130,12 @@ def lengths_that_fit(values: np.ndarray, time_s: np.ndarray, factors: dict[str, 
             if SMALLEST_FLIGHT_M <= f * span <= LARGEST_FLIGHT_M and f * pull < MOST_M_S2]
 
 
-def pull_of(values: np.ndarray, time_s: np.ndarray) -> float:
+def pull_of(values: np.ndarray, time_s: np.ndarray, exceeded_in: float = 0.1) -> float:
     """Size of the second derivative of (n, k) positions, exceeded in a tenth of the rows."""
     rates = rate_of(time_s, rate_of(time_s, smooth(smooth(values))))
-    return float(np.nanquantile(np.linalg.norm(rates, axis=1), 0.9)) if np.isfinite(rates).any() else 0.0
+    if not np.isfinite(rates).any():
+        return 0.0
+    return float(np.nanquantile(np.linalg.norm(rates, axis=1), 1.0 - exceeded_in))
 
 
 def rates_that_fit(values: np.ndarray, factors: dict[str, float]) -> list[str]:

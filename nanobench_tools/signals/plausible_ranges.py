@@ -13,11 +13,11 @@ import numpy as np
 from ..flight import Stream, motors_of
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
-from .column_evidence import noise, one_unit
+from .column_evidence import noise_by_axis, one_unit
 from .context import Context
 from .dropouts import alive_until
 from .quaternion_lengths import STREAMS as QUATERNIONS
-from .quaternion_lengths import scaled_part
+from .quaternion_lengths import other_length, scaled_part
 from .usable_rows import typical_step_s, usable_streams
 
 ROOM_M = number("audit.plausible_ranges.room_m")
@@ -73,7 +73,7 @@ def odd_axis(context: Context) -> WrongUnit | None:
     position = stream[POSITION]
     if one_unit(position, True):
         return None
-    sizes = np.log(noise(position))
+    sizes = np.log(noise_by_axis(position, True)[0])
     known = np.flatnonzero(np.isfinite(sizes))
     away = [abs(sizes[k] - np.median(np.delete(sizes[known], i))) for i, k in enumerate(known)]
     axis = int(known[int(np.argmax(away))])
@@ -98,11 +98,16 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         found.append(WrongUnit("mocap", POSITION, 1000.0, "the tracked position spans more than a room: millimetres"))
     for name, turn in QUATERNIONS.items():
         turned = context.flight.streams.get(name)
-        part = scaled_part(turned[turn]) if turned is not None and all(q in turned.quantities for q in turn) else None
+        if turned is None or not all(q in turned.quantities for q in turn):
+            continue
+        part, length = scaled_part(turned[turn]), other_length(turned[turn])
         if part is not None and abs(np.log(part[1])) > np.log(FACTOR):
             found.append(WrongUnit(name, (turn[part[0]],), part[1],
                                    f"{turn[part[0]]} of {name} is {part[1]:.3g} times what gives the quaternions "
                                    "length 1"))
+        elif length is not None:
+            found.append(WrongUnit(name, turn, length, f"the quaternions of {name} have length {length:.3g}, not 1: an "
+                                                       "element is in another unit"))
     acc = _alive(context, "imu", ("acc_x", "acc_y", "acc_z"))
     if acc is not None:
         norm = float(np.median(np.linalg.norm(acc, axis=1)))

@@ -10,6 +10,9 @@ STREAMS = {"mocap": ("qx", "qy", "qz", "qw"), "attitude_qw": ("qx", "qy", "qz", 
 PART_OFF = number("audit.quaternion_lengths.part_off")
 PART_FITS = number("audit.quaternion_lengths.part_fits")
 
+LENGTH_OFF = number("audit.quaternion_lengths.length_off")
+"""Lengths this far from 1 are no rounding."""
+
 
 def scaled_part(quaternion: np.ndarray) -> tuple[int, float] | None:
     """Which element of (n, 4) quaternions is how many times too large, where that alone keeps their length from 1; None
@@ -31,6 +34,15 @@ def scaled_part(quaternion: np.ndarray) -> tuple[int, float] | None:
         if scale > 0.0 and error < left:
             best, left = (k, scale ** -0.5), error
     return best if left < PART_FITS * off else None
+
+
+def other_length(quaternion: np.ndarray) -> float | None:
+    """Median length of (n, 4) quaternions where it is steady and is not 1: they are no rotations; else None."""
+    length = np.linalg.norm(quaternion[np.isfinite(quaternion).all(axis=1)], axis=1)
+    if len(length) < 20:
+        return None
+    low, middle, high = np.quantile(length, (0.05, 0.5, 0.95))
+    return float(middle) if abs(middle - 1.0) > max(LENGTH_OFF, high - low) else None
 
 
 def _usual(values: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from .axis_unit_matching import AxisUnitMatch, wrong_matches
 from .context import Context
 from .crashes import crash_of
 from .dropouts import alive_until
+from .path_sizes import wrong_paths
 from .plausible_ranges import WrongUnit, wrong_ranges
 from .usable_rows import usable_streams
 
@@ -48,8 +49,10 @@ def gravity_axis(context: Context) -> Gravity | None:
 
 
 def wrong_units(context: Context) -> list[WrongUnit]:
-    """Ranges first; what they explain is not told again by the comparison."""
+    """Ranges first; what they explain is not reported again by the path and the comparison."""
     found = list(context.once(wrong_ranges))
+    reported = {(w.stream, q) for w in found for q in w.quantities}
+    found += [w for w in context.once(wrong_paths) if not reported & {(w.stream, q) for q in w.quantities}]
     reported = {(w.stream, q) for w in found for q in w.quantities}
     for verdict in context.once(wrong_matches):
         if verdict.factor == 1.0 or any((verdict.stream, q) in reported for q in verdict.quantities):

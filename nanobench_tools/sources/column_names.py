@@ -15,7 +15,8 @@ _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
 _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
 
-_WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd"}
+_WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
+           "commanded"}
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
 _MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth"}
 _ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
@@ -27,7 +28,7 @@ _MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle"}, {"rpm"
 _BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective", "throttle"}
 _PLAIN = {"imu", "sensor", "body", "b", "meas", "measured", "filtered", "filt", "pose", "world", "global", "local",
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
-          "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "command", "msg", "rigid",
+          "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
           "level"}
 NUMBERED = "0123"
 """Parts of a quaternion by number: ``meaning`` says q0 .. q3, since the scalar is the first with some and the last with
@@ -113,6 +114,11 @@ def meaning(column: str) -> tuple[str, str] | str:
     if before & _VELOCITY:
         return (stream, f"v{last}") if not before & {"body", "b"} else "a velocity in the body frame"
     return stream, last if stream != "mocap" else f"p{last}"
+
+
+def is_wanted(column: str) -> bool:
+    """Whether the name says that this was commanded, not measured."""
+    return bool(set(words_of(column)[0]) & _WANTED)
 
 
 def bare(column: str) -> str:

@@ -1,0 +1,134 @@
+"""Wrong units of a path, from the path and the attitude alone: an axis that is too thin, an acceleration that no
+vehicle has, a tilt that does not fit the acceleration.
+
+A multirotor accelerates by its tilt times gravity (ratio 0.77 to 1.39 by axis on real flights), so one axis of its
+position in another unit contradicts its attitude. Numbers that are smooth and without attitude show less: then an axis
+within millimetres of the origin, beside others of metres, is in another unit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import so3
+from ..settings import number
+from ..units import GRAVITY_M_S2
+from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, pull_of, spans
+from .context import Context
+from .flown_axes import BAND_HZ
+from .held_poses import POSITION, ROTATION
+from .mocap_derivatives import derivatives_of
+from .paired_signals import FEWEST_ROWS, band_limited, flying_rows
+from .plausible_ranges import WrongUnit
+from .pose_frame import posed
+from .usable_rows import typical_step_s, usable_streams
+
+PATHS = {"mocap": POSITION, "estimator": ("x", "y", "z")}
+FINEST_M = number("audit.path_sizes.finest_m")
+"""A path that varies by less along an axis is constant there, up to rounding."""
+THINNEST_M = number("audit.path_sizes.thinnest_m")
+"""A flight leaves the origin by more along every axis on which it moves at all."""
+THINNER = number("audit.path_sizes.thinner")
+"""Largest over smallest extent of a flight's axes, at most."""
+MOVES_M = number("audit.path_sizes.moves_m")
+"""A path of this extent is no hover: the vehicle accelerated."""
+LEAST_M_S2 = number("audit.path_sizes.least_m_s2")
+"""Such a path has accelerations above this in a hundredth of its rows."""
+FOLLOWS = number("audit.path_sizes.follows")
+"""Correlation of tilt and acceleration along one axis from which on their ratio is compared with gravity."""
+TILT_APART = number("audit.path_sizes.tilt_apart")
+"""And by which factor it then differs, at least."""
+SHORTEST_STEP_S = number("audit.path_sizes.shortest_step_s")
+"""Accelerations are taken over rows at least this far apart, so that noise of the poses does not decide."""
+LEAST_TURN = number("audit.path_sizes.least_turn")
+"""An attitude turns by at least this share of the tilt that the accelerations of its path need."""
+
+
+def wrong_paths(context: Context) -> list[WrongUnit]:
+    """Each finding once; tilt decides where it can."""
+    found = [w for w in (_tilted(context), _turned(context)) if w is not None]
+    reported = {q for w in found for q in w.quantities}
+    for name, quantities in PATHS.items():
+        stream = context.once(usable_streams).get(name)
+        if stream is None or not all(q in stream.quantities for q in quantities):
+            continue
+        position = stream[quantities]
+        keep = np.isfinite(position).all(axis=1)
+        if keep.sum() < FEWEST_ROWS / 10:
+            continue
+        thin = _thin(name, quantities, position[keep])
+        if thin is not None and not reported & set(thin.quantities):
+            found.append(thin)
+        if (pace := _pace(name, stream.time_s[keep], position[keep])) is not None and "t" not in reported:
+            found.append(pace)
+            reported.add("t")
+    return found
+
+
+def _tilted(context: Context) -> WrongUnit | None:
+    """Axes of the tracked position whose acceleration is not what the tilt gives."""
+    truth, use = context.once(derivatives_of), context.once(flying_rows)
+    if truth is None or use.sum() < FEWEST_ROWS:
+        return None
+    thrust = GRAVITY_M_S2 * so3.rotate(truth.quaternion, np.array([0.0, 0.0, 1.0]))[:, :2]
+    both = band_limited(np.stack([truth.acceleration_m_s2[:, :2], thrust]), (BAND_HZ[0], BAND_HZ[1]))[:, use]
+    moved, tilt = np.sqrt(np.mean(both**2, axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        follows, ratio = np.mean(both[0] * both[1], axis=0) / (moved * tilt), moved / tilt
+    wrong = [k for k in range(2) if follows[k] > FOLLOWS and abs(np.log(ratio[k])) > np.log(TILT_APART)]
+    if not wrong:
+        return None
+    factor = float(np.exp(np.mean(np.log(ratio[wrong]))))
+    names = tuple(POSITION[k] for k in wrong)
+    both_axes = " (or the time is in another unit)" if len(wrong) > 1 else ""
+    return WrongUnit("mocap", names, factor, f"{', '.join(names)} accelerates {factor:.3g} times as much as the tilt "
+                                             f"gives{both_axes}")
+
+
+def _turned(context: Context) -> WrongUnit | None:
+    """A tracked attitude that varies, but by far less than the tilt that its path needs."""
+    stream = context.once(posed)
+    if stream is None or not all(q in stream.quantities for q in (*POSITION, *ROTATION)):
+        return None
+    keep = np.isfinite(stream[(*POSITION, *ROTATION)]).all(axis=1)
+    if keep.sum() < FEWEST_ROWS / 10 or spans(stream[POSITION][keep]).max() < MOVES_M:
+        return None
+    turn = so3.make_continuous(stream[ROTATION][keep])
+    angle = 2.0 * float(np.linalg.norm(np.ptp(turn[:, :3], axis=0)))
+    needed = _pull(stream.time_s[keep], stream[POSITION][keep], 0.1) / GRAVITY_M_S2
+    if not 1e-6 < angle < LEAST_TURN * needed:
+        return None
+    return WrongUnit("mocap", ROTATION, angle / needed, f"the attitude turns by {angle:.2g} rad in all, and the "
+                                                        f"accelerations of the path need {needed:.2g} rad")
+
+
+def _thin(name: str, quantities: tuple[str, ...], position: np.ndarray) -> WrongUnit | None:
+    """An axis that moves within millimetres of the origin while another moves ``THINNER`` times as far."""
+    extent = spans(position)
+    thin = int(np.argmin(np.where(extent > FINEST_M, extent, np.inf)))
+    ratio = float(extent[thin] / extent.max())
+    if extent[thin] <= FINEST_M or ratio * THINNER > 1.0 or np.nanmax(np.abs(position[:, thin])) > THINNEST_M:
+        return None
+    farthest_mm = 1e3 * float(np.abs(position[:, thin]).max())
+    return WrongUnit(name, (quantities[thin],), 1e-3, f"{quantities[thin]} of {name} stays within {farthest_mm:.2g} mm "
+                                                      f"of 0, and another axis spans {extent.max():.2g} m")
+
+
+def _pace(name: str, time_s: np.ndarray, position: np.ndarray) -> WrongUnit | None:
+    """A path in the size of a flight whose accelerations are of no flight: the time is in another unit."""
+    extent = float(spans(position).max())
+    if not MOVES_M < extent < LARGEST_FLIGHT_M:
+        return None
+    fast, slow = _pull(time_s, position, 0.1), _pull(time_s, position, 0.01)
+    path = f"the path of {name} spans {extent:.2g} m and accelerates by"
+    if fast > MOST_M_S2:
+        return WrongUnit("", ("t",), 1e-3, f"{path} {fast:.3g} m/s^2 or more in a tenth of its rows")
+    if 0.0 < slow < LEAST_M_S2:
+        return WrongUnit("", ("t",), 1e3, f"{path} more than {slow:.2g} m/s^2 in a hundredth of its rows only")
+    return None
+
+
+def _pull(time_s: np.ndarray, position: np.ndarray, exceeded_in: float) -> float:
+    """Acceleration [m/s^2] that is exceeded in such a share of the rows."""
+    every = max(1, min(int(np.ceil(SHORTEST_STEP_S / max(typical_step_s(time_s), 1e-12))), len(time_s) // 20))
+    return pull_of(position[::every], time_s[::every], exceeded_in)

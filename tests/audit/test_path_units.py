@@ -1,0 +1,75 @@
+"""A path in another unit contradicts gravity: by its tilt, its accelerations, or an axis of millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nanobench_tools.flight import Flight, make_stream
+from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.unit_sign_errors import wrong_units
+
+STEP_S = 1 / 30
+POSES = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+
+
+def multirotor(turning=1.0, noise_m=0.0):
+    """Poses of a figure of 1.0 by 0.8 m at 1 m, tilted as gravity demands, 12 s at 30 Hz."""
+    t = np.arange(0.0, 12.0, STEP_S)
+    w, u = 2 * np.pi / 3.0, 2 * np.pi / 2.4
+    p = np.stack([1.0 * np.sin(w * t), 0.8 * np.sin(u * t), 1.0 + 0.05 * np.sin(w * t / 2)], axis=1)
+    a = np.stack([-w**2 * p[:, 0], -u**2 * p[:, 1]], axis=1) / 9.81
+    half = 0.5 * turning * np.stack([-a[:, 1], a[:, 0]], axis=1)
+    q = np.column_stack([half, np.zeros(len(t)), np.sqrt(1.0 - (half**2).sum(axis=1))])
+    p += np.random.default_rng(1).normal(0.0, noise_m, p.shape) if noise_m else 0.0
+    return Flight("f", {"mocap": make_stream("mocap", t, np.hstack([p, q]), POSES)}, {}, None)
+
+
+def scaled(flight, by=1.0, axis=None, time=1.0):
+    s = flight["mocap"]
+    values = s.values.copy()
+    if axis is not None:
+        values[:, axis] *= by
+    return flight.with_streams(mocap=replace(s, values=values, time_s=s.time_s * time))
+
+
+def reported(flight):
+    return {(w.stream, q) for w in wrong_units(Context(flight)) for q in w.quantities}
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 2e-4])
+def test_the_path_of_a_multirotor_is_right(noise_m):
+    assert reported(multirotor(noise_m=noise_m)) == set()
+
+
+@pytest.mark.parametrize("by", [0.001, 0.01, np.pi / 180, 100.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_that_the_tilt_contradicts(axis, by):
+    assert ("mocap", POSES[axis]) in reported(scaled(multirotor(), by, axis))
+
+
+@pytest.mark.parametrize("time", [1e-3, 100.0, 180 / np.pi])
+def test_time_in_another_unit(time):
+    assert ("", "t") in reported(scaled(multirotor(), time=time))
+
+
+def test_a_thin_axis_without_attitude():
+    flight = scaled(multirotor(), 0.001, 0)
+    poses = flight["mocap"]
+    alone = flight.with_streams(mocap=make_stream("mocap", poses.time_s, poses.values[:, :3], POSES[:3]))
+    assert reported(alone) == {("mocap", "px")}
+
+
+def test_an_attitude_that_hardly_turns():
+    assert reported(multirotor(turning=0.001)) >= {("mocap", q) for q in POSES[3:]}
+
+
+def test_a_quaternion_whose_scalar_is_scaled():
+    camera = np.array([0.66, 0.63, -0.28, 0.296])
+    flight = multirotor()
+    values = flight["mocap"].values.copy()
+    values[:, 3:] = camera / np.linalg.norm(camera) * [1, 1, 1, 0.001]
+    poses = replace(flight["mocap"], values=values)
+    assert ("mocap", "qw") in reported(flight.with_streams(mocap=poses))
