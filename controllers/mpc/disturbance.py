@@ -1,9 +1,9 @@
-"""What pushes and turns the vehicle beside the model: an observer that predicts, compares and puts the rest down to it.
+"""Disturbance observer: the force and moment that the model does not explain.
 
 A Luenberger observer of the state and of a steady force and moment (both per mass and inertia), the source of
-offset-free predictive control (Pannocchia, Rawlings 2003, doi:10.1002/aic.690490213). Measurements are of different
-age: each is compared with what was predicted for its own time, and what is corrected now is corrected in the past, too,
-so that no error is counted twice.
+offset-free predictive control (Pannocchia, Rawlings 2003, doi:10.1002/aic.690490213). Measurements have different ages:
+each is compared with the prediction for its own time. A correction is also applied to past states, so that no error is
+counted twice.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from .prediction_model import DISTURBANCES, STATES, rollout_function
 
 @dataclass(frozen=True)
 class Tuning:
-    """ages_s: how old position, velocity, attitude and rate are when they arrive. share: of an innovation that is
-    believed at once, of the same four. place_1_s: speed at which position, velocity and force follow positions alone
-    (three equal poles; 0: they do not). force_1_s, moment_1_s: speed at which velocities teach a force and rates a
+    """Tuning of the observer.
+
+    ages_s: ages of position, velocity, attitude and rate when they arrive. share: fraction of an innovation that is
+    applied at once, of the same four. place_1_s: speed at which position, velocity and force follow positions alone
+    (three equal poles; 0: not at all). force_1_s, moment_1_s: speed at which velocities correct the force and rates the
     moment. most: bounds of both [m/s^2, rad/s^2].
 
-    Velocities are not believed by default: the firmware's filter says 7 % too much where the air pulls, and up to 13 %
-    too little over a radio with gaps (docs/control.md).
+    Velocities are ignored by default: the firmware's filter overestimates them by 7 % under aerodynamic forces, and
+    underestimates them by up to 13 % over a radio with gaps (docs/control.md).
     """
 
     ages_s: tuple[float, float, float, float] = setting("control.disturbance.tuning_ages_s")
@@ -64,8 +66,8 @@ def _between(q: np.ndarray, p: np.ndarray) -> np.ndarray:
 @nb.njit(cache=True)
 def _correct(past: np.ndarray, head: int, ages: np.ndarray, share: np.ndarray, pull: np.ndarray, learn: np.ndarray,
              most: np.ndarray, measured: np.ndarray, new_pose: np.ndarray, good: np.ndarray, d: np.ndarray) -> None:
-    """past (K, n, 17) is a ring with the present at ``head``; measured (n, 13); ages in steps; pull: of velocity and
-    force by a gap of position."""
+    """past (K, n, 17): a ring with the present at ``head``. measured (n, 13). ages in steps. pull: gain from a position
+    error to velocity and force."""
     count = past.shape[0]
     gap = np.empty(13)
     for i in range(past.shape[1]):
@@ -124,14 +126,14 @@ class Observer:
         self.known = np.zeros(n, bool)
 
     def begin(self, which: np.ndarray, measured: np.ndarray) -> None:
-        """Believe what was measured (n, 13) of vehicles ``which`` (n,) bool as it is; what was learned stays."""
+        """Reset vehicles ``which`` (n,) bool to the measurement (n, 13); the estimated disturbance stays."""
         self.state[which, :13] = measured[which]
         self._past[:, which] = self.state[which]
         self.known |= which
 
     def correct(self, measured: np.ndarray, good: np.ndarray, new_pose: np.ndarray) -> None:
-        """measured (n, 13): position, velocity, quaternion, rate; good (n,): vehicles that were measured; new_pose
-        (n,): those whose pose and velocity are not an old one again. What is not new counts for nothing."""
+        """measured (n, 13): position, velocity, quaternion, rate. good (n,): vehicles with a measurement. new_pose
+        (n,): those with a new pose and velocity. Old ones have no weight."""
         self._past[self._head] = self.state
         _correct(self._past, self._head, self._ages, self._share, self._pull, self._learn, self._most, measured,
                  new_pose, good, self.disturbance)
@@ -144,8 +146,8 @@ class Observer:
         self._past[self._head] = self.state
 
     def predicted(self, seconds: np.ndarray, commands: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-        """(n, 17) after thrusts asked (k, n, 4), each for so many seconds (k,), from now or from ``start`` (n, 17); no
-        number stays none."""
+        """(n, 17) after commanded thrusts (k, n, 4), each for its duration (k,) s, from now or from ``start`` (n, 17).
+        nan stays nan."""
         found = (self.state if start is None else start).copy()
         count = len(seconds)
         if count not in self._flights:

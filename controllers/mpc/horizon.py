@@ -1,4 +1,4 @@
-"""The reference over a controller's horizon: what is known of the future, else what now says about it."""
+"""The reference over a controller's horizon: its known future, or an extrapolation of the present."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Future = Callable[[np.ndarray], Reference]
 WIDTH = 14
 """position, velocity, acceleration, jerk (3 each), yaw, yaw rate."""
 JUMP_M = 0.15
-"""Between two points of a horizon, beside what its velocity explains: a jump that no vehicle flies, and is answered
-when it has come."""
+"""Minimum step between two points of a horizon, in excess of their velocity, that is a jump. Vehicles cannot fly it,
+and it is answered only when it has come."""
 LEAST_TILT_RAD, MOST_TILT_RAD = 0.1, 0.6
 NEAR_M = number("control.horizon.near_m")
 MOST_SINK_M_S2 = 4.0
@@ -41,11 +41,11 @@ class Horizon:
         self._out, self._parts, self._good = np.empty((0, 0, WIDTH)), [np.empty(0)], np.empty(0, bool)
 
     def rows(self, reference: Reference, ahead: Future | None, landing: np.ndarray) -> tuple[np.ndarray, int]:
-        """(n, k, WIDTH), valid until the next call, and of how many vehicles ``ahead`` was no use, so that it was
-        guessed.
+        """(n, k, WIDTH), valid until the next call, and the number of vehicles for which ``ahead`` was unusable and was
+        extrapolated.
 
-        ``reference`` is finite and whole (``Guard.admit``), what it will be ``ahead`` need not be finite; what that
-        raises comes out. Vehicles that are ``landing`` (n,) do not look at it.
+        ``reference`` is finite and whole (``Guard.admit``). ``ahead`` may return non-finite values; its exceptions pass
+        through. Vehicles that are ``landing`` (n,) ignore it.
         """
         if ahead is None:
             return self._guessed(reference), 0
@@ -129,8 +129,8 @@ def most_tilt(lift_ratio: np.ndarray) -> np.ndarray:
 @nb.njit(cache=True)
 def flyable(rows: np.ndarray, seconds: np.ndarray, x: np.ndarray, gains: np.ndarray, most_N: np.ndarray,
             hover_N: float, gravity: float, pushed_m_s2: np.ndarray, tilt_rad: float, near_m: float) -> None:
-    """Both of the following, from the thrust that motors can give, most_N (n, 4), and hover_N, a motor's share of the
-    weight; targets tip no further than tilt_rad. gains (2, 3): ``Gains``."""
+    """Both of the following, from the available motor thrust most_N (n, 4) and hover_N, a motor's share of the weight.
+    Targets tip no further than tilt_rad. gains (2, 3): ``Gains``."""
     n = rows.shape[0]
     lift, level = np.empty(n), np.empty(n)
     for i in range(n):
@@ -146,14 +146,14 @@ def flyable(rows: np.ndarray, seconds: np.ndarray, x: np.ndarray, gains: np.ndar
 @nb.njit(cache=True)
 def within_reach(rows: np.ndarray, x: np.ndarray, position_1_s2: np.ndarray, velocity_1_s: np.ndarray,
                  level_m_s2: np.ndarray, up_m_s2: np.ndarray, pushed_m_s2: np.ndarray, near_m: float) -> None:
-    """Changes rows (n, k, WIDTH) to ask for no more level acceleration than level_m_s2 (n,) and upward one than up_m_s2
-    (n,), beside what pushes already, pushed_m_s2 (n, >= 3): accelerations along the path are cut, and all points of a
-    vehicle moved so that its lag x (n, 17) behind the first, answered by ``Gains``, does not ask for more.
+    """Limit rows (n, k, WIDTH) to a horizontal acceleration of level_m_s2 (n,) and an upward one of up_m_s2 (n,), on
+    top of the disturbance pushed_m_s2 (n, >= 3).
 
-    What is moved away is given up: height first, as turning motors must stay free to turn the vehicle, and a vehicle
-    that lifts little more than its weight loses height when it tips after a reference that has jumped. Nearer than
-    near_m nothing is moved: the program knows its bounds, and sees further ahead than these gains; from there to twice
-    as far it comes in. A vehicle that cannot carry itself is told to sink wherever it is.
+    Accelerations along the path are cut. All points of a vehicle are moved so that its lag x (n, 17) behind the first,
+    answered by ``Gains``, needs no more than that. Height is given up first: motors must stay free to turn the vehicle,
+    and a vehicle with little spare lift loses height when it tips after a reference that has jumped. Within near_m
+    nothing is moved, since the program knows its bounds and looks further ahead than these gains; the limit fades in up
+    to twice that distance. A vehicle that cannot carry its weight gets a sinking target wherever it is.
     """
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):

@@ -1,7 +1,7 @@
-"""Predictive control of n vehicles: what every kind of it shares, from the measurement to the command.
+"""Predictive control of n vehicles: the part that all variants share, from the measurement to the command.
 
 Guard -> observer (state and disturbance now) -> through the commands under way to the time at which a new one acts ->
-targets from the reference's future -> a plan (the kinds differ in this alone) -> PWM within what the battery gives.
+targets from the reference's future -> a plan (the variants differ in this alone) -> PWM within the battery's limits.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ LONGEST_STEPS = 10
 
 @dataclass(frozen=True)
 class Weights:
-    """Errors that cost as much as each other (Bryson): position m and velocity m/s level and vertical, turn rad and
-    rate rad/s about body x, y and about z; thrust N and moments N m (x and y, z) that cost as much as those."""
+    """Errors of equal cost (Bryson): position m and velocity m/s level and vertical, turn rad and rate rad/s about body
+    x, y and about z. Thrust N and moments N m (x and y, z) of the same cost."""
 
     position_m: tuple[float, float] = setting("control.predictive_base.weights_position_m")
     velocity_m_s: tuple[float, float] = setting("control.predictive_base.weights_velocity_m_s")
@@ -99,9 +99,12 @@ def _ahead_of(held: Reference) -> Callable[[np.ndarray], Reference]:
 def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np.ndarray, good: np.ndarray,
             passed_s: float, late: bool, state: np.ndarray, known: np.ndarray, pose: np.ndarray, same_s: np.ndarray,
             way_m: np.ndarray, measured: np.ndarray, fresh: np.ndarray, begin: np.ndarray) -> tuple[int, int]:
-    """Measurements of n vehicles, passed_s after the last, against states (n, 17): side by side in ``measured`` (n,
-    13), whether a pose is a new one in ``fresh`` (n,), and in ``begin`` (n,) who starts from it, all of ``late`` if
-    they can. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and what came since it. Counts both."""
+    """Compare measurements of n vehicles, passed_s after the last, with states (n, 17).
+
+    Fills ``measured`` (n, 13), ``fresh`` (n,): the pose is new, and ``begin`` (n,): vehicles that restart from it, all
+    of ``late`` if possible. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and the time and way
+    since. Counts both.
+    """
     stale = started = 0
     for n in range(place.shape[0]):
         measured[n, :3], measured[n, 3:6] = place[n], speed[n]
@@ -124,13 +127,13 @@ def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np
 
 
 class Mpc:
-    """Full references in, with their future where it is given; motor PWM out, every PERIOD_S.
+    """Full references in, with their future if available; motor PWM out, every PERIOD_S.
 
-    ``delay_s``: how long after ``command`` returns its result begins to act (the model's command_delay by default).
-    ``tilt_rad``: plans tip no further (``tilt_bounds``); targets less, and less still on a battery that could not carry
-    the vehicle then. ``near_m``: nearer errors are left to the program (``horizon.within_reach``); not where other
-    loops stand between a plan and the motors.
-    ``guard``, ``fallback`` and ``counts`` say what was replaced. ``plan`` holds the last plans.
+    ``delay_s``: time from the return of ``command`` until its result acts (the model's command_delay by default).
+    ``tilt_rad``: limit of tilt in plans (``tilt_bounds``). Targets tilt less, and less still on a battery that could
+    not carry the vehicle then. ``near_m``: smaller errors are left to the program (``horizon.within_reach``), unless
+    other loops lie between a plan and the motors. ``guard``, ``fallback`` and ``counts`` report replacements. ``plan``:
+    the last plans.
     """
 
     name = "mpc"
@@ -223,7 +226,7 @@ class Mpc:
         self._measured, self._fresh, self._begin = np.zeros((n, 13)), *np.zeros((2, n), bool)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        """PWM ratios (n, 4), finite and within 0..1 for any input."""
         with np.errstate(all="ignore"):
             steps = self._steps(time_s)
             if steps == 0:
@@ -254,7 +257,7 @@ class Mpc:
         return self.observer.predicted(np.array(parts), self.plan.thrust_N.swapaxes(0, 1)[:len(parts)], self._start)
 
     def _steps(self, time_s: float) -> int:
-        """Periods since the last call; 0 if the clock stands or runs backwards: the last command is held then."""
+        """Periods since the last call; 0 if the clock stops or runs backwards, when the last command is held."""
         first = not math.isfinite(self._time_s)
         passed = 1.0 if first or not math.isfinite(time_s) else (time_s - self._time_s) / self.period_s
         if not math.isfinite(time_s):
@@ -309,6 +312,6 @@ class Mpc:
 
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
-        """Vehicle i at x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N ->
-        thrusts (N, 4), or None."""
+        """Plan for vehicle i: x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N
+        -> thrusts (N, 4), or None."""
         raise NotImplementedError

@@ -1,9 +1,9 @@
 """A flight as a factor graph: preintegrated IMU between states, measurements as vectorised linear factors.
 
-States every tenth of a second: pose (of the IMU), velocity, biases, and a vector of slow quantities. Between states
-stand GTSAM's ImuFactor (Forster et al., "On-manifold preintegration", T-RO 2017). Everything else is linearised for
-all states at once in NumPy and handed over as Jacobian factors, because a Python function per factor and iteration
-costs more than the whole solution. Gauss-Newton with halved steps; convergence is reported.
+States every tenth of a second: pose (of the IMU), velocity, biases, and a vector of slow quantities. GTSAM's ImuFactor
+(Forster et al., "On-manifold preintegration", T-RO 2017) connects states. Everything else is linearised for all states
+at once in NumPy and passed as Jacobian factors: a Python function per factor and iteration costs more than the whole
+solution. Gauss-Newton with halved steps; convergence is reported.
 """
 
 from __future__ import annotations
@@ -54,8 +54,11 @@ def load() -> Any:
 
 @dataclass(frozen=True)
 class Linear:
-    """A block of K factors: residual = measured - predicted (K, m), its derivative's negative by the changes of what
-    ``keys`` name: letter -> (index (K,), (K, m, d)); sigma (m,) or (K, m)."""
+    """A block of K factors.
+
+    residual = measured - predicted (K, m); its negative derivative by the changes that ``keys`` index: letter -> (index
+    (K,), (K, m, d)); sigma (m,) or (K, m).
+    """
 
     keys: list[tuple[str, np.ndarray, np.ndarray]]
     residual: np.ndarray
@@ -64,8 +67,8 @@ class Linear:
 
 @dataclass(frozen=True)
 class Solution:
-    """state and the path through it, iterations, converged, cost: half the sum of squares of the weighted residuals;
-    covariance (K, n, n) of pose, velocity, biases and slow quantities of each state, None where it cannot be told."""
+    """state and the path through it, iterations, converged. cost: half the sum of squares of the weighted residuals.
+    covariance (K, n, n): of pose, velocity, biases and slow quantities of each state; None if unknown."""
 
     state: State
     path: Path
@@ -127,8 +130,8 @@ class Problem:
         return self.gtsam.ImuFactor(x[i], v[i], x[i + 1], v[i + 1], b[i], self.increments[i])
 
     def carried(self, state: State) -> State:
-        """The last of ``state`` carried over all intervals by the IMU alone: where nothing else is measured, this is
-        what the graph would find."""
+        """The last of ``state``, propagated over all intervals by the IMU alone: the graph's result without other
+        measurements."""
         gtsam, last = self.gtsam, len(state.position) - 1
         bias = gtsam.imuBias.ConstantBias(state.acc_bias[last], state.gyro_bias[last])
         there = gtsam.NavState(gtsam.Rot3(state.rotation[last]), state.position[last], state.velocity[last])
@@ -144,9 +147,12 @@ class Problem:
 
     def solve(self, start: State, sd: State, walk: np.ndarray,
               blocks: Callable[[State, Path], Iterable[Linear]], warms: int | None = None) -> Solution:
-        """Gauss-Newton from ``start``; ``sd`` holds the SDs of its first state (``rotation`` as (1, 3)), ``walk`` (d,)
-        by how much the slow quantities change [unit per root second], ``blocks`` the measurements besides the IMU;
-        ``warms`` which slow quantity is the drift of the vertical accelerometer's bias [m/s^3]."""
+        """Gauss-Newton from ``start``.
+
+        ``sd``: SDs of its first state (``rotation`` as (1, 3)). ``walk`` (d,): change of the slow quantities [unit per
+        root second]. ``blocks``: measurements other than the IMU. ``warms``: the slow quantity that is the drift of the
+        vertical accelerometer's bias [m/s^3].
+        """
         graph = self.gtsam.NonlinearFactorGraph()
         for i in range(self.count - 1):
             graph.push_back(self.factor(i))
@@ -199,8 +205,8 @@ class Problem:
             return linear.optimize(ordering, self.gtsam.EliminateQR)
 
     def _in_time(self, like: State) -> Any:
-        """Elimination from the first state to the last, biases and slow quantities at its end: each then stands on what
-        is known before it, and the last pivots are well conditioned however far a tail without poses has drifted."""
+        """Elimination from the first state to the last, biases and slow quantities at its end. Each then depends on
+        earlier information, and the last pivots are well conditioned however far a tail without poses has drifted."""
         ordering = self.gtsam.Ordering()
         for i in range(self.count):
             for letter in (*like.others, "x", "v", "b", "c"):
@@ -210,7 +216,7 @@ class Problem:
 
     def _walks(self, state: State, walk: np.ndarray, warms: int | None) -> Iterable[Linear]:
         """Biases and slow quantities change from state to state as random walks, the slow ones by ``walk`` (d,) [unit
-        per root second]; the vertical accelerometer's bias drifts besides, by the slow quantity ``warms``."""
+        per root second]. The vertical accelerometer's bias also drifts by the slow quantity ``warms``."""
         k, d = self.count - 1, state.slow.shape[1]
         step_s, index = np.diff(self.time_s), np.arange(k)
         eye, root = np.broadcast_to(np.eye(d), (k, d, d)), np.sqrt(step_s)[:, None]

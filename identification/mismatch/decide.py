@@ -40,7 +40,7 @@ SYSTEMATIC = number("mismatch.decide.systematic")
 """Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
 HEIGHT = 'com_offset.r_m[2]'
 HEIGHT_SD_M = number("mismatch.decide.height_sd_m")
-"""How high the centre of mass lies is told by what air pushes sideways, which other things turn by as well."""
+"""The height of the centre of mass follows from sideways forces of the air, which other effects turn as well."""
 INERTIA = 'inertia.inertia_kg_m2'
 INERTIA_SD = number("mismatch.decide.inertia_sd")
 """Of the value: rows of commands miss what was sent between them."""
@@ -48,11 +48,11 @@ TOGETHER = (*MAPS, *IN_PRODUCTS)
 NORMAL95 = 1.96
 MOST_SURE = number("mismatch.decide.most_sure")
 UNSURE = number("mismatch.decide.unsure")
-"""Stated confidence: of names with much to show 18 in 21 were right in blind cases; where others had to be withdrawn,
-or flights differ from each other, real flights have shown that a name may be a stand-in."""
+"""Stated confidence. 18 of 21 effects with much support were right in blind cases. Confidence is lower when other
+candidates were rejected or flights differ from each other."""
 UNPROVED = "it does not predict flights better that were left out of the fit"
 BESIDE = number("mismatch.decide.beside")
-"""Share of all structure from which something left beside a name is worth saying."""
+"""Minimum fraction of all structure at which the residual of an effect is reported."""
 ACTS_SHARE = number("mismatch.decide.acts_share")
 """A name acts in a channel from this share of what it explains on."""
 DOUBT = number("mismatch.decide.doubt")
@@ -61,8 +61,8 @@ DOUBT = number("mismatch.decide.doubt")
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect: the hypothesis, what cannot be told from it, the standard deviations of its parameters by name, the
-    share of the residual's structure it takes away, channels where it acts, confidence."""
+    """One effect: the hypothesis, its indistinguishable effects, standard deviations of its parameters by name, the
+    fraction of the residual's structure that it explains, channels where it acts, confidence."""
 
     hypothesis: Hypothesis
     equivalent: tuple[str, ...]
@@ -75,9 +75,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Decision:
-    """outcome of DESIGN; own: terms that differ between flights; scores: what each hypothesis takes away at first;
-    findings; structures that no term explains; fit of what was named; space it is of; faults of the data that forbid
-    an answer (``Recordings.forbidding``); excess [6] before and after: squared length above what is plain."""
+    """Decision on all effects.
+
+    outcome: as in DESIGN. own: terms that differ between flights. scores: initial gain of each hypothesis. findings:
+    identified effects. Structures that no term explains. fit: of the identified effects, and its space. faults: data
+    faults that forbid an answer (``Recordings.forbidding``). excess [6], before and after: squared length above the
+    plain level.
+    """
 
     outcome: str
     findings: tuple[Finding, ...]
@@ -94,7 +98,7 @@ class Decision:
 
 
 def decide(recordings: Recordings, moments: Moments, space: Space, named: Named) -> Decision:
-    """Names stand that explain nearly all there is where they act; the rest is unknown."""
+    """Accept effects that explain nearly all of the residual where they act; the rest is unknown."""
     known = Slopes(moments)
     nothing = fit(known, space.model, [])
     before = excess(moments, nothing.left)
@@ -216,7 +220,7 @@ def _drop(known: Slopes, here: Space, home: Space, kept: Sequence[Hypothesis], f
 
 def _still(known: Slopes, here: Space, home: Space, kept: list[Hypothesis],
            final: Fit) -> tuple[list[Hypothesis], Fit, list[tuple[str, str]]]:
-    """What still explains something when others were withdrawn, the fit of it, and what went."""
+    """Effects that still explain something after others were rejected, their fit, and the rejected ones."""
     gone: list[tuple[str, str]] = []
     while kept:
         tried = []
@@ -234,8 +238,8 @@ def _still(known: Slopes, here: Space, home: Space, kept: list[Hypothesis],
 
 
 def _moved(finding: Finding, model: Model, home: Space) -> bool:
-    """Whether some parameter lies outside of the interval around what is believed; of curves and products only all
-    parameters together tell."""
+    """Whether a parameter lies outside the interval around the simulator's value. Curves and products are judged by all
+    parameters together."""
     term = finding.hypothesis.term
     if term in TOGETHER or finding.hypothesis.own:
         return True
@@ -251,8 +255,8 @@ def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
 
 def _level_instead(moments: Moments, known: Slopes, space: Space, kept: Sequence[Hypothesis], model: Model,
                    found: Sequence[Structure]) -> Named | None:
-    """Where a thrust curve is no name for what is there, its level may be, beside what is kept: mass, or thrust as a
-    whole. ``model``: with the curve."""
+    """Where a thrust curve is rejected, its level may be accepted with the kept effects: mass, or a thrust scale.
+    ``model``: with the curve."""
     start = carried(model, space.model).with_parameters(
         {n: v for n, v in space.model.parameters.items() if n.partition(".")[0] in MAPS})
     names = [h.term for h in kept]

@@ -38,18 +38,18 @@ ANOTHER = setting("mismatch.diagnosis.another")
 """A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
 GAINS = terms_that(lambda term: any(p.implausible is not None for p in term.parameters))
 MUCH = setting("mismatch.diagnosis.much")
-"""Terms that may only be right within a factor, and the squared length, above what is plain, from which turning that
-asks for more is worth saying."""
+"""Terms that may be right only within a factor, and the minimum squared length, above the plain level, at which
+remaining rotation is reported."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
 AXIS_SHARE = setting("mismatch.diagnosis.axis_share")
-"""An axis is said to differ from this share of all turning on."""
+"""Minimum fraction of all rotation for an axis to be reported as different."""
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
              progress: Callable[[str], None] | None = None, given: Equivalent | None = None) -> Verdict:
-    """What is wrong with ``simulator``, given recordings that were looked over. ``given``: the callable that it stands
-    for, whose own residual is judged then."""
+    """Errors of ``simulator``, given prepared recordings. ``given``: the callable that it is equivalent to, whose own
+    residual is then judged."""
     start = time.perf_counter()
     say = progress or (lambda text: None)
     if recordings.judged_s < LEAST_S:
@@ -113,8 +113,8 @@ def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space
 
 def _without_idle(moments: Moments, decision: Decision, proof: Proof, simulator: Model,
                   seed: int) -> tuple[Decision, Proof]:
-    """Beside other names, one that only turns the vehicle stays only where turning is predicted better with it: rows of
-    commands that are made from a shaking gyro feign gains and damping, and what pushes proves nothing for them."""
+    """Among several effects, one that only turns the vehicle stays only if it improves the prediction of rotation.
+    Commands from a noisy gyro resemble gains and damping, and improved forces do not support those."""
     turning = [f.hypothesis.term for f in decision.findings if f.axes and all(a.startswith("torque") for a in f.axes)]
     for term in turning if proof.held_out else ():
         if len(decision.findings) < 2:
@@ -140,9 +140,11 @@ def _no_vehicle(decision: Decision) -> Structure | None:
 
 def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, *, vehicle: Vehicle | None = None,
                       seed: int = 0, progress: Callable[[str], None] | None = None) -> Verdict:
-    """What is wrong with a simulator that is only a callable (``nanobench_tools.physics.adapters.given``); ``place``
-    is its name, ``vehicle`` what is known of it where it does not say. Raises InputError for one that fails, or answers
-    in other units or axes."""
+    """Errors of a simulator that is only a callable (``nanobench_tools.physics.adapters.given``).
+
+    ``place``: its name. ``vehicle``: known properties that it does not state. Raises InputError if it fails, or answers
+    in other units or axes.
+    """
     start = time.perf_counter()
     if recordings.judged_s < LEAST_S:
         vehicle = vehicle or Vehicle()

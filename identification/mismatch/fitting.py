@@ -21,8 +21,8 @@ TIMING = "command_delay.delay_s"
 TIMING_SD_S = number("mismatch.fitting.timing_sd_s")
 """A logged command stands for some moment of its row: half a row either way is no physics."""
 SPEED_LAG = number("mismatch.fitting.speed_lag")
-"""Whether thrust or speed of a rotor lags is no physics that a simulator's time constant tells: of the difference, as
-much is a nuisance."""
+"""A simulator's time constant does not show whether thrust or rotor speed lags. This fraction of the difference is a
+nuisance."""
 AT_ROTORS = number("mismatch.fitting.at_rotors")
 """Nor is it where drag acts, at the centre of the rotors or more at those that turn faster."""
 STEP = 1e-3
@@ -31,9 +31,9 @@ STEPS = 4
 SETTLED = number("mismatch.fitting.settled")
 """A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
 MISSED = number("mismatch.fitting.missed")
-"""Squared standard deviations: what it may miss by at most, lest hypotheses that explain much are ranked by chance."""
+"""Squared standard deviations: maximum error, so that chance does not rank hypotheses that explain much."""
 PRIOR_SD = number("mismatch.fitting.prior_sd")
-"""Scales: keeps directions the flights do not tell where they are."""
+"""Scales: keep directions that the flights do not show at their values."""
 OWN_SD = number("mismatch.fitting.own_sd")
 """Scales: how far flights may differ."""
 DRAWS = 200
@@ -47,8 +47,8 @@ LITTLE = number("mismatch.fitting.little")
 
 @dataclass(frozen=True)
 class Fit:
-    """``model`` at the end; ``free`` indices of its parameters; covariance (F, F) of them in their own units, as if
-    everything else were right; loss: squared length of what is left; left (K,): the projection that is left."""
+    """``model`` at the end; ``free`` indices of its parameters; covariance (F, F) of them in their own units, assuming
+    that everything else is right; loss: squared length of the residual; left (K,): the projected residual."""
 
     model: Model
     free: np.ndarray
@@ -57,11 +57,11 @@ class Fit:
     left: np.ndarray
     on_bound: tuple[str, ...] = field(default=())
     own: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Terms that differ between flights: flat name -> (flights,) what each has beside the shared value."""
+    """Terms that differ between flights: flat name -> (flights,) deviation from the shared value."""
     levels: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Parameters that scatter between flights: flat name -> (flights,) beside the shared value."""
+    """Parameters that scatter between flights: flat name -> (flights,) deviation from the shared value."""
     beside: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(K,) what the nuisances do: the moment of the commands, and whatever differs between flights."""
+    """(K,) contribution of the nuisances: the moment of the commands, and differences between flights."""
 
 
 class Slopes:
@@ -147,8 +147,8 @@ class Slopes:
 
     def nuisances(self, model: Model, free: Sequence[int] | np.ndarray,
                   own: Sequence[int] | np.ndarray = ()) -> tuple[np.ndarray, list[str]]:
-        """(K, E) what a standard deviation of each nuisance of a fit of ``free`` does, and the names of the parameters,
-        last among them with a column a flight, that scatter between flights."""
+        """(K, E) effect of one standard deviation of each nuisance of a fit of ``free``, and the names of the
+        parameters. Those that scatter between flights are last, with one column per flight."""
         timing = model.names.index(TIMING) if TIMING in model.names else None
         found = [SPEED_LAG * self.speed_lag(model), AT_ROTORS * self.drag_at_rotors(model)]
         if timing is not None and timing not in free:
@@ -190,12 +190,12 @@ def slopes(wrench: Wrench, model: Model, which: Sequence[int] | np.ndarray) -> t
 
 def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: int = STEPS,
         own: Sequence[int] | np.ndarray = ()) -> Fit:
-    """Gauss-Newton with step halving, within the parameters' bounds; ``own``: parameters that every flight has another
-    value of, around the shared one and to first order.
+    """Gauss-Newton with step halving, within the parameters' bounds. ``own``: per-flight parameters, around the shared
+    value and to first order.
 
-    The moment of its row that a command stands for is a nuisance of every fit, within TIMING_SD_S and to first order,
-    unless the delay itself is asked for; so are rotors whose speed lags (``Wrench.speed_lag``), drag that acts at the
-    rotors (``Wrench.drag_at_rotors``), and what scatters between flights (``Moments.levels``).
+    Every fit has these nuisances: the moment of its row that a command represents, within TIMING_SD_S and to first
+    order, unless the delay itself is fitted; rotors whose speed lags (``Wrench.speed_lag``); drag that acts at the
+    rotors (``Wrench.drag_at_rotors``); and scatter between flights (``Moments.levels``).
     """
     free = np.asarray(free, int)
     sizes, weight = scales(model)[free], np.full(len(free), 1.0 / PRIOR_SD)
@@ -266,8 +266,8 @@ def _level_values(known: Slopes, names: Sequence[str], rows: np.ndarray) -> dict
 
 def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), draws: int = DRAWS,
               seed: int = 0) -> np.ndarray:
-    """(F,) standard deviation of a fit's free parameters, flights drawn anew (Efron and Tibshirani 1993, ch. 6),
-    widened for few flights; 0 where there are too few. To first order around the fit."""
+    """(F,) standard deviation of a fit's free parameters, to first order, by resampling flights (Efron and Tibshirani
+    1993, ch. 6). Widened for few flights; 0 for too few."""
     wrench, model = known.moments.wrench, fit.model
     numbers = np.unique(wrench.flight)
     many, sizes = len(numbers), scales(model)[fit.free]

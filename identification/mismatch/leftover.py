@@ -1,5 +1,7 @@
-"""Structure that no term of the vocabulary explains: found by flexible models that know no physics, on flights they
-were not fitted to, so that "unknown" can be said with a place and a size."""
+"""Structure that no term explains, found by flexible models without physics.
+
+The flights that judge such a model are not those it was fitted to, so that "unknown" comes with a place and a size.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ LEAST_FORCE_M_S2 = number("mismatch.leftover.least_force_m_s2")
 """Structure below this RMS is no finding: rows of a filtered path differ by as much from what acted."""
 LEAST_GAIN = number("mismatch.leftover.least_gain")
 ONE_PATH = number("mismatch.leftover.one_path")
-"""Share of the squared velocity that the place does not tell, below which flights take the same way through it."""
+"""Minimum fraction of the squared velocity that the place does not determine; below it, flights share one path."""
 PERIODS_HZ = setting("mismatch.leftover.periods_hz")
 FAST_HZ = setting("mismatch.leftover.fast_hz")
 STRONG_M_S2 = number("mismatch.leftover.strong_m_s2")
@@ -39,8 +41,8 @@ BURST_ROWS = count("mismatch.leftover.burst_rows")
 
 RESTLESS_M_S2 = number("mismatch.leftover.restless_m_s2")
 SLOW_S = number("mismatch.leftover.slow_s")
-"""RMS over all axes of a force slower than this, from which on air is more restless than indoors: 0.14 to 0.16 on quiet
-real flights."""
+"""Minimum RMS over all axes of a force slower than this for air more restless than indoors; 0.14 to 0.16 on quiet real
+flights."""
 MOST_FLIGHTS = number("mismatch.leftover.most_flights")
 """Share of the flights in which a structure has to show."""
 AT_PLACE = number("mismatch.leftover.at_place")
@@ -50,14 +52,14 @@ PERIOD_STEP_HZ = number("mismatch.leftover.period_step_hz")
 BURST_SHARE = number("mismatch.leftover.burst_share")
 """Share of what is left that bursts have to hold."""
 GUST_AXIS = number("mismatch.leftover.gust_axis")
-"""An axis is said to be restless from this share of the whole on."""
+"""Minimum fraction of the whole for an axis to be reported as restless."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """kind: ``place``, ``time``, ``motion``, ``period``, ``bursts`` or ``gusts``; size_m_s2: RMS of the force (bursts:
-    while they last, which is ``share`` of the time); gain: squared standard deviations it explains on held-out
-    flights; hint: a sentence."""
+    """kind: ``place``, ``time``, ``motion``, ``period``, ``bursts`` or ``gusts``. size_m_s2: RMS of the force (of
+    bursts: while they last, a fraction ``share`` of the time). gain: squared standard deviations that it explains on
+    held-out flights. hint: a sentence."""
 
     kind: str
     size_m_s2: float
@@ -76,7 +78,7 @@ class Structure:
 
 
 def structures(moments: Moments, force: np.ndarray) -> list[Structure]:
-    """What is left in the force residual (N, 3), body; largest gain first."""
+    """Structures in the force residual (N, 3), body; largest gain first."""
     wrench = moments.wrench
     at = wrench.force_at
     flight = wrench.flight[at]
@@ -137,7 +139,7 @@ def _place(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure
 
 
 def _one_path(wrench: Wrench, features: np.ndarray) -> bool:
-    """Whether the place tells how the vehicle moves there, so that a force of the one is a force of the other too."""
+    """Whether the place determines the motion there, so that a force of one is also a force of the other."""
     velocity = wrench.of("velocity_m_s", wrench.force_at)[:, :2]
     left = velocity - features @ np.linalg.lstsq(features, velocity, rcond=None)[0]
     return bool(np.sum(left**2) < ONE_PATH * np.sum(velocity**2))
@@ -175,8 +177,9 @@ def _motion(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
 
 
 def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
-    """One frequency that all flights share, far above its neighbours: beside what the residual remembers of itself, or,
-    for a strong swing that it then remembers too, faster than paths are flown, beside what one step remembers."""
+    """One frequency that all flights share, far above its neighbours in the residual after its autoregression. The
+    autoregression also absorbs a strong swing; above the path's own frequencies, one step of memory is removed
+    instead."""
     known = [moments.channels[c].memory.whiten(force[:, c]) for c in range(3)]
     found = (_peak(moments, force, known, flight, PERIODS_HZ, 0.5 * LEAST_FORCE_M_S2),
              _peak(moments, force, [_one_step(force[:, c]) for c in range(3)], flight, FAST_HZ, STRONG_M_S2))

@@ -19,8 +19,8 @@ from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
 LEAST_GAIN = number("mismatch.naming.least_gain")
-"""Squared standard deviations a hypothesis has to take away: 23 terms of up to 4 parameters are tried a few times, and
-the moments are known to some tens of per cent only."""
+"""Squared standard deviations a hypothesis has to explain. 23 terms of up to 4 parameters are tried a few times, and
+the moments are known only to some tens of per cent."""
 PER_PARAMETER = number("mismatch.naming.per_parameter")
 """More parameters have to take away so much more each (log N of the Bayesian information criterion)."""
 ALIKE_SD2 = number("mismatch.naming.alike_sd2")
@@ -28,25 +28,25 @@ ALIKE_LEFT = number("mismatch.naming.alike_left")
 """Hypotheses that take away as much as the best, but for ALIKE_SD2 or this share of what the best leaves unexplained,
 are not told apart."""
 REDUNDANT = number("mismatch.naming.redundant")
-"""Beside the best, another explanation of the same thing has less than this share of its own left."""
+"""Another explanation is equivalent to the best if the best leaves it less than this fraction."""
 MOST = count("mismatch.naming.most")
 SLOPPY = number("mismatch.naming.sloppy")
-"""Of what is explained already, in the channels where a further name acts: gains are known to a few per cent, and a
-name for their errors is none."""
+"""Fraction of what is already explained in the channels where a further effect acts. Gains are known to a few per cent,
+and their error is not an effect."""
 ELSEWHERE = number("mismatch.naming.elsewhere")
 AT_MOST = number("mismatch.naming.at_most")
-"""Of what is explained already, wherever: a vehicle whose mass is wrong by a tenth has rotors that turn, drag and flap
-otherwise by a few per cent."""
+"""Fraction of what is already explained in any channel. A mass that is wrong by a tenth changes the effect of rotors,
+drag and flapping by a few per cent."""
 REST = number("mismatch.naming.rest")
-"""What is left of a name is not named after another that can hardly be told from it, up to this share."""
+"""The residual of an identified effect is not assigned to an almost indistinguishable one, up to this fraction."""
 CHANGING = terms_that(lambda term: term.changes)
 """What may have been changed between two flights."""
 CHANGED = number("mismatch.naming.changed")
 """That flights differ has to explain more than one value for all by this share."""
 PUSHES = terms_that(lambda term: term.of_air)
 ALONE = number("mismatch.naming.alone")
-"""Forces of the air: a steady moment alone is a trim, and indoors no wind. Where most of what one takes away turns the
-vehicle, what it takes of the force has to be so many times enough by itself."""
+"""Forces of the air. A steady moment alone is a trim, and there is no wind indoors. If most of what such a term
+explains is rotation, its share of the force alone must be this many times the threshold."""
 TRIED = count("mismatch.naming.tried")
 """Hypotheses that are fitted to the end; the others are far behind already when linear."""
 MOSTLY = number("mismatch.naming.mostly")
@@ -55,8 +55,8 @@ MOSTLY = number("mismatch.naming.mostly")
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A term, the model in which it may change, and which parameters may. gain: loss it takes away beyond what its
-    number of parameters would by chance. own: every flight has its own value."""
+    """A term, the model in which it may change, and its free parameters. gain: loss that it explains beyond what chance
+    gives its number of parameters. own: per-flight values."""
 
     term: str
     fit: Fit
@@ -66,8 +66,8 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Named:
-    """hypotheses accepted, each with those it cannot be told from; fit of all together; loss before, and after;
-    rejected: why not, of others; feigned: those of them that the logging alone can make."""
+    """Accepted hypotheses, each with its indistinguishable ones. fit: of all together. Loss before and after. rejected:
+    the reasons for the others. feigned: rejected ones that the logging alone can produce."""
 
     accepted: tuple[Hypothesis, ...]
     alike: tuple[tuple[str, ...], ...]
@@ -112,8 +112,8 @@ def _limits(moments: Moments, model: Model, term: str) -> list[Model]:
 
 def name_effects(moments: Moments, space: Space, simulator: Model,
                  progress: Callable[[str], None] | None = None) -> Named:
-    """Forward: the hypothesis that takes away most, as long as it takes enough and is more than the logging can feign;
-    backward: those that the later ones made needless go."""
+    """Forward: add the hypothesis that explains most, while it explains enough and exceeds the noise floor. Backward:
+    drop those that later ones made redundant."""
     search = _Search(moments, space, simulator)
     nothing = search.current
     scores: dict[str, float] = {}
@@ -133,7 +133,7 @@ def name_effects(moments: Moments, space: Space, simulator: Model,
 
 
 class _Search:
-    """Where the search stands."""
+    """State of the search."""
 
     def __init__(self, moments: Moments, space: Space, simulator: Model) -> None:
         self.moments, self.space, self.home, self.known = moments, space, space, Slopes(moments)
@@ -196,7 +196,7 @@ class _Search:
         return -float(left @ left) + self._explained(beside, left) - PER_PARAMETER * len(free)
 
     def _near(self, start: Model) -> Model:
-        """Slopes do to rank hypotheses with where the simulator stands, unless the start was moved on purpose."""
+        """Slopes suffice to rank hypotheses at the simulator's parameters, unless the start was moved on purpose."""
         return self.known.near(start) if start is self.current.model else start
 
     def _differing(self, model: Model) -> np.ndarray:
@@ -266,7 +266,8 @@ class _Search:
         return max(ALIKE_SD2, ALIKE_LEFT * (best.fit.loss - len(best.fit.left)))
 
     def accept(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
-        """``alike``: those that take nearly as much, and the same: beside the best they have little left to take."""
+        """``alike``: hypotheses that explain nearly as much of the same residual, so that little remains for them after
+        the best."""
         close = [h for h in tried if h.term != best.term and best.gain - h.gain < self._margin(best) and h.gain > 0.0
                  and not _contains(h.term, best.term)]
         self.accepted = [h for h in self.accepted if h.term != best.term]  # one value for all gives way to one each
@@ -279,7 +280,7 @@ class _Search:
                                                     and self._beside(h.term) < REDUNDANT * h.gain))
 
     def _beside(self, term: str, others: Sequence[str] = ()) -> float:
-        """What a term would still take away beside those accepted, and beside ``others``, to first order."""
+        """What a term would still explain after the accepted ones and ``others``, to first order."""
         start = started(self.current.model, term) or self.current.model
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
         left, near = self.known.left(start), self._near(start)
@@ -296,7 +297,7 @@ class _Search:
         return self._explained(both, left) - self._explained(beside, left)
 
     def _explained(self, columns: np.ndarray, left: np.ndarray) -> float:
-        """Of the squared length of ``left``, beside what scatters between flights with its prior."""
+        """Squared length of ``left`` after removing the scatter between flights with its prior."""
         levels = self.known.levels([self.space.model.names[i] for i in self.own_of(self.space)])[1]
         many = levels.shape[1]
         wide = np.concatenate([np.concatenate([columns, np.zeros((many, columns.shape[1]))]),
@@ -325,7 +326,7 @@ class _Search:
             self.current = without
 
     def _levelled(self) -> None:
-        """Beside names that came after it a thrust curve may be needless where mass, or thrust as a whole, will do."""
+        """Later effects may make a thrust curve redundant, where mass or a thrust scale is enough."""
         curve = next((h for h in self.accepted if h.term in MAPS), None)
         if curve is None or len(self.accepted) < 2 or set(LEVEL) & set(self.names):
             return
@@ -363,8 +364,8 @@ def _explained(columns: np.ndarray, left: np.ndarray) -> float:
 
 
 def rested(model: Model, terms: Sequence[str], space: Space, home: Space) -> Model:
-    """``model``, of ``space``, with some terms as the simulator, of ``home``, has them: its own thrust map where the
-    other one is among them."""
+    """``model`` of ``space`` with some terms as in the simulator ``home``, including its thrust map if the other map is
+    among them."""
     if any(t in MAPS and t not in home.terms for t in terms):
         model, space = carried(model, home.model), home
     return model.with_parameters({n: v for n, v in space.model.parameters.items() if n.partition(".")[0] in terms})

@@ -39,12 +39,14 @@ PATH = 2
 
 @dataclass(frozen=True)
 class Proof:
-    """Errors (flights, H, 4) at HORIZONS of QUANTITIES before and after, each flight predicted by a fit that had not
-    seen it, with its own value of what scatters between flights before and after alike; flights: their names; interval
-    {h: (lo, hi)} of the share of the error of the quantity that improves most which is taken away;
-    share_of_achievable against a regression that knows no physics (None where nothing was named); along (F,) share of
-    each left-out flight's residual along the measured states, above what is plain, that is taken away; floor (H, 4):
-    errors that noise of the start alone makes."""
+    """Prediction of flights left out, before and after.
+
+    Errors (flights, H, 4) at HORIZONS of QUANTITIES. The fit has not seen the predicted flight. Per-flight parameters
+    have that flight's value both before and after. flights: names. interval {h: (lo, hi)}: removed fraction of the
+    error of the most improved quantity. share_of_achievable: compared with a regression without physics; None without
+    an identified effect. along (F,): removed fraction of each left-out flight's residual along the measured states,
+    above the plain level. floor (H, 4): errors from noise of the start alone.
+    """
 
     before: np.ndarray
     after: np.ndarray
@@ -76,8 +78,8 @@ class Proof:
         return any(low > 0.0 for h, (low, _) in self.interval.items() if h > 1) and change.max() > -change.min()
 
     def better_pushed(self, seed: int = 0) -> bool:
-        """The same of position and velocity alone, and along the measured states too: what a force is judged by, which
-        turns the vehicle only by where the centre of mass happens to lie in these flights."""
+        """The same for position and velocity alone, and along the measured states. Forces are judged by these: they
+        turn the vehicle only through the position of the centre of mass in these flights."""
         return self._better_in(slice(0, 2)) and self.better_along(seed)
 
     def better_along(self, seed: int = 0) -> bool:
@@ -95,8 +97,8 @@ def turned_better(without: np.ndarray, with_it: np.ndarray) -> bool:
 
 
 def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0) -> Proof:
-    """Leave flights out in turn (at most FOLDS times), fit what was named to the others, predict them. Where flights
-    differ each is predicted with its own value, and nothing is held out."""
+    """Leave flights out in turn (at most FOLDS times), fit the identified effects to the others, predict them. Where
+    flights differ, each is predicted with its own value and none is held out."""
     tracks = moments.wrench.tracks
     numbers = sorted({t.flight for t in tracks})
     names = {t.flight: t.name for t in tracks}
@@ -149,11 +151,13 @@ def _each(models: Sequence[Model], tracks: Sequence[Track], numbers: Sequence[in
 
 def own_levels(known: Slopes, space: Space, model: Model, terms: Sequence[str], whole: bool,
                told: Collection[str] = ()) -> list[Model]:
-    """``model``, of ``space``, less what was not named, once for every flight with what scatters between flights as
-    this one has it beside the mean of all: the same knowledge before and after, so that it is no part of what a name
-    explains, and what all flights share is no part of it. ``whole``: with the mean of thrust, where a curve is named
-    that has to explain more than a level. ``told``: terms of which it is said that flights differ in them, which
-    therefore do not scatter by themselves."""
+    """``model`` of ``space`` without the effects that were not identified, once per flight.
+
+    Parameters that scatter between flights keep the flight's deviation from the mean, both before and after, so that it
+    is no part of the explanation; nor is the part that all flights share. ``whole``: include the mean of thrust, where
+    an identified curve has to explain more than a level. ``told``: terms reported to differ between flights, which do
+    not scatter in addition.
+    """
     scattered = {name: each for name, each in fit(known, model, []).levels.items()
                  if name.partition(".")[0] not in told}
     flights = len(np.unique(known.moments.wrench.flight))
@@ -174,7 +178,7 @@ def bounds_of(model: Model, name: str) -> tuple[float, float]:
 
 
 def _rest(decision: Decision) -> Model:
-    """Where the fits of the folds begin: what was found with all flights (only the start of a convex search)."""
+    """Start of the fits of the folds: the fit of all flights (only the start of a convex search)."""
     return decision.fit.model
 
 
@@ -209,8 +213,8 @@ def _noise(track: Track, rng: np.random.Generator) -> np.ndarray:
 
 
 def floor_of(model: Model, tracks: Sequence[Track], seed: int) -> np.ndarray:
-    """(H, 4) mean errors of a model that is right, because its start and what it is judged by are noisy: the same
-    predictions from starts with noise drawn anew, against each other. Gusts come on top."""
+    """(H, 4) mean errors of a right model, from noise in its start and in the poses that judge it. Predictions from
+    starts with resampled noise are compared with each other. Gusts add to this."""
     rng = np.random.default_rng([seed, 7])
     noisy = []
     for track in tracks:

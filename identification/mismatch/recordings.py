@@ -1,4 +1,4 @@
-"""Data first: what is wrong with the recordings is found, said and left out before physics is asked for."""
+"""Data first: find, report and exclude faults of the recordings before physics is judged."""
 
 from __future__ import annotations
 
@@ -24,17 +24,20 @@ from .track import ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
 LEAST_S = setting("mismatch.recordings.least_s")
-"""Seconds of clean flight below which nothing is said about physics."""
+"""Minimum clean flight for an answer on physics, s."""
 LATE_S = setting("mismatch.recordings.late_s")
-"""A time error that stays below this is within what other delays of the logging feign."""
+"""Time errors below this are as small as other delays of the logging."""
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """flights, on the motion capture's clock where that can be told; audits by name, of the same clock; tracks of what
-    can be judged; faults (flight, fault) of all; left_out {flight: why}; arm: how far from the centre of mass the
-    tracked point sits, where that was taken out of the tracks. Of the faults (``taking_part``): cut took rows of the
-    comparison away, late are time errors that are left in rows that are judged, since too little is left without."""
+    """Recordings prepared for a diagnosis.
+
+    flights: on the motion capture's clock where it is known. audits: by name, on the same clock. tracks: the rows that
+    can be judged. faults: (flight, fault) of all. left_out: {flight: why}. arm: offset of the tracked point from the
+    centre of mass, where the tracks were corrected for it. Of the faults (``taking_part``), cut removed rows of the
+    comparison; late are time errors in rows that are still judged, because too few rows remain without them.
+    """
 
     flights: tuple[Flight, ...]
     audits: Mapping[str, Audit]
@@ -56,8 +59,8 @@ class Recordings:
 
     @property
     def forbidding(self) -> tuple[tuple[str, Fault], ...]:
-        """Faults for which nothing can be said: those that are left in what is judged and, where too little is left,
-        those that took the rest, as far as the flights were long enough without them."""
+        """Faults that forbid an answer: those in the judged rows and, if too few rows remain, those that removed the
+        others, as far as the flights were long enough without them."""
         flown_s = sum(s.duration_s for n in {name for name, _ in self.cut} for s in self.audits[n].airborne)
         unknown = any(not self.audits[name].airborne for name, _ in self.cut)
         lost = self.judged_s < LEAST_S and (unknown or self.judged_s + flown_s >= LEAST_S)
@@ -73,8 +76,10 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
               on_clock: Sequence[Flight], on_clock_audits: Mapping[str, Audit],
               with_battery: bool = True, vehicle: Vehicle | None = None) -> Recordings:
     """Flights as recorded with their audits, and the same on the motion capture's clock (``harness.clocks``).
-    with_battery: whether the simulator asks for the battery's voltage; vehicle: the simulator's, by default a
-    quadrotor of 40 g. InputError for recordings of a vehicle with another number of rotors."""
+
+    with_battery: the simulator needs the battery's voltage. vehicle: the simulator's, by default a quadrotor of 40 g.
+    Raises InputError for recordings of a vehicle with another number of rotors.
+    """
     vehicle = vehicle or Vehicle()
     kept = distinct(list(flights))[0]
     unit = "" if vehicle.input == SPEED else _commanded(kept)
@@ -136,8 +141,8 @@ def _commanded(flights: Sequence[Flight]) -> str:
 
 
 def _finite(flight: Flight, needed: Mapping[str, Sequence[str]]) -> Flight:
-    """Without the rows of needed streams that hold no number: the audit keeps them from being judged, but what is
-    judged is smoothed and warmed up on its neighbours."""
+    """Drop rows of required streams without a number. The audit excludes them from judgement, but smoothing and warm-up
+    would still use them as neighbours."""
     mended = {}
     for name, quantities in needed.items():
         if name in flight and all(q in flight[name] for q in quantities):

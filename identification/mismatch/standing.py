@@ -1,4 +1,4 @@
-"""Why a name does not stand, however much it explains: what is left where it acts, and what it stands in for."""
+"""Reasons to reject an effect that explains much: a residual where it acts, or another cause that it replaces."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from .space import LEVEL, MAPS, Space
 from .wrench import CHANNELS
 
 PLAIN = number("mismatch.standing.plain")
-"""Squared length of a channel's projection, per covariate, that a right simulator leaves: the moments are not quite of
-unit variance, since no autoregression describes every disturbance."""
+"""Squared length of a channel's projection, per covariate, under a right simulator. Moments are not quite of unit
+variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = number("mismatch.standing.unexplained")
-"""A name stands only where what is left is smaller than what it explains, in this proportion: real flights have shown
-wind that is none at 0.6."""
+"""Maximum ratio of the residual to the explained part. Real flights have shown a false wind at 0.6."""
 PREVAILS = number("mismatch.standing.prevails")
-"""The same of forces, when other names were withdrawn."""
+"""The same for forces, after other effects were rejected."""
 FOREIGN = number("mismatch.standing.foreign")
-"""A force of a place, a time or a period of this share of what a term does makes the term a stand-in for it."""
+"""Minimum force of place, time or period, as a fraction of a term's effect, at which the term only replaces it."""
 IN_BURSTS = number("mismatch.standing.in_bursts")
-"""Of the turning that a name explains, above what any rows as many have: a stand-in for short losses."""
+"""Maximum rotation that an effect explains above what equally many rows have; above it, it only replaces short
+losses."""
 AGAINST = number("mismatch.standing.against")
 """Two names whose sum turns the vehicle by this share of either are made for each other."""
 ACTS = number("mismatch.standing.acts")
 """A name that turns the vehicle by this share of what is left turns it at all."""
 OVERSHADOWED = number("mismatch.standing.overshadowed")
-"""The same, of what stays when other names were withdrawn."""
+"""The same after other effects were rejected."""
 LEAST_LEFT = number("mismatch.standing.least_left")
-"""Squared standard deviations: what is left beside a name."""
+"""Squared standard deviations of the residual of an effect."""
 LEAST_FORCE_M_S2 = number("mismatch.standing.least_force_m_s2")
 """Smaller forces are no finding."""
 UPRIGHT = number("mismatch.standing.upright")
@@ -94,7 +94,7 @@ def _upright(model: Model) -> bool:
 
 
 def _vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Space) -> str:
-    """Why a name no longer stands, with those gone that explained something beside it."""
+    """Why an effect is rejected after others that explained a part were removed."""
     after = excess(moments, named.fit.left)
     taken = np.maximum(excess(moments, left_without(known, named, h, named.fit, home)) - after, 0.0)
     turns = taken[3:].sum() > MOSTLY * taken.sum()
@@ -111,8 +111,9 @@ def in_vain(moments: Moments, known: Slopes, named: Named, home: Space) -> list[
 
 
 def passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: Structure | None) -> str:
-    """Why a name that turns the vehicle is only a stand-in; empty when it is none: another name turns it back, or what
-    it explains of the turning (its inner product with what is there without it) lies in short losses."""
+    """Why an effect that turns the vehicle only replaces another cause; empty if it does not. Either another effect
+    turns the vehicle back, or the explained rotation (its inner product with the residual without it) lies in short
+    losses."""
     wrench = moments.wrench
 
     def turned(other: Hypothesis) -> np.ndarray:
@@ -135,8 +136,8 @@ def passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: 
 
 
 def overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
-    """Names, of those left when others went, that act along the axes of a force of place, time or period more than
-    half as large as what they do themselves."""
+    """Effects, among those kept when others went, that act along the axes of a force of place, time or period more than
+    half as large as theirs."""
     found = [s for s in structures(moments, force_left(known, named.fit)) if s.kind in ("place", "time", "period")]
     gone = []
     for h in (h for h in named.accepted if not h.own) if found else ():

@@ -1,8 +1,8 @@
-"""What the logging alone can feign: effects below these sizes are not named, however significant they look.
+"""Noise floor: effects below these sizes can come from the logging alone and are not identified, however significant.
 
-Rows come every 10 ms and packets are lost in between, while the vehicle commands its motors every 1 to 2 ms from a gyro
-that shakes: the row's command is one of five to ten that acted. Gains from command to torque are therefore known to a
-fifth, times to a good half row.
+Rows come every 10 ms and packets are lost, while the vehicle commands its motors every 1 to 2 ms from a noisy gyro. A
+row's command is one of five to ten that acted. Gains from command to torque are therefore known to a fifth, times to
+half a row or more.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from .size import growth, usual
 
 MOST_GAIN = number("mismatch.tolerance.most_gain")
 MOST_DAMPING_1_S = number("mismatch.tolerance.most_damping_1_s")
-"""However much the gyro shakes, more is not feigned."""
+"""Upper limit of the noise floor, however noisy the gyro."""
 ASKED = number("mismatch.tolerance.asked")
-"""Of this where set-points were logged, which no shaking reaches, and the vehicle leans after them (about x and y); and
-where the commands explain some of the turning, as they do not on a vehicle whose lag is not known."""
+"""Fraction of it where set-points were logged and the vehicle leans after them (about x and y), and where the commands
+explain some of the rotation. Gyro noise does not reach set-points. Commands explain no rotation if the lag is
+unknown."""
 ASKED_DAMPING = number("mismatch.tolerance.asked_damping")
-"""The same of damping, which slow turning tells and shaking does not: nulls ask for up to 0.7 1/s, 3.7 are told."""
+"""The same for damping, which slow rotation shows. Cases without an effect reach 0.7 1/s; 3.7 1/s is detected."""
 ANSWERED = terms_that(lambda term: term.answered)
 ANSWER = number("mismatch.tolerance.answer")
-"""Slopes of thrust: a gust up is answered with less thrust, so that thrust seems to lift the less, by some 5 % at
-0.1 m/s^2 of gusts. Such terms have to change the force by this share of how the vertical force moves."""
+"""Slopes of thrust. The vehicle answers an upward gust with less thrust, so the apparent slope drops by some 5 % at 0.1
+m/s^2 of gusts. Such terms have to change the force by this fraction of the scatter of the vertical force."""
 LEAST_FORCE_M_S2 = number("mismatch.tolerance.least_force_m_s2")
 LEAST_TURNING_SHARE = number("mismatch.tolerance.least_turning_share")
 """An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
@@ -93,9 +94,8 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
 
 
 def two_groups(values: np.ndarray) -> bool:
-    """Whether values (flights,) fall into two groups, as after a change, instead of scattering: the means of the best
-    two are further apart, in standard deviations within them, than those of 90 to 97 % of normal samples. Fewer
-    than four flights cannot scatter."""
+    """Whether values (flights,) form two groups, as after a change. The best two means are further apart, in standard
+    deviations within the groups, than in 90 to 97 % of normal samples. Fewer than four flights cannot scatter."""
     ordered = np.sort(values)
     many = len(ordered)
     if many < 4:
@@ -117,9 +117,8 @@ def slot_of(model: Model, name: str) -> Slot:
 
 
 def smallest(name: str, before: Model, moments: Moments, best: Model | None = None) -> float:
-    """The change of a parameter that the logging alone can feign, in its unit; 0 where it feigns
-    none, a share of the usual size where its term says nothing. ``best``: the
-    model whose residual says how much of the turning the commands do not explain."""
+    """Noise floor of a parameter, in its unit; 0 without one, a fraction of the usual size where its term gives no
+    floor. ``best``: the model whose residual shows how much of the rotation the commands leave unexplained."""
     slot = slot_of(best or before, name)
     feigns = slot.parameter.systematic
     if feigns is None:
@@ -140,7 +139,7 @@ def smallest(name: str, before: Model, moments: Moments, best: Model | None = No
 
 
 def _told(moments: Moments, share: float, name: str) -> bool:
-    """Whether set-points tell what no shaking reaches."""
+    """Whether set-points are logged, which gyro noise does not reach."""
     return bool(moments.wrench.of("asked_rad_s2", moments.wrench.torque_at).any() and share < 1.0 and _axis(name) < 2)
 
 

@@ -43,13 +43,14 @@ UNASKED = {
                "thrust follows the voltage could not be asked"}
 """What a missing stream keeps from being asked."""
 ODD_SHARE = number("mismatch.verdict.odd_share")
-"""Flights that lie this share of the farthest one away are said to differ."""
+"""Minimum distance from the other flights at which a flight is reported as different, as a fraction of the farthest
+one's."""
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Result):
-    """body: the content of verdict.json; corrected: the simulator with what was named, None where nothing was;
-    believed: the model that stands for a simulator that is only a callable."""
+    """body: the content of verdict.json; corrected: the simulator with the identified effects, None without any;
+    believed: the model equivalent to a simulator that is only a callable."""
 
     body: dict[str, Any]
     corrected: Model | None
@@ -83,7 +84,7 @@ class Verdict(Result):
 
     @classmethod
     def another_vehicle(cls, recordings: Recordings, ratio: float, elapsed_s: float) -> Verdict:
-        """The simulator is wrong by so much that nothing finer can be asked."""
+        """The simulator is too wrong for a finer answer."""
         text = (f"The simulator is of another vehicle: along these flights it lifts {ratio:.2g} times what flew. Look "
                 "at mass_kg and the thrust term, and at their units; nothing finer is asked.")
         return cls({"outcome": "insufficient", "paragraph": text, "findings": [], "unknown": None,
@@ -171,8 +172,7 @@ def data_faults(recordings: Recordings) -> list[dict[str, Any]]:
 
 
 def levels(moments: Moments, decision: Decision, recordings: Recordings) -> dict[str, dict[str, Any]]:
-    """Parameters that every flight has another value of: how much they scatter, and each flight's own, beside the
-    shared value."""
+    """Per-flight parameters: their scatter, and the value of each flight in addition to the shared one."""
     if moments.levels is None:
         return {}
     units = dict(zip(moments.levels.model.names, moments.levels.model.units, strict=True))
@@ -183,8 +183,8 @@ def levels(moments: Moments, decision: Decision, recordings: Recordings) -> dict
 
 
 def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
-    """Of each term the smallest change of its best told parameter that would have been named in nine of ten such
-    recordings, with all that a fit leaves open (``Slopes.nuisances``)."""
+    """Smallest change of each term's best known parameter that nine of ten such recordings would identify, with
+    everything that a fit leaves free (``Slopes.nuisances``)."""
     model, known = decision.space.model, Slopes(moments)
     found = {}
     for term in decision.space.terms:
@@ -206,8 +206,8 @@ def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
 
 
 def _least(known: Slopes, model: Model, free: np.ndarray, needed: float, feigned: np.ndarray) -> np.ndarray:
-    """(F,) changes of parameters that take away enough, and with their standard deviation more than is feigned; inf
-    for those that these flights do not show."""
+    """Changes (F,) of parameters that explain enough and exceed the noise floor by their standard deviation; inf for
+    those that these flights do not show."""
     sizes, columns = scales(model)[free], known.columns(model, free)
     normal = columns.T @ known.cleaned(model, columns)
     strength = np.sqrt(np.maximum(np.diag(normal), 0.0))
@@ -217,8 +217,8 @@ def _least(known: Slopes, model: Model, free: np.ndarray, needed: float, feigned
 
 
 def _least_of(known: Slopes, model: Model, begun: Model, which: int, needed: float, feigned: float) -> float:
-    """The same of one parameter of a term that acts far from linearly where it rests: tried size by size between what
-    is feigned and the bound, from where its fit begins (``begun``)."""
+    """The same for one parameter of a term that is far from linear at rest: sizes from the noise floor to the bound are
+    tried, from where its fit begins (``begun``)."""
     rest, most = float(model.values[which]), float(model.upper[which])
 
     def enough(change: float) -> bool:

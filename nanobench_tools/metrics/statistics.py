@@ -1,10 +1,9 @@
-"""One number per flight -> what a table shows: mean, SD, median, 90th percentile, interval, ratio of two rows.
+"""One number per flight -> table entries: mean, SD, median, 90th percentile, interval, ratio of two rows.
 
 Rows of one flight are not independent, and flights of one session share propellers, battery, calibration and air. So
-intervals come from drawing sessions with replacement and then flights within each drawn session, never samples
-(two-stage bootstrap: Davison and Hinkley 1997, section 3.8), which SciPy lacks; its BCa serves few flights that stand
-alone. Every statistic here is a pooled mean, sum of one thing over sum of another, so that all of them share one matrix
-of draws; ``draws`` and ``weights`` are also for whoever refits to drawn flights.
+intervals resample sessions and then flights within each session, never samples (two-stage bootstrap: Davison and
+Hinkley 1997, section 3.8). SciPy lacks this; its BCa serves few independent flights. Every statistic is a pooled mean,
+sum over sum, so that all share one matrix of draws. ``draws`` and ``weights`` also serve refits to resampled flights.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ UNKNOWN = -1
 """Session of a flight whose recording holds no date."""
 
 FEW_SESSIONS = 5
-"""Intervals over fewer sessions are too narrow to trust. Simulated with sessions of 18, 4, 26 and 20 flights: they
-cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3, .6 (intervals over flights alone: 67,
-51, 37); with 30 sessions of 4 flights 98, 97, 95 times."""
+"""Minimum number of sessions for an interval that is not too narrow. Simulated with sessions of 18, 4, 26 and 20
+flights, intervals cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3, .6 (67, 51, 37
+over flights alone). With 30 sessions of 4 flights they cover it 98, 97, 95 times."""
 
 FEW_FLIGHTS = 8
 """Percentile intervals over fewer independent flights are too short; BCa is used (SciPy's)."""
@@ -42,8 +41,8 @@ Labels = Sequence[int] | np.ndarray | None
 
 @dataclass(frozen=True)
 class Interval:
-    """low, high (...) of the 95 % interval, or None; why: that, or why it is not to be trusted (empty:
-    it is); sessions: how many the flights are of, None where unknown or where draws are independent."""
+    """low, high (...): the 95 % interval, or None. why: the reason for None or for distrust, otherwise empty. sessions:
+    number of sessions, None if unknown or if draws are independent."""
 
     low: np.ndarray | None
     high: np.ndarray | None
@@ -60,10 +59,11 @@ class Interval:
 
 @dataclass(frozen=True, repr=False)
 class Summary(Result):
-    """Over n flights, in the unit of their values; every figure is None where it is not defined.
+    """Statistics over n flights, in the unit of their values; undefined ones are None.
 
-    std has ddof 0; ci95 is that of the mean, and ``ci_why`` says why it is missing or not to be trusted; intra_class:
-    correlation of flights of one session."""
+    std has ddof 0. ci95 is that of the mean, and ``ci_why`` gives the reason if it is missing or not to be trusted.
+    intra_class: correlation of flights of one session.
+    """
 
     mean: float | None
     std: float | None
@@ -120,18 +120,18 @@ def weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RES
 
 
 def refit_weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray:
-    """(resamples, n) as ``weights``, for refits whose spread is wanted even where it is no interval: flights alone are
-    drawn where all are of one session, and that spread is too narrow."""
+    """(resamples, n) as ``weights``, for the spread of refits even where it is not an interval. With a single session,
+    flights alone are resampled, and that spread is too narrow."""
     found = weights(n, sessions, seed, resamples)
     return draws(tuple(range(n)), seed, resamples) if found is None else found
 
 
 def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = None, seed: int = 0,
                     probability: float = 0.95, resamples: int = RESAMPLES) -> Interval:
-    """Interval of sum(sums) / sum(counts) over flights; the same whatever the order of the flights.
+    """Interval of sum(sums) / sum(counts) over flights; independent of the order of the flights.
 
-    sums (n, ...) per flight, counts (n,) or (n, ...) beside it (windows, or the sums of another method); sessions (n,)
-    or None. Percentiles of the two-stage draws; BCa (Efron 1987) below FEW_FLIGHTS where every flight stands alone.
+    sums (n, ...) per flight. counts (n,) or (n, ...): windows, or the sums of another method. sessions (n,) or None.
+    Percentiles of the two-stage draws; BCa (Efron 1987) below FEW_FLIGHTS if all flights are independent.
     """
     total, n = np.asarray(sums, float), np.asarray(counts, float)
     flights, shape = len(total), total.shape[1:]
@@ -153,7 +153,7 @@ def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = Non
 
 
 def _in_order(total: np.ndarray, n: np.ndarray, owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both (n, k) with each column sorted within its sessions: flights of a session may stand in any order."""
+    """Both (n, k) with each column sorted within its sessions, whose flights may have any order."""
     order = np.lexsort((n.T, total.T, np.broadcast_to(owner, total.T.shape)), axis=-1).T
     return np.take_along_axis(total, order, axis=0), np.take_along_axis(n, order, axis=0)
 
@@ -191,9 +191,12 @@ def _bca(total: np.ndarray, n: np.ndarray, seed: int, probability: float,
 
 
 def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
-    """(...) intra-class correlation of flights (n, ...) of one session, from 0 to 1, by the one-way analysis of
-    variance with random effects (Donner 1986, doi:10.2307/1403259): (MSB - MSW) / (MSB + (m0 - 1) MSW), m0 the average
-    size (n - sum m^2 / n) / (sessions - 1). None where sessions are unknown or one, or hold one flight each."""
+    """(...) intra-class correlation of flights (n, ...) of one session, from 0 to 1.
+
+    One-way analysis of variance with random effects (Donner 1986, doi:10.2307/1403259): (MSB - MSW) / (MSB + (m0 - 1)
+    MSW), m0 the average size (n - sum m^2 / n) / (sessions - 1). None for unknown sessions, one session, or one flight
+    each.
+    """
     x, found = np.asarray(values, float), session_count(sessions)
     if found is None or not 1 < found < len(x):
         return None
@@ -211,9 +214,11 @@ def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
 
 
 def design_effect(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
-    """(...) how many times larger the variance of a mean over flights (n, ...) is than if they were independent:
+    """(...) ratio of the variance of a mean over flights (n, ...) to that of independent flights.
+
     1 + (m - 1) * intra-class correlation, m = sum m^2 / n the size of a flight's session (Kish 1965). An interval over
-    flights alone is too narrow by its square root. None as ``intra_class``."""
+    flights alone is too narrow by its square root. None as ``intra_class``.
+    """
     correlation = intra_class(values, sessions)
     if correlation is None:
         return None
@@ -223,7 +228,7 @@ def design_effect(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
 
 def bootstrap_interval(values: Sequence[float] | np.ndarray, seed: int = 0, probability: float = 0.95,
                        resamples: int = RESAMPLES, sessions: Labels = None) -> tuple[float, float] | None:
-    """95 % interval of the mean over flights, values (n,), sessions (n,); None where ``why_not`` says there is none."""
+    """95 % interval of the mean over flights, values (n,), sessions (n,); None if ``why_not`` gives a reason."""
     x = np.asarray(values, float)
     return pooled_interval(x, np.ones(len(x)), sessions, seed, probability, resamples).ends()
 

@@ -112,11 +112,11 @@ class Parameter:
 
 @dataclass
 class Situation:
-    """What an expression may look at beside its own value; filled while the stages are evaluated.
+    """Other quantities that an expression may use; filled while the stages are evaluated.
 
-    Lists hold components. ``before`` and ``whole_rows`` belong to command_delay: the input one row earlier, and how
-    many whole rows both have been shifted by already. ``lagged_N`` and ``command_N``: thrusts of the rotors before
-    inflow, and what they follow with ``tau_s`` (up, down); nothing where rotors turn steadily.
+    Lists contain components. ``before`` and ``whole_rows`` belong to command_delay: the input one row earlier, and the
+    number of whole rows by which both are already shifted. ``lagged_N`` and ``command_N``: rotor thrusts before inflow,
+    and the command that they follow with ``tau_s`` (up, down); empty for steady rotors.
     """
 
     vehicle: Any
@@ -204,7 +204,7 @@ class Term:
 
     @property
     def in_products(self) -> bool:
-        """Whether only a product of its parameters is seen, though some of them are asked for."""
+        """Whether only a product of its parameters is observable, though some of them are fitted."""
         return any(p.in_product for p in self.parameters) and not all(p.in_product for p in self.parameters)
 
     @property

@@ -1,9 +1,9 @@
 """The gate of Task 2: does the plant, flown by the controller that flew, do what the recording did?
 
-A case is a held-out recording from the first to the last time it was in the air, as far as its log is alive. What
-flies it again (``controllers.plants.gate_flights``) is given setpoints, battery, the gaps of the radio and the state
-at the start as logged, and nothing else; here it is judged. A flight passes when the RMSE to the setpoints is within
-RATIO of the real one, the lag behind them within LAG_S, and the median distance of the two paths below GAP_M.
+A case is a held-out recording from its first to its last airborne time, as far as its log is alive. The repeated flight
+(``controllers.plants.gate_flights``) gets setpoints, battery, radio gaps and the initial state as logged, and no more.
+It passes if the RMSE to the setpoints is within RATIO of the real one, the lag behind them within LAG_S, and the median
+distance of the two paths below GAP_M.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ TICK_S = 0.01
 MOST_LAG_S = 1.0
 BANDS_HZ = ((0.3, 3.0), (3.0, 20.0))
 PWM_OFF = 0.025
-"""Of the mean PWM: more than this is said of a flight that fails."""
+"""Minimum difference of the mean PWM that is reported for a failing flight."""
 LEVEL_M = number("tasks.gate.level_m")
 LEVEL_TICKS = count("tasks.gate.level_ticks")
 """PWM is compared where both vehicles are at one height, if that is so for so long."""
@@ -61,10 +61,10 @@ PLANNED_M_S = number("tasks.gate.planned_m_s")
 
 @dataclass(frozen=True, repr=False)
 class GateRow(Result):
-    """One flight flown again: what it did (``real``) and what the plant did (``sim``), SI.
+    """One repeated flight: measured (``real``) and simulated (``sim``), SI.
 
-    pwm_mean: PWM ratio (flown, simulated) at one height; pwm_rms: the same by frequency band; reason: what fails, empty
-    for a flight that passes; clock_evidence: which streams set the clock of the recording.
+    pwm_mean: PWM ratio (flown, simulated) at one height. pwm_rms: the same by frequency band. reason: the failed
+    quantities, empty for a pass. clock_evidence: streams that set the clock of the recording.
     """
 
     flight: str
@@ -92,9 +92,12 @@ class GateRow(Result):
 
 @dataclass(frozen=True, repr=False)
 class GateSummary(Result):
-    """Over n flights of one controller, or all: shares of flights that pass as a whole and in each quantity, medians,
-    whether the aim is reached (RMSE ratio on SHARE of flights, median lag difference and median gap); ``statistics``:
-    the shares' and means' intervals. ``off``: of absolute differences."""
+    """Summary over n flights of one controller, or all.
+
+    Shares of flights that pass as a whole and in each quantity, medians, and whether the aim is reached (RMSE ratio on
+    SHARE of flights, median lag difference and median gap). ``statistics``: intervals of shares and means. ``off``:
+    absolute differences.
+    """
 
     n: int
     drawn: Drawn | None = field(metadata=INLINE)
@@ -123,7 +126,7 @@ class FlownAgain(Result):
 
 @dataclass(frozen=True, repr=False)
 class PicturedFlight(Result):
-    """One flight beside its simulation at 10 Hz: time_s (k,), positions (k, 3) m."""
+    """One flight and its simulation at 10 Hz: time_s (k,), positions (k, 3) m."""
 
     flight: str
     controller: str
@@ -155,9 +158,12 @@ class Case:
 
 def select(flights: Sequence[Flight], audits: Mapping[str, Audit], trained: Sequence[tuple[float, float]] = (),
            recorded: Sequence[Flight] = ()) -> tuple[list[Case], dict[str, str]]:
-    """(cases, reason by name of the recordings left out). ``trained``: (start, end) in Unix time of the recordings the
-    plant was identified from; whatever overlaps them is no judge. ``recorded``: the flights on their own stamps, where
-    ``flights`` are on another clock; gaps of the radio are read there. Copies and slices are left out."""
+    """(cases, reason by name of the recordings left out).
+
+    ``trained``: (start, end) in Unix time of the recordings that identified the plant; overlapping ones may not judge
+    it. ``recorded``: the flights on their original clock, if ``flights`` are on another one; radio gaps are read there.
+    Copies and slices are left out.
+    """
     kept, repeats = distinct(flights)
     stamped = {f.name: f for f in (*flights, *recorded)}
     reasons = {r.flight.name: f"{r.kind} of {r.of.name}" for r in repeats}
@@ -205,10 +211,10 @@ def _span(flight: Flight, audit: Audit) -> Span | None:
 
 
 def setpoints(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """position (m, 3), yaw (m,), velocity (m, 3) that the controller was asked for at ``case.time_s``.
+    """Reference of the controller at ``case.time_s``: position (m, 3), yaw (m,), velocity (m, 3).
 
-    A streamed setpoint has no velocity. The planner's, of take-off and landing, have: it is taken from the logged
-    height while x and y stand still before and after the stream; the yaw is the one the PID group logged, else 0.
+    A streamed setpoint has no velocity. The planner's (take-off and landing) has: it is taken from the logged height
+    while x and y stay constant before and after the stream. The yaw is the one logged in the PID group, else 0.
     """
     t, flight = case.time_s, case.flight
     place = flight["setpoint"].interpolate(("x", "y", "z"), t)

@@ -17,8 +17,8 @@ from ..results.result import OPTIONAL, Result
 
 TICK_S = 0.01
 HOVER_S, SETTLED_S = 4.0, 3.0
-"""Hover before a path begins, in which integrals find the thrust; what is flown after that before scoring begins, as
-the path begins at full speed."""
+"""Hover before a path begins, in which integrators find the thrust; and the time after that before scoring begins,
+since the path begins at full speed."""
 SECONDS = 12.0
 SPEEDS_M_S = (0.5, 1.0)
 AHEAD_S = 3.0
@@ -33,8 +33,8 @@ LOST_M = 2.0
 
 @dataclass(frozen=True, repr=False)
 class ErrorBar(Result):
-    """What the gate, over n flights ``of`` somewhere, says of a simulated RMSE: median and 90th percentile of how far
-    it is off, as a share of it, and the median distance of the two paths."""
+    """Error of a simulated RMSE, from the gate over n flights ``of`` a source: median and 90th percentile of the
+    relative error, and the median distance of the two paths."""
 
     rmse_share: float
     rmse_share_p90: float
@@ -45,8 +45,8 @@ class ErrorBar(Result):
 
 @dataclass(frozen=True, repr=False)
 class Recovery(Result):
-    """How far a disturbance took a vehicle from its undisturbed flight, and how long until it was back within BACK_M
-    for good (nan: not in this flight)."""
+    """Deviation of a disturbed vehicle from its undisturbed flight, and the time until it stays within BACK_M (nan: not
+    in this flight)."""
 
     most_m: float
     back_s: float
@@ -67,9 +67,8 @@ class SampledFlight(Result):
 
 @dataclass(frozen=True, repr=False)
 class Runs(Result):
-    """One controller on many plants: of every path the scores of every plant (or of every one of ``cases``); flights of
-    the median plant, commands by the time they took, commands that were replaced, and on the first path every plant's
-    recovery."""
+    """One controller on many plants: scores of every plant (or of every one of ``cases``) on every path; flights of the
+    median plant, commands by duration, replaced commands, and every plant's recovery on the first path."""
 
     controller: str
     information: str
@@ -105,8 +104,8 @@ class Quantiles(Result):
 
 @dataclass(frozen=True, repr=False)
 class SimulatedRow(Result):
-    """One controller on n plants along one path: ``metrics`` are medians, but for ``worst_decile_m``, the RMSE that one
-    plant in ten exceeds, and the share of lost ones; gust and outage: recovery, on the first path."""
+    """One controller on n plants along one path. ``metrics`` are medians, except ``worst_decile_m``, the RMSE that one
+    plant in ten exceeds, and the share of lost ones. gust and outage: recovery, on the first path."""
 
     plant: str
     controller: str
@@ -127,7 +126,7 @@ class SimulatedRow(Result):
 
 @dataclass(frozen=True, repr=False)
 class MismatchRow(Result):
-    """One controller along one path on a plant that is something else than it was told."""
+    """One controller along one path on a plant that differs from the controller's model."""
 
     plant: str
     case: str
@@ -253,7 +252,7 @@ def _bounded(values: np.ndarray) -> np.ndarray:
 
 
 def _contour(position: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """(m,) m: distance to the whole path, whatever the time."""
+    """(m,) m: distance to the whole path, regardless of time."""
     return tracking.contour_errors(_bounded(position), goal)
 
 
@@ -306,14 +305,14 @@ def tabulate(results: Sequence[Runs], specs: Sequence[PathSpec], error_bar: Erro
 
 
 def tabulate_cases(result: Runs, specs: Sequence[PathSpec]) -> list[MismatchRow]:
-    """Rows of one controller on plants that are each something else than it was told."""
+    """Rows of one controller on plants that each differ from its model."""
     return [MismatchRow("mismatch", case, result.controller, spec.family, spec.params.get("speed_mps"),
                         result.information, 1, {**(one := result.runs[k][i]), "worst_decile_m": one["rmse_m"]})
             for i, case in enumerate(result.cases) for k, spec in enumerate(specs)]
 
 
 def _quantile(values: np.ndarray, share: float) -> float:
-    """What is not a number counts as the worst; nan when the quantile falls among those."""
+    """nan counts as the worst; the result is nan if the quantile falls among those."""
     ordered = np.sort(np.where(np.isnan(values), np.inf, values))
     found = float(ordered[min(int(share * len(ordered)), len(ordered) - 1)]) if len(ordered) else float("inf")
     return found if np.isfinite(found) else float("nan")

@@ -43,8 +43,8 @@ UNIT_WITHIN = 1e-3
 
 @dataclass(frozen=True)
 class Case:
-    """One flight as the task uses it: the clean airborne spans, and the groups it counts in. recorded: the same with
-    its streams on the clock they were recorded on, where ``flight`` has another; starts that look back only take it."""
+    """One flight as the task uses it: the clean airborne spans, and its groups. recorded: the flight on its original
+    clock, if ``flight`` has another one; only starts that look back use it."""
 
     flight: Flight
     spans: tuple[Span, ...]
@@ -54,8 +54,8 @@ class Case:
 
 @dataclass(frozen=True, repr=False)
 class WindowErrors(Result):
-    """Of one predictor on one flight: how many windows, and by metric the sums over them of the error at h = 1..50; of
-    a whole flight the same by group of battery voltage."""
+    """Scores of one predictor on one flight: number of windows, and per metric the sums over them of the error at h =
+    1..50. For a whole flight also by group of battery voltage."""
 
     windows: int
     sums: dict[str, list[float]]
@@ -64,9 +64,12 @@ class WindowErrors(Result):
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class PredictionRow(Result):
-    """One model on one group of windows: metrics {name: {"1", "10", "50", "sum"}} are means over windows; ci95 the same
-    over sessions and flights, None where ``drawn`` says why; its design effects are of the flights' means. Of the group
-    ``all`` also curve {name: [h = 1..50]} and the answer to commands. fit: what is said of a fitted model."""
+    """One model on one group of windows.
+
+    metrics {name: {"1", "10", "50", "sum"}}: means over windows. ci95: the same over sessions and flights, None where
+    ``drawn`` gives a reason; its design effects are of the flights' means. Group ``all`` also has curve {name: [h =
+    1..50]} and the answer to commands. fit: notes on a fitted model.
+    """
 
     model: str
     information: str
@@ -95,7 +98,7 @@ class PredictionRow(Result):
 
 @dataclass(frozen=True, repr=False)
 class Fitted(Result):
-    """Of a fitted model: why it is no result, what it uses, and what every training flight had of its own."""
+    """Notes on a fitted model: why it is invalid, its inputs, and the per-flight parameters of the training flights."""
 
     trouble: str
     uses: str
@@ -129,11 +132,11 @@ class Split:
 
 def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
     """The published kind of split: train on the first flight of each trajectory of the TRAINED families, test on all
-    others; ``audits`` by name of the flight. Copies and slices are left out.
+    others. ``audits``: by name of the flight. Copies and slices are left out.
 
-    The first is the earliest distinct recording of its trajectory_id (without a sheet: of family and speed), whether
-    or not it flew; a piece cut to the flight is never first while there are whole recordings. Raises InputError when
-    nothing is left to test on.
+    The first is the earliest distinct recording of its trajectory_id (without a sheet: of family and speed), whether or
+    not it flew. A piece cut to the flight is never first if there are whole recordings. Raises InputError if no test
+    flight remains.
     """
     kept, repeats = distinct(flights)
     first: dict[str, Flight] = {}
@@ -154,8 +157,8 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
 
 
 def given_split(train: Sequence[Flight], test: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
-    """The split the user gave. A test recording that shares rows with a training one (copy, slice, or the whole of a
-    slice) is left out, and so are copies and slices within each."""
+    """The user's split. A test recording that shares rows with a training one (copy, slice, or the whole of a slice) is
+    left out, and so are copies and slices within each."""
     kept_train = distinct(train)[0]
     others, shared = apart(train, test)
     kept_test = distinct(others)[0]
@@ -205,11 +208,11 @@ def _cases(flights: Sequence[Flight], audits: Mapping[str, Audit], seen: set[str
 
 
 def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") -> WindowErrors:
-    """Of one predictor on one flight; ``start``: as of ``cut_windows``. The streams before the start are given to
-    predictors of class ``past`` alone.
+    """Scores of one predictor on one flight. ``start``: as in ``cut_windows``. Only predictors of class ``past`` get
+    the streams before the start.
 
-    Raises InputError that names predictor and flight when the prediction has the wrong shape, is not
-    finite, or holds quaternions that are not of unit length.
+    Raises InputError that names predictor and flight if the prediction has the wrong shape, is not finite, or contains
+    quaternions that are not of unit length.
     """
     place = case.flight.provenance.path
     cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past", start=start,
@@ -253,9 +256,9 @@ def battery_group(level: int) -> str:
 
 def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, WindowErrors]],
              seed: int = 0, sessions: Sessions | None = None, start: str = "centred") -> list[PredictionRow]:
-    """Groups are ``all``, seen and unseen families, each family, each speed, and battery voltages at the start of the
-    windows. sessions: of all recordings of the run; None: of the scored ones alone. Beside the published start stands
-    the published table."""
+    """Rows by group: ``all``, seen and unseen families, each family, each speed, and battery voltages at the start of
+    the windows. sessions: of all recordings of the run; None: of the scored ones alone. With the published start,
+    the published table is added."""
     rows = []
     scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)

@@ -43,8 +43,8 @@ from .sessions import Drawn, Sessions
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"
-"""Same recordings as ``clean``, given and scored otherwise (``blackout``, ``aided``, ``whole_flight``); only when asked
-for."""
+"""Same recordings as ``clean``, with other inputs and scores (``blackout``, ``aided``, ``whole_flight``); only on
+request."""
 
 KNOWN = (*PROTOCOLS, AIDED, BLACKOUT, WHOLE_FLIGHT)
 PUBLISHED = PROTOCOLS[:2]
@@ -60,7 +60,7 @@ INPUTS_LOGGED = "all poses, in flight"
 MINIMUM_ROWS = 50
 
 OTHER_WORLD_RAD = np.radians(5.0)
-"""A trajectory whose world is turned by more is in a world of its own: a convention. Less is an error of its own."""
+"""Minimum rotation of a trajectory's world at which it is a different convention. A smaller one is an error."""
 
 COVERED = 0.95
 NEAR_S = 0.1
@@ -76,8 +76,8 @@ DERIVED = "velocity of the truth derived from its positions"
 
 @dataclass(frozen=True)
 class Case:
-    """One recording as a protocol uses it: the flight, the spans whose rows are scored, the groups it counts in, and
-    a note on how it was chosen."""
+    """One recording as a protocol uses it: the flight, the spans whose rows are scored, its groups, and a note on the
+    choice."""
 
     flight: Flight
     spans: tuple[Span, ...]
@@ -184,13 +184,14 @@ def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:
 
 
 def is_logged(method: Estimator) -> TypeGuard[OnboardEkf]:
-    """Whether ``method`` is what the vehicle said in flight. No method of anybody's own is, whatever it defines."""
+    """Whether ``method`` is the vehicle's estimate in flight. A user's method never is, whatever attributes it
+    defines."""
     return type(method) is OnboardEkf
 
 
 def given_to(case: Case, method: Estimator | None = None) -> Flight:
-    """The flight as ``method`` (None: any of one's own) gets it: poses until GIVEN_S after the start of the first span,
-    nothing after the last; no motion capture at all for what was logged in flight."""
+    """The flight as ``method`` (None: any user's) gets it: poses until GIVEN_S after the start of the first span, no
+    rows after the last; no motion capture for estimates logged in flight."""
     start, end = case.spans[0].start_s, case.spans[-1].end_s
     cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
     if method is not None and is_logged(method):
@@ -248,12 +249,12 @@ def stretches(time_s: np.ndarray) -> tuple[Span, ...]:
 
 def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
                  given_s: float) -> tuple[tuple[Span, ...], np.ndarray, float]:
-    """(spans, (n,) bool over the estimate's rows, share of the flight 0..1) that are scored; InputError for fewer than
-    FEWEST_POSES rows.
+    """(spans, (n,) bool over the estimate's rows, fraction of the flight 0..1) that are scored. Raises InputError for
+    fewer than FEWEST_POSES rows.
 
-    What the vehicle logged in flight is scored where it is, and its share is 1. Of all others the share counts after
-    the poses given until ``given_s``, and a method that was given them is not scored there. Who made a trajectory file
-    knows what it was given: all of it is scored.
+    An estimate logged in flight is scored on its rows, with fraction 1. For all others the fraction counts after the
+    poses given until ``given_s``, and a method that got them is not scored there. The author of a trajectory file knows
+    its inputs: all of it is scored.
     """
     if is_logged(method):
         return case.spans, inside(case.spans, estimate.time_s), 1.0
@@ -287,7 +288,7 @@ def score(case: Case, method: Estimator, protocol: str) -> Scored:
 
 
 def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, given_s: float) -> Scored:
-    """``score`` of the estimate that ``method`` makes of ``flight``, on the rows of the case after ``given_s``."""
+    """``score`` of the estimate that ``method`` makes of ``flight``, on the case's rows after ``given_s``."""
     place = case.flight.provenance.path
     estimate = checked(method.estimate(flight), method.name, place)
     mocap = case.flight["mocap"]
@@ -347,15 +348,15 @@ def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
 
 
 def given_and_trained(method: Estimator, given: str) -> str:
-    """What a method was given in words (its own ``given`` before that of the protocol), and, where it has
-    ``trained_on``, what it was trained on."""
+    """Inputs of a method in words (its ``given``, else that of the protocol), and its training data, if it has
+    ``trained_on``."""
     reported = str(getattr(method, "given", given))
     return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported
 
 
 def inputs_of(method: Estimator, inputs: str, covered_percent: float | None = None) -> str:
-    """What a method was given, in short: methods with the same may be ranked against each other, those that cover a
-    part of the flights only with none."""
+    """Inputs of a method, in short. Only methods with the same inputs may be ranked against each other; those that
+    cover a part of the flights are not ranked."""
     if is_logged(method):
         return INPUTS_LOGGED
     same = str(getattr(method, "given", inputs))

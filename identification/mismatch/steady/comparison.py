@@ -1,8 +1,8 @@
 """Diagnosis from the steady trim: flights against normal flights of the same vehicle, from streams that most logs have.
 
-``normal_flights`` says what is normal, ``compare`` what changed: verdict.json with the cause in a person's words. A
-cause is named when it is at least SURE; two that do the same to a trim are named together; what is left over is
-"unknown" when nothing having changed is as good as excluded, and otherwise below what these flights can show.
+``normal_flights`` describes the normal state, ``compare`` the change: verdict.json with the cause in plain words. A
+cause is identified when its probability is at least SURE. Two causes with the same effect on a trim are reported
+together. A remainder is "unknown" if "no change" is all but excluded, and otherwise below the detection limit.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SUREST = number("mismatch.comparison.surest")
 ODD = number("mismatch.comparison.odd")
 """A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
 MENTIONED = number("mismatch.comparison.mentioned")
-"""Probability from which a cause stands in the list of all."""
+"""Minimum probability for a cause to be listed."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
 ASKEW = number("mismatch.comparison.askew")
@@ -48,7 +48,7 @@ STRANGE = number("mismatch.comparison.strange")
 
 @dataclass(frozen=True)
 class Flights:
-    """What is normal. trims: those that count; odd {name: why} of those that do not; swing: of the normal flights."""
+    """The normal state. trims: those that count; odd {name: why}: those that do not; swing: of the normal flights."""
 
     normal: Normal
     trims: tuple[Trim, ...]
@@ -79,8 +79,8 @@ def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) ->
 def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Mapping[str, str] | None = None,
             swings: tuple[Sequence[Swing], Sequence[Swing]] = ((), ()), least: int = FEWEST,
             started: float | None = None) -> dict[str, Any]:
-    """verdict.json of the flights ``trims``; left_out {recording: why} had no trim; swings of them and of the normal
-    flights; least: flights without which nothing is named."""
+    """verdict.json of the flights ``trims``. left_out {recording: why}: without a trim. swings: of them and of the
+    normal flights. least: minimum number of flights for an identification."""
     started = time.perf_counter() if started is None else started
     left_out = dict(left_out or {})
     if not trims:
@@ -128,8 +128,8 @@ def _foreign(trims: Sequence[Trim], commands: tuple[str, ...]) -> dict[str, str]
 
 
 def _apart(trims: Sequence[Trim], normal: Normal) -> dict[str, str]:
-    """The one flight of three or more that is none of them: further from the others than normal flights of different
-    days are from each other."""
+    """The one outlier among three or more flights: further from the others than normal flights of different days are
+    from each other."""
     if len(trims) < FEWEST + 1:
         return {}
     gains = np.array([t.gains for t in trims])
@@ -195,7 +195,7 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
 
 
 def _said(found: Weighed, cause: str, body: Body) -> str:
-    """What a person would be told if it were ``cause``."""
+    """Explanation for the reader if the cause were ``cause``."""
     motors, h, weights = _best(found, cause)
     sizes = {s.name: quantiles(s.values, weights) for s in h.sizes} if h is not None else {}
     sentence = CAUSES[cause].say(sizes, motors or _nearest(h, weights, body))
@@ -226,7 +226,7 @@ def _dose(h: Hypothesis | None, weights: np.ndarray | None) -> dict[str, dict[st
 
 
 def _askew(found: Weighed, normal: Normal) -> bool:
-    """Whether thrust stands at another angle to the sensors, by itself: unequal motors alone are no other vehicle."""
+    """Whether the angle between thrust and sensors changed. Unequal motors alone do not make another vehicle."""
     away = found.delta["level"][~np.isnan(found.delta["level"])]
     chance = fisher.sf(float(away @ away) / found.sd["level"] ** 2 / max(len(away), 1), max(len(away), 1),
                        normal.freedom["level"])
@@ -235,7 +235,7 @@ def _askew(found: Weighed, normal: Normal) -> bool:
 
 def _pendulum(swing: Mapping[str, Any], mass_share: float) -> dict[str, tuple[float, float, float, str]]:
     """Frequency [Hz] and length of the string [m] of a swing, each with its interval: between a knot that the
-    controller holds and a vehicle that is free to follow."""
+    controller holds fixed and a vehicle that is free to follow."""
     f, low, high = (swing["frequency_hz"] + sign * RESOLUTION_HZ for sign in (0.0, -1.0, 1.0))
     ends = lengths_m(f, mass_share)
     return {"frequency": (f, low, high, "Hz"),
@@ -279,7 +279,7 @@ def _axes(cause: str) -> list[str]:
 
 
 def _settle(causes: set[str]) -> str | None:
-    """What would tell the causes of a class from each other, or confirm a cause that hides behind others."""
+    """How to separate the causes of a class, or to confirm a cause masked by others."""
     ways = []
     if "slung" in causes:
         ways.append("a sideways step higher than a string could be long: only a load on a string swings")

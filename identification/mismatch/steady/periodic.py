@@ -1,9 +1,9 @@
-"""A horizontal force that comes and goes: the finder of a load that swings below a vehicle.
+"""A horizontal force that comes and goes: detects a load that swings below a vehicle.
 
-A swing pulls the vehicle sideways without being asked by its tilt. What remains of the horizontal acceleration without
-the tilt's share and drag is looked at between LOWEST and HIGHEST: a load on a string of 0.1 to 2.8 m. Its spectrum is
-compared with that of the normal flights at the same frequency, since what every flight shows is the controller. The
-largest ratio counts, tested against the F distribution with as many tries as there are frequencies.
+A swing pulls the vehicle sideways without a matching tilt. The horizontal acceleration, less the share of the tilt and
+drag, is examined between LOWEST and HIGHEST: a load on a string of 0.1 to 2.8 m. Its spectrum is compared with that of
+the normal flights at the same frequency, since structure in every flight is the controller. The largest ratio counts,
+tested against the F distribution with one trial per frequency.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from .reconstruct import ORDER, SMOOTH_ROWS, States
 LOWEST_HZ = number("mismatch.periodic.lowest_hz")
 HIGHEST_HZ = number("mismatch.periodic.highest_hz")
 BROAD_HZ = number("mismatch.periodic.broad_hz")
-"""Up to here the level of the residual beside the mode is taken."""
+"""Upper frequency for the level of the residual outside the mode."""
 DRAG_1_S = number("mismatch.periodic.drag_1_s")
 """Drag over mass of a vehicle of this size: 0.3 to 0.45 on four of them."""
 FREQUENCIES = count("mismatch.periodic.frequencies")
 NEIGHBOURS = count("mismatch.periodic.neighbours")
 BINS = count("mismatch.periodic.bins")
-"""The level of the normal flights at a frequency is a mean over so many beside it, 0.5 Hz wide: so many independent
+"""Number of neighbouring bins, 0.5 Hz wide, in the mean level of the normal flights at a frequency: the independent
 bins of a run of eight seconds."""
 RESOLUTION_HZ = number("mismatch.periodic.resolution_hz")
 """Half a bin of a run of eight seconds: how well a frequency is known."""
 BESIDE = count("mismatch.periodic.beside")
 HALF = number("mismatch.periodic.half")
-"""Frequencies beside a mode, 0.2 Hz or two bins of a run of eight seconds away, where it has lost half of its power."""
+"""Neighbours of a mode, 0.2 Hz or two bins of a run of eight seconds away, where it has lost half of its power."""
 RISK = number("mismatch.periodic.risk")
 """Of a swing in flights without one, over all frequencies and both axes."""
 LEAST_S = number("mismatch.periodic.least_s")
@@ -46,9 +46,11 @@ LEAST_S = number("mismatch.periodic.least_s")
 
 @dataclass(frozen=True)
 class Swing:
-    """Of one flight: power (FREQUENCIES, 2) of the residual forward and left over its level beside the mode; runs: how
-    many runs it is a mean of; moments (FREQUENCIES, 3) of the residual itself, forward^2, left^2 and their product,
-    (m/s^2)^2 s. nan where there is no tilt."""
+    """Spectrum of one flight.
+
+    power (FREQUENCIES, 2): residual forward and left over its level outside the mode. runs: number of runs averaged.
+    moments (FREQUENCIES, 3): of the residual, forward^2, left^2 and their product, (m/s^2)^2 s. nan without tilt.
+    """
 
     power: np.ndarray
     runs: int
@@ -102,8 +104,8 @@ def swing_in(states: States, runs: Sequence[Span]) -> Swing:
 def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarray,
            states: States) -> tuple[np.ndarray, float, float]:
     """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, the mean level of their squares up to
-    BROAD_HZ, and the square that a swing of 1 m/s^2 has. The tilt's share is not fitted: the controller answers a swing
-    with the tilt, and a fit would take the swing for an answer of the vehicle to the controller."""
+    BROAD_HZ, and the square for a swing of 1 m/s^2. The tilt's share is not fitted: the controller answers a swing
+    with tilt, and a fit would confuse the two."""
     t = states.time_s
     step = max(float(np.median(np.diff(t))), 1e-4)
     asked = np.cumsum(GRAVITY_M_S2 * np.where(np.isfinite(tilt), tilt, 0.0) - DRAG_1_S * speed) * step
@@ -123,8 +125,11 @@ def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarr
 
 def swing_of(here: Sequence[Swing], normal: Sequence[Swing]) -> dict[str, Any] | None:
     """{frequency_hz, direction_deg, axes, ratio, p} of a swing that the flights ``here`` share and the normal ones
-    lack. direction_deg: of the line it swings along, from ahead to the left, within 90 degrees either way; None where
-    only one of the two axes can be seen, ``axes``."""
+    lack.
+
+    direction_deg: of the line it swings along, from ahead to the left, within 90 degrees either way; None if only one
+    of the two axes, ``axes``, is observed.
+    """
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     if not mine or not usual:
         return None
@@ -159,8 +164,8 @@ def tries(usual_power: np.ndarray) -> int:
 
 
 def _peaked(ratio: np.ndarray) -> np.ndarray:
-    """(FREQUENCIES, 2) bool: a mode stands out of what is beside it, on both sides and within the band; what rises
-    towards its edge is a drift, or the controller."""
+    """(FREQUENCIES, 2) bool: a mode exceeds its neighbours on both sides, within the band. A rise towards the band's
+    edge is drift or the controller."""
     found = np.zeros(ratio.shape, bool)
     with np.errstate(invalid="ignore"):
         found[BESIDE:-BESIDE] = ((ratio[:-2 * BESIDE] < HALF * ratio[BESIDE:-BESIDE])

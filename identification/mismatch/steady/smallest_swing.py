@@ -1,8 +1,8 @@
-"""The smallest swing that flights would have shown, had there been one: what "none" of a load on a string is worth.
+"""The smallest swing that the flights would have shown: detection limit of a load on a string.
 
-A swing of every size is put on top of what the flights do show (``periodic.Swing``), at every frequency of the band,
-with every phase, and half a step beside the frequencies that are looked at; the smallest size is the one from which on
-it would have been found for FOUND of the phases. The same rules say that as find a swing: ``periodic.swing_of``.
+A swing of every size is added to the measured residual (``periodic.Swing``), at every frequency of the band, with every
+phase, and half a step off the examined frequencies. The limit is the size from which FOUND of the phases are detected,
+by the same rules as a real swing: ``periodic.swing_of``.
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ FOUND = number("mismatch.smallest_swing.found")
 SIZES_M_S2 = np.geomspace(0.005, 5.0, 70)
 PHASES = 64
 LEAN_DEG = number("mismatch.smallest_swing.lean_deg")
-"""At which a load's mass is said that pulls as much."""
+"""Lean at which the mass of an equally strong load is reported."""
 
 
 def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: float) -> dict[str, Any]:
-    """{minimum_detectable, unit, axes, band_hz, string_m, force_N, load_g, by_hz, share_found}: amplitude [m/s^2] along
-    an axis that is seen, the largest over the band; force on a vehicle of this mass, and the load that pulls so at
-    LEAN_DEG; by_hz: [frequency, amplitude]. Where there is none, minimum_detectable is None and ``why`` says it."""
+    """{minimum_detectable, unit, axes, band_hz, string_m, force_N, load_g, by_hz, share_found}.
+
+    minimum_detectable: amplitude [m/s^2] along an observed axis, the largest over the band; None without a limit, and
+    ``why`` gives the reason. force_N: on a vehicle of this mass. load_g: the load that pulls so at LEAN_DEG. by_hz:
+    [frequency, amplitude].
+    """
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     nothing = {"minimum_detectable": None, "unit": "m/s^2"}
     if not normal:
@@ -63,8 +66,8 @@ def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: floa
 
 def _smallest(power: np.ndarray, usual: np.ndarray, unit: np.ndarray, run_s: np.ndarray, k: int,
               least: float) -> float:
-    """Amplitude from which on a swing at frequency k of one axis would be found; nan for none. power (flights, F) and
-    usual (F,) of this axis; unit and run_s (flights,)."""
+    """Smallest detected amplitude of a swing at frequency k of one axis; nan without one. power (flights, F) and usual
+    (F,) of this axis; unit and run_s (flights,)."""
     rng = np.random.default_rng(k)
     phase = np.exp(2j * np.pi * rng.random((PHASES, len(power))))
     step = float(frequencies()[1] - frequencies()[0])
@@ -93,7 +96,7 @@ def _window(bins: np.ndarray) -> np.ndarray:
 
 
 def say(swing: Mapping[str, Any] | None) -> str:
-    """A sentence on the smallest swing; empty for none that was asked for."""
+    """A sentence on the smallest swing; empty if it was not computed."""
     if not swing:
         return ""
     if swing["minimum_detectable"] is None:

@@ -1,9 +1,9 @@
-"""Steady trim: what the four motors were asked for so that a hovering vehicle was in balance.
+"""Steady trim: the commands of the four motors that kept a hovering vehicle in balance.
 
-On the mean over a flight nothing accelerates: the thrusts carry the weight and their moments about the centre of mass
-cancel. Few flights excite more than that, yet it shows a propeller that lost thrust (one motor is asked for more, the
-others for what they were) and a weight (all are asked for more, according to where it sits). One flight is one sample:
-its own rows say how well its mean is known, and only other flights say how much a vehicle differs from day to day.
+The mean acceleration over a flight is zero: the thrusts carry the weight, and their moments about the centre of mass
+cancel. Few flights excite more than that. Still, the trim shows a propeller that lost thrust (one motor has a higher
+command, the others the same) and a weight (all have higher commands, depending on its place). One flight is one sample:
+its rows show how well its mean is known, and only other flights show how much a vehicle varies from day to day.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ BLOCK_S = number("mismatch.trim.block_s")
 STUCK_V = number("mismatch.trim.stuck_v")
 """A battery that moves by less than a step of its converter while the motors run was not measured."""
 SLOPES = setting("mismatch.trim.slopes")
-"""Standard deviation, per m/s, of how a quantity may depend on the velocity (drag): it is asked for at rest."""
+"""Standard deviation, per m/s, of the dependence on velocity (drag); the trim is the value at rest."""
 HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
 PLACES = (("estimator", "x", "y"), ("mocap", "px", "py"))
 COURSE_S = number("mismatch.trim.course_s")
@@ -56,11 +56,14 @@ MOST_ALIKE = number("mismatch.trim.most_alike")
 
 @dataclass(frozen=True)
 class Trim:
-    """One flight. gains (4,) ln of the thrust [N] that the commands of motors 1..4 would give on a vehicle of the type,
-    at rest and per g carried; level (2,) m/s^2 mean horizontal accelerometer in the frame of the heading, forward and
-    left: the angle between thrust and sensor; push (2,) m/s^2 horizontal force over mass that the tilt balances;
-    nan where it cannot be known. sd the same keys: how well the rows tell these means. known_lift: False where no
-    battery was measured, so that only shares among the motors count. commands: the source's names of them."""
+    """Trim of one flight.
+
+    gains (4,): ln of the thrust [N] that the commands of motors 1..4 would give on a vehicle of the type, at rest and
+    per g carried. level (2,) m/s^2: mean horizontal accelerometer in the frame of the heading, forward and left, the
+    angle between thrust and sensor. push (2,) m/s^2: horizontal force over mass that the tilt balances. nan where
+    unknown. sd: standard errors of these means, same keys. known_lift: False without a measured battery, when only
+    shares among the motors count. commands: the source's names of them.
+    """
 
     name: str
     gains: np.ndarray
@@ -74,8 +77,8 @@ class Trim:
     notes: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     course: tuple[tuple[float, ...], ...] = ()
-    """Second by second: time from take-off [s], x and y [m] (nan where unknown), ln thrust of motors 1..4 per g
-    carried, which at rest is ``gains``."""
+    """Second by second: time from take-off [s], x and y [m] (nan where unknown), ln thrust of motors 1..4 per g carried
+    (``gains`` at rest)."""
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),
@@ -99,8 +102,8 @@ class Trim:
 
 
 def trim_of(flight: Flight, audit: Audit) -> Trim:
-    """The trim of one recording. InputError saying why there is none: no motors logged, never flew, too short, too
-    much of it at full command."""
+    """The trim of one recording. Raises InputError with the reason: no motors logged, never flew, too short, too much
+    of it at full command."""
     place = flight.provenance.path
     if "motor" not in flight or any(f"m{i}" not in flight["motor"] for i in (1, 2, 3, 4)):
         raise InputError(place, "motor commands are not among its variables", "no trim can be told")

@@ -20,12 +20,12 @@ ALIKE = number("mismatch.trim_proof.alike")
 
 
 def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
-    """The causes that are named, likeliest first: all that explain the change about as well as the best does (ALIKE),
-    if it is SURE that it was one of them. None where no change, or another vehicle beside others, is among them.
+    """The identified causes, most probable first: all that explain the change about as well as the best (ALIKE), if
+    their sum is SURE. None if they include no change, or another vehicle with others.
 
-    Two propellers beside each other and a load between them ask the same of the motors; a load that does not swing is a
-    weight; a weight in the middle is another mass. Which of them it was one trim cannot tell, whatever is usual, and
-    that it was one of them it can. known_not: causes that something else excludes.
+    Two neighbouring propellers and a load between them need the same of the motors; a load that does not swing is a
+    weight; a weight in the middle is another mass. One trim shows that it was one of these causes, but not which.
+    known_not: causes excluded by other information.
     """
     chances = {name: p for name, p in found.by_cause().items() if name not in known_not}
     best: dict[str, float] = {}
@@ -41,8 +41,8 @@ def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
 
 
 def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:
-    """Of each cause the smallest size that would be named, had the flights shown it exactly: thrust lost by motor 1
-    [%], a weight under motor 1 [g], a change of the mass [%]."""
+    """Smallest identified size of each cause, if the flights showed it exactly: thrust lost by motor 1 [%], a weight
+    under motor 1 [g], a change of the mass [%]."""
     lever = body.motors / np.mean(body.motors**2, axis=0)
     known = hypotheses_of(body)
     under = 1.0 + lever @ body.motors[0]
@@ -70,8 +70,9 @@ def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, d
 
 def held_out(trims: Sequence[Trim], normal: Normal, body: Body, findings: Sequence[Mapping[str, Any]]
              ) -> dict[str, Any] | None:
-    """Each flight's motors predicted from the normal flights, and from these with what the other flights of its folder
-    say of the cause: root mean square error of the thrust asked of a motor [%]. floor: a normal flight's."""
+    """Prediction of each flight's motors from the normal flights, and from these with the cause as estimated from the
+    other flights of its folder: root mean square error of the thrust command of a motor [%]. floor: that of a normal
+    flight."""
     if not findings or len(trims) < 2:
         return None
     names = set(findings[0]["causes"])

@@ -17,10 +17,10 @@ from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
 MOST = number("mismatch.trim_words.most")
-"""No chance is said to be higher."""
+"""Upper limit of a reported probability."""
 ALL = "several motors that changed each by itself, as on another vehicle"
 RATHER = number("mismatch.trim_words.rather")
-"""Probability of no change below which it is said what it may be."""
+"""Maximum probability of no change at which possible causes are reported."""
 WORTH = number("mismatch.trim_words.worth")
 """Probability from which on a cause is worth a word."""
 
@@ -40,7 +40,7 @@ def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any
 
 
 def _rather(found: Weighed) -> str:
-    """What it may be, where something rather changed than not and nothing is sure."""
+    """Possible causes, where a change is likely and its cause uncertain."""
     chances = sorted(((p, name) for name, p in found.by_cause().items() if name != NONE), reverse=True)[:3]
     at = f", strongest at motor {int(np.argmax(np.abs(found.delta['gains']))) + 1}" if found.known_lift else ""
     return (f" Something may have changed{at}, but no name is sure: " +

@@ -1,4 +1,4 @@
-"""What a kind of fault declares of itself, and everybody else asks: one object a kind, beside its detector."""
+"""Declaration of a kind of fault, used by the rest of the code: one object per kind, next to its detector."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ Severity = Literal["cut", "corrected", "noted", "information"]
 
 @dataclass(frozen=True)
 class Blind:
-    """A card of the deck that ``nanobench prove`` deals faults of the data from: size and options of the injection;
-    everywhere: the whole logging setup is wrong, not one flight. ``place`` orders the deck, so that a seed keeps its
-    cases when a kind is added."""
+    """A data fault that ``nanobench prove`` may deal: size and options of the injection. everywhere: the whole logging
+    setup is wrong, not one flight. ``place`` orders the deck, so that a seed keeps its cases when a kind is added."""
 
     size: float | None
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -34,13 +33,12 @@ class Blind:
 
 @dataclass(frozen=True)
 class Injection:
-    """How to put a known fault into a flight: ``function(flight, rng, size, **case) -> (flight, Fault)``, or into the
-    bytes of a file: ``function(data, rng, size, **case) -> (data, Fault)``. The input is never changed.
+    """How to put a known fault into a flight, ``function(flight, rng, size, **case) -> (flight, Fault)``, or into the
+    bytes of a file, ``function(data, rng, size, **case) -> (data, Fault)``. The input is never changed.
 
-    sizes worth trying, from near the limit of what can be seen to plain, in ``unit``; (None,) where a size makes no
-    sense; ``cases``: further keyword arguments worth trying; ``blind``: what ``nanobench prove`` deals. The truth's
-    size is what the audit states its smallest detectable size in, which for some kinds is not what is asked for here
-    (a share of the peak).
+    sizes: from near the detection limit to plain, in ``unit``; (None,) if a size makes no sense. ``cases``: further
+    keyword arguments worth trying. ``blind``: deals of ``nanobench prove``. The truth's size has the unit of the
+    audit's smallest detectable size, which for some kinds differs from the argument here (a fraction of the peak).
     """
 
     function: Callable[..., Any]
@@ -102,7 +100,7 @@ class FaultKind:
 
     @property
     def sentence(self) -> str:
-        """What it is, in one sentence."""
+        """One-sentence description of the fault."""
         found = re.match(r"[^:]*:\s*(.+?\.)(?:\s|$)", self.doc, re.DOTALL)
         return " ".join(found[1].split()) if found else ""
 
