@@ -38,7 +38,7 @@ COMPARED_S = number("estimators.inertial.compared_s")
 LEAST_TURN_RAD = number("estimators.inertial.least_turn_rad")
 """Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
 LEAST_ALIKE = number("estimators.inertial.least_alike")
-"""Where the two are correlated less, nothing is said about unit and sign."""
+"""Minimum correlation of the two for a judgement on unit and sign."""
 LEAST_ROWS = count("estimators.inertial.least_rows")
 SETTLED_S = number("estimators.inertial.settled_s")
 COMPARED_EVERY_S = number("estimators.inertial.compared_every_s")
@@ -47,8 +47,8 @@ TURN_RATIO: tuple[float, float] = setting("estimators.inertial.turn_ratio")
 DEGREES_RATIO = number("estimators.inertial.degrees_ratio")
 
 STAMP_LEFT = number("estimators.inertial.stamp_left")
-"""How much of the stamps' wander is left where it was taken out (``Stream.time_sd_s`` says so), found on re-timed
-circles and trefoils; missing packets tell nothing more there."""
+"""Remaining fraction of the clock wander after its correction (``Stream.time_sd_s`` is set), found on re-timed circles
+and trefoils. Missing packets add no information there."""
 
 LIFT_RATIO = number("estimators.inertial.lift_ratio")
 OFF_RATIO = number("estimators.inertial.off_ratio")
@@ -60,8 +60,8 @@ NOTHING = np.zeros((0, 6))
 
 @dataclass(frozen=True)
 class Rows:
-    """IMU rows (n,) from the first pose on, and the poses (m,) as they arrive; ``clock_s`` are the rows' stamps less
-    what the missing packets say they are late; drawn is the share of the row before that carries no packet."""
+    """IMU rows (n,) from the first pose on, and the poses (m,) as they arrive. ``clock_s``: timestamps less the delay
+    that the missing packets show. drawn: fraction of the previous row without a packet."""
 
     time_s: np.ndarray
     clock_s: np.ndarray
@@ -81,14 +81,14 @@ class Inertial:
     causal = True
     settings: ClassVar[Mapping[str, float]] = {}
     radio = True
-    """Whether the stamps are set back by what missing packets tell."""
+    """Whether timestamps are corrected by missing packets."""
     needs: ClassVar[tuple[str, ...]] = ()
-    """Streams beside the IMU that its aids need."""
+    """Streams that its aids need in addition to the IMU."""
     keep_covariance = True
 
     def estimate(self, flight: Flight) -> Estimate:
-        """InputError without IMU or a second of poses, for a hole in the IMU, units or axes that the poses contradict,
-        and without a stream that an aid of this row needs."""
+        """Raises InputError without IMU or a second of poses, for a hole in the IMU, units or axes that the poses
+        contradict, and without a stream that an aid of this row needs."""
         for stream, quantity in (("motor", "m1"), ("battery", "vbat")):
             if stream in self.needs and (stream not in flight or quantity not in flight[stream]):
                 raise InputError(flight.provenance.path, f"has no {stream} stream, which {self.name} needs",
@@ -104,8 +104,7 @@ class Inertial:
 
 
 def settings_of(settings: Mapping[str, float], flight: Flight) -> dict[str, float]:
-    """A row's settings for one flight: less wander of stamps that were put right, more noise of poses where it is
-    told."""
+    """Settings of a row for one flight: less clock wander after a correction, more noise of poses if requested."""
     found = {**core.SETTINGS, **settings}
     if flight["imu"].time_sd_s is not None:
         found["stamp"] *= STAMP_LEFT
@@ -167,8 +166,8 @@ def rows_of(flight: Flight, radio: bool = True) -> Rows:
 
 
 def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
-    """(n,) bool at ``time_s``: the first row in the air each time the vehicle lifts off, by the motors' PWM as it was
-    known then; nowhere without motors."""
+    """(n,) bool at ``time_s``: the first airborne row of each lift-off, from the motors' PWM known at that time; all
+    False without motors."""
     found = np.zeros(len(time_s), bool)
     if _has_motors(flight) and len(time_s):
         flying = _flown(held(flight["motor"], MOTORS, time_s).mean(axis=1), LIFT_RATIO, OFF_RATIO)

@@ -1,13 +1,13 @@
-"""Dead reckoning with a learned velocity: what IMU and motors of the last second say of how fast the body moves.
+"""Dead reckoning with a learned velocity, from IMU and motors of the last second.
 
-A ridge regression from sums of the past that fade at several rates to the body's velocity across the rotors' axis. What
-drag says (accelerometer), what a rotor in a side wind turns (gyro) and what the controller needs against that (motor
-voltages) all speak of it; products let it bend. It is told to the filter beside drag, with an SD that grows with the
-velocity; how a constant error of the accelerometer moves it is a weight of the regression, so that the bias stays a
-state. A network would have a hundred times the numbers for the same flights; here every one can be read.
+A ridge regression from sums of the past that fade at several rates to the body's velocity across the rotors' axis. Drag
+(accelerometer), the moment on rotors in a side wind (gyro) and the controller's answer to it (motor voltages) depend on
+that velocity; products make it nonlinear. The filter uses it in addition to drag, with an SD that grows with the
+velocity. The regression has a weight for a constant error of the accelerometer, so that the bias stays a state. A
+network would have a hundred times as many parameters for the same flights; here every one can be read.
 
-Weights are in ``learned_velocity.json``, one set for each trajectory type, which was left out of it whole
-(``python benchmarks/studies/learned_velocity.py`` fits them): a flight is never judged by weights that saw its type.
+Weights are in ``learned_velocity.json``, one set for each trajectory type, fitted without that type (``python
+benchmarks/studies/learned_velocity.py``). So a flight is never judged by weights that saw its type.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ RIDGE = number("imu.learned_velocity.ridge")
 """Of the variance of every feature."""
 
 SD_FACTOR = number("imu.learned_velocity.sd_factor")
-"""A row's SD over that of the regression: its errors hang together over some tenths of a second, in which the filter
-takes rows for independent. Set on circles and trefoils, as the row's other numbers."""
+"""Ratio of a row's SD to that of the regression. Its errors are correlated over some tenths of a second, while the
+filter treats rows as independent. Set on circles and trefoils, as the row's other numbers."""
 OWN = setting("imu.learned_velocity.own")
-"""What differs from the noise of ``drag_ekf``: air that changes slowly, and drag that says little beside it."""
+"""Differences from the noise of ``drag_ekf``: air that changes slowly, and drag with little weight."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Weights:
 
 
 class LearnedVelocityEkf(Inertial):
-    """``drag_matrix_ekf`` with a velocity learned from IMU and motors beside drag. Needs the streams
-    ``motor`` and ``battery``."""
+    """``drag_matrix_ekf`` with a velocity learned from IMU and motors in addition to drag. Needs the streams ``motor``
+    and ``battery``."""
 
     name = "learned_velocity_ekf"
     settings: ClassVar = {**TUNED, **OWN}
@@ -102,8 +102,8 @@ def features(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fitted(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> Weights:
-    """From features (n, 2, F) and true body velocity x, y (n, 2) [m/s] of every flight; constants of a flight, which
-    are its biases and trims, are taken out."""
+    """From features (n, 2, F) and true body velocity x, y (n, 2) [m/s] of every flight. Per-flight constants (biases
+    and trims) are removed."""
     x = np.concatenate([found - found.mean(axis=0) for found, _ in flights])
     y = np.concatenate([true - true.mean(axis=0) for _, true in flights])
     by = np.empty(x.shape[1:])

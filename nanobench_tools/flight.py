@@ -49,13 +49,12 @@ STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
 for _name, _known in STREAM_QUANTITIES.items():
     if _name not in ("mocap", "stand"):
         _known["tick"] = ("s", "-")
-"""The vocabulary: stream -> quantity -> (SI unit, frame). A column of a source is mapped onto one of these.
-``tick`` is the sender's own time of a sample, where it was logged beside the receiver's stamp.
+"""The vocabulary: stream -> quantity -> (SI unit, frame). Columns of a source are mapped onto these.
 
-``motor`` is what the motors got (after battery compensation), m1 to as many as there are, at most m8,
-``motor_request`` what was asked before it, ``command`` the collective set-point of all (``Stream.unit`` says whether as
-a share of full, 1, or in N), ``stand`` the load cell of a thrust stand (sum over the motors),
-``estimator_acc`` has gravity taken off.
+``tick``: the sender's timestamp of a sample, if it was logged in addition to the receiver's. ``motor``: what the motors
+got (after battery compensation), m1 to at most m8. ``motor_request``: the request before it. ``command``: the
+collective set-point of all (``Stream.unit`` is 1 for a fraction of full, or N). ``stand``: the load cell of a thrust
+stand (sum over the motors). ``estimator_acc`` excludes gravity.
 """
 
 
@@ -122,9 +121,9 @@ def subtract_spans(a: Iterable[Span], b: Iterable[Span]) -> tuple[Span, ...]:
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with the data (or, for ``interpolated``, worth knowing).
+    """One error in the data (or, for ``interpolated``, a useful fact).
 
-    ``size`` is in ``unit``; ``minimum_detectable`` is the smallest size this check finds on this stream, in the
+    ``size`` is in ``unit``; ``minimum_detectable`` is the smallest size that this check finds on this stream, in the
     same unit; both are nan where a size makes no sense. ``evidence`` is one sentence a person can check.
     """
 
@@ -147,11 +146,10 @@ class Fault:
 class Stream:
     """Samples of one message of the vehicle or of the motion capture, on their own clock.
 
-    time_s (n,) s, non-decreasing unless a fault says otherwise; values (n, k) SI; columns (k) the source's own
-    names; quantities (k) their names in STREAM_QUANTITIES; unit (k) SI units; rate_hz the true rate of the
-    sensor; samples how many values it really sent (rows made by interpolation are not counted), None when
-    unknown; valid the spans in which nothing is known against it (None: everywhere); time_sd_s (n,) how well
-    time_s is known where it was corrected (None: stamps as recorded).
+    time_s (n,) s, non-decreasing unless a fault reports otherwise. values (n, k) SI. columns (k): the source's names.
+    quantities (k): their names in STREAM_QUANTITIES. unit (k): SI units. rate_hz: the true rate of the sensor. samples:
+    number of values that were really sent, without interpolated rows; None if unknown. valid: the spans without a known
+    objection (None: everywhere). time_sd_s (n,): uncertainty of a corrected time_s (None: timestamps as recorded).
     """
 
     time_s: np.ndarray
@@ -239,9 +237,12 @@ class Assumption:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a flight came from. ``findings`` are faults seen while reading; ``notes`` are sentences; clock_evidence:
-    the kinds of streams that had a vote in the clock its stamps were moved to, empty as recorded; ``assumptions``:
-    units that nothing shows; ``added``: sentences about columns that were computed or assumed after reading."""
+    """Origin of a flight.
+
+    ``findings``: faults seen while reading. ``notes``: sentences. clock_evidence: kinds of streams used to estimate the
+    clock of its timestamps, empty as recorded. ``assumptions``: units that the data do not show. ``added``: sentences
+    on columns that were computed or assumed after reading.
+    """
 
     path: str
     sha256: str
@@ -256,12 +257,12 @@ class Provenance:
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """One recording. ``name`` only labels rows: nothing is decided from it.
+    """One recording. ``name`` only labels rows and never affects a decision.
 
     ``flight["imu"]`` is a stream, ``flight[2.0:6.0]`` the flight from 2 to 6 s, on the same time axis.
 
-    metadata holds what the recording's own sheet says, as found, plus the keys ``family`` (trajectory type),
-    ``speed`` (``slow`` | ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
+    metadata contains the recording's sheet as found, plus the keys ``family`` (trajectory type), ``speed`` (``slow`` |
+    ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
     """
 
     name: str
@@ -327,8 +328,8 @@ class Flight:
         """A flight of DataFrames: ``{"mocap": df, ...}``, streams and quantities of ``STREAM_QUANTITIES``.
 
         The index is seconds, timedeltas or dates; the earliest row becomes time zero. units {stream: {quantity: unit}}
-        (``deg``, ``g``, ``mV``, ``pwm16`` ...); without them those of the columns' second level, else SI. Rows stay as
-        they are: stamps that do not rise are found by the audit. InputError names stream, column and row.
+        (``deg``, ``g``, ``mV``, ``pwm16`` ...); without them those of the columns' second level, else SI. Rows are
+        unchanged: the audit finds timestamps that do not rise. Raises InputError with stream, column and row.
         """
         strange = next((s for s in {**frames, **(units or {})} if s not in STREAM_QUANTITIES), None)
         if strange is not None:

@@ -9,6 +9,7 @@ import fcntl
 import os
 import pickle
 import signal
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -34,6 +35,8 @@ LEFT_OUT = "a slow proof: make test-slow"
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")  # before NumPy is loaded: every core has a test process of its own
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process of a run translates a thousand files again
+sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; what tests start would ignore it, too
     signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.setdefault("NUMBA_USE_LLVMLITE_MEMORY_MANAGER", "1")  # else LLVM may abort after JAX has mapped its memory

@@ -7,7 +7,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
@@ -65,18 +68,12 @@ def imported(name: str, text: str, is_package: bool, known: Iterable[str]) -> se
 
 
 def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
-    """Groups of two or more that reach each other (strongly connected components, by reachability)."""
-    reach = {}
-    for start in graph:
-        seen, queue = set(), [start]
-        while queue:
-            new = graph.get(queue.pop(), set()) - seen
-            seen |= new
-            queue += new
-        reach[start] = seen
-    groups = {tuple(sorted({other for other in reach[name] if name in reach.get(other, ())} | {name}))
-              for name in graph}
-    return sorted(list(group) for group in groups if len(group) > 1)
+    """Groups of two or more that reach each other (strongly connected components)."""
+    names = sorted(graph)
+    edges = csr_array([[other in graph[name] for other in names] for name in names])
+    _, group = connected_components(edges, connection="strong")
+    groups = (np.flatnonzero(group == g) for g in np.flatnonzero(np.bincount(group) > 1))
+    return sorted([names[k] for k in members] for members in groups)
 
 
 @pytest.fixture(scope="module")

@@ -74,7 +74,7 @@ class Wrench:
 
     @property
     def why_unasked(self) -> str:
-        """Why ``unasked`` cannot be asked."""
+        """Why ``unasked`` is excluded."""
         return WHY if self.tracks[0].commanded else WHY_STILL
 
     @cached_property
@@ -127,7 +127,7 @@ class Wrench:
         return np.asarray(joined(self.tracks, field)[at])
 
     def _smooth(self, values: np.ndarray, order: int) -> np.ndarray:
-        """Every track by itself, all rows."""
+        """Every track separately, all rows."""
         weights = kernel(SMOOTH_S, order)
         parts = np.split(values, self.ends[:-1])
         return np.concatenate([convolve1d(part, weights, axis=0, mode="nearest") for part in parts])
@@ -143,7 +143,7 @@ class Wrench:
         return (self._in_body(self._smooth(joined(self.tracks, "position_m"), 2)), turned / (TORQUE_ROWS * ROW_S))
 
     def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """What the model gives along the measured states, as ``measured``; parameters (P,) in place of its own."""
+        """The model's prediction along the measured states, as ``measured``; parameters (P,) in place of its own."""
         if parameters is None:
             if model.key not in self._known:
                 self._known[model.key] = self.model(model, model.values)
@@ -200,8 +200,9 @@ class Wrench:
         return np.concatenate([states[:len(i), :, k].T for k, i in enumerate(inputs)], axis=1)
 
     def speed_lag(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
-        """What changes when not the thrust of a rotor lags but its speed, the root of it, as ``model`` gives it: where
-        commands shake, thrust is lower by a share of their variance. Time constants up and down count as their mean."""
+        """Change if the speed of a rotor (the root of its thrust) lags instead of the thrust, as ``model`` gives it.
+        With noisy commands, thrust is lower by a fraction of their variance. Time constants up and down count as
+        their mean."""
         tau = [v for name, v in model.parameters.items() if name.startswith("motor_lag.")]
         key = ("speed lag", *model.key)
         if key not in self.slopes:
@@ -229,9 +230,8 @@ class Wrench:
         return other[0] - one[0], other[1] - one[1]
 
     def drag_at_rotors(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
-        """What changes when drag acts at the rotors, at each in proportion to its speed (the root of its thrust), and
-        not at their centre, as ``model`` gives it: where rotors turn unevenly, as with a centre of mass beside theirs,
-        drag turns the vehicle about z."""
+        """Change if drag acts at the rotors, in proportion to the speed of each (the root of its thrust), instead of at
+        their centre. If rotors turn unevenly, as with an offset centre of mass, drag turns the vehicle about z."""
         key = ("drag at rotors", *model.key)
         if key not in self.slopes:
             thrust, command = self.thrust(model, model.values)

@@ -1,10 +1,10 @@
-"""How well rotation is predicted from commands as one log or another holds them, and from measured rotor speed.
+"""Prediction of rotation from commands in various logs, and from measured rotor speed.
 
 The vehicle is a model of physical terms with time constants from measured rotor speed (``lag``). The rest is fitted to
-100 ms rollouts of the training flights for every input by itself, in physical ranges: moments of inertia about x and y,
-the yaw moment, damping, the moment from lateral velocity and a delay. A constant moment about x and y, which nobody
-logged and which changes within tenths of a second, is learnt for every window from the rates just before it. Start
-states, instants and truth (the gyro) are the same for all inputs.
+100 ms rollouts of the training flights separately for every input, in physical ranges: moments of inertia about x and
+y, the yaw moment, damping, the moment from lateral velocity and a delay. A constant moment about x and y, which is not
+logged and changes within tenths of a second, is learnt for every window from the rates just before it. Start states,
+instants and truth (the gyro) are the same for all inputs.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class Input:
-    """One kind of input. source: ``motor`` or ``rpm`` at the rows of the log, else a key of radio.COARSE; own_lag:
-    time constants are fitted too instead of taken from the rotor speeds."""
+    """One kind of input. source: ``motor`` or ``rpm`` at the rows of the log, else a key of radio.COARSE. own_lag: time
+    constants are fitted instead of taken from the rotor speeds."""
 
     name: str
     words: str
@@ -73,9 +73,12 @@ INPUTS = (
 
 @dataclass(frozen=True)
 class Batch:
-    """n windows of one input. motor (n, P + H, 4) and battery_V (n, P + H) with P rows before the window; start and
-    earlier (n, 13): states at its start and TRIM_S before it; rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at
-    rows of 10 ms, of which K before the start and 50 after; every: rows of input per 10 ms; flight (n,)."""
+    """n windows of one input.
+
+    motor (n, P + H, 4) and battery_V (n, P + H) with P rows before the window. start and earlier (n, 13): states at its
+    start and TRIM_S before it. rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at rows of 10 ms, of which K before
+    the start and 50 after. every: rows of input per 10 ms. flight (n,).
+    """
 
     motor: np.ndarray
     battery_V: np.ndarray
@@ -117,8 +120,7 @@ class Batch:
 
 
 def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
-    """Windows that start every 100 ms of all flying rows that leave room for what is before and for 0.5 s; None if
-    there are none."""
+    """Windows that start every 100 ms of all flying rows with room before and for 0.5 s after; None without any."""
     row_s = logs[0].row_s
     step = coarse_rows(row_s)
     fine = kind.source in ("motor", "rpm")
@@ -147,8 +149,8 @@ def batch(logs: Sequence[Log], kind: Input, seed: int = 0) -> Batch | None:
 
 
 def rotation_model(lag: Lag, kind: Input, inertia: Sequence[float], row_s: float) -> Model:
-    """The terms of one input, in rows of ``row_s``, at the values a fit starts from; thrust map, vehicle and k_f are
-    those of the lag."""
+    """The terms of one input, in rows of ``row_s``, at the start values of a fit. Thrust map, vehicle and k_f are those
+    of the lag."""
     base = lag.model
     if kind.source == "rpm":
         # a measured speed is followed within a row: a jump would have no acceleration
@@ -239,8 +241,8 @@ def fit_rotation(model: Model, data: Batch, own_lag: bool = False) -> Rotation:
 
 
 def errors(fitted: Rotation | None, data: Batch) -> dict[str, np.ndarray]:
-    """Errors after 1..50 rows of 10 ms, (n, 50): rate rad/s (norm), roll_pitch and yaw rate, attitude rad; of a
-    vehicle whose rates stand still without a model."""
+    """Errors after 1..50 rows of 10 ms, (n, 50): rate rad/s (norm), roll_pitch and yaw rate, attitude rad; without a
+    model, of a vehicle with constant rates."""
     if fitted is None:
         rate = np.repeat(data.start[:, None, RATE], SCORED_ROWS, axis=1)
         time_s = data.step_s * np.arange(1, SCORED_ROWS + 1)

@@ -1,8 +1,8 @@
-"""Flights with rotor speed measured beside the PWM, as rows at the rate of the log, cut where the log has gaps.
+"""Flights with measured rotor speed and PWM, as rows at the rate of the log, cut at its gaps.
 
-Rows are taken as evenly spaced: a log that is written once per control loop runs on the loop's clock, and its stamps
-only scatter around it. Everything else is brought to the stamps of the motor stream. Only rows that fly count: all
-rotors spin and the vehicle moves; where it stood before or after does not have to be in the log.
+Rows are taken as evenly spaced: a log that is written once per control loop runs on the loop's clock, and its
+timestamps only scatter around it. Everything else is interpolated at the timestamps of the motor stream. Only flying
+rows count: all rotors spin and the vehicle moves. The log need not contain the time on the ground.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ SHARE_OF_FLYING = number("motors.rotor_rows.share_of_flying")
 NOT_MEASURED_SHARE = number("motors.rotor_rows.not_measured_share")
 SMOOTH_S = number("motors.rotor_rows.smooth_s")
 STANDING = setting("motors.rotor_rows.standing")
-"""Body rate rad/s and speed m/s below which a vehicle with running motors stands (95th percentile); hover has 0.05."""
+"""Body rate rad/s and speed m/s below which a vehicle with running motors is on the ground (95th percentile); hover has
+0.05."""
 STEADY_PWM = 200.0 / PWM_FULL_SCALE
 STEADY_V = number("motors.rotor_rows.steady_v")
 SAME_RATE = number("motors.rotor_rows.same_rate")
@@ -47,9 +48,12 @@ USUAL = number("motors.rotor_rows.usual")
 
 @dataclass(frozen=True)
 class Log:
-    """n rows ``row_s`` apart within each of ``stretches`` [(first, end)]: u (n, 4) PWM ratio; speed (n, 4) rad/s; both
-    of motors 1..4; battery_V (n,); rate (n, 3) rad/s and force_z (n,) m/s^2, body; state (n, 10) position, velocity,
-    quaternion of the vehicle's own estimate or None; stamps (n,) s as logged; epoch_s: stamp of the recording."""
+    """n rows ``row_s`` apart within each of ``stretches`` [(first, end)].
+
+    u (n, 4): PWM ratio; speed (n, 4) rad/s; both of motors 1..4. battery_V (n,). rate (n, 3) rad/s and force_z (n,)
+    m/s^2, body. state (n, 10): position, velocity, quaternion of the vehicle's estimate, or None. stamps (n,) s as
+    logged. epoch_s: timestamp of the recording.
+    """
 
     name: str
     path: str
@@ -84,7 +88,7 @@ class Log:
 
 
 def read_logs(flights: Iterable[Flight]) -> tuple[list[Log], dict[str, str]]:
-    """(logs at one common row_s, reasons of the recordings that are none by name); of equal recordings the first."""
+    """(logs at one common row_s, reasons by name of the invalid recordings); of equal recordings the first."""
     logs: list[Log] = []
     reasons: dict[str, str] = {}
     for flight in flights:
@@ -175,7 +179,7 @@ def _flying(speed: np.ndarray, row_s: float) -> np.ndarray:
 
 
 def _informs(log: Log) -> None:
-    """InputError for rows that cannot tell a motor from a constant."""
+    """Raises InputError for rows that cannot distinguish a motor from a constant."""
     rate = np.quantile(np.linalg.norm(log.joined(log.rate), axis=1), 0.95)
     moving = 0.0 if log.state is None else np.quantile(np.linalg.norm(log.joined(log.state[:, 3:6]), axis=1), 0.95)
     if rate < STANDING[0] and moving < STANDING[1]:

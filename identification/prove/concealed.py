@@ -1,13 +1,13 @@
-"""Real flights with one piece of knowledge taken from the simulator: does the diagnosis ask for it back?
+"""Real flights with one piece of knowledge removed from the simulator: does the diagnosis find it?
 
-The simulator is our own: on training flights a thrust map is fitted to the accelerometer, a grey-box model with that
-map to 50-step predictions, and drag along the states, since half a second hides it. Then it is made ignorant - of the
-battery's voltage (the map at one voltage), of what the vehicle weighed, of drag, of motor lag - and diagnosed on other
-flights, together with the fit as it is (``control``). No fit is the truth: what is named in the control, or
-beside what was taken away, may really be missing, and is counted as false all the same, since nobody can know.
+The simulator is fitted on training flights: a thrust map to the accelerometer, a grey-box model with that map to
+50-step predictions, and drag along the states, since half a second hides it. Then one of these is removed: the
+battery's voltage (the map at one voltage), the vehicle's weight, drag, or motor lag. It is diagnosed on other flights,
+together with the complete fit (``control``). No fit is the truth: other identified effects, also in the control, may
+really be missing. They are counted as false all the same, since this is unknown.
 
-One case more (``dead log``): flights whose radio log died while the vehicle flew on, so that its estimate seems to
-diverge by metres. That is a fault of the data, and no physics.
+One more case (``dead log``): flights whose radio log died while the vehicle flew on, so that its estimate seems to
+diverge by metres. That is a fault of the data, not physics.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ THIN = 20
 
 @dataclass(frozen=True)
 class Ignorance:
-    """kind: what a table calls it; term that is missing (None: nothing is); twins: as of its truth;
-    simulator (fitted, fitted without voltage) -> what is diagnosed."""
+    """kind: its name in tables. term: the missing one (None: complete). twins: as of its truth. simulator (fitted,
+    fitted without voltage) -> the diagnosed simulator."""
 
     kind: str
     term: str | None
@@ -90,8 +90,8 @@ class RealCase:
 
 @dataclass(frozen=True, repr=False)
 class RealScore(CaseScore):
-    """right: what was taken away is named, whatever else is; in the control, nothing is. beside: false names that the
-    control of the same flights does not have."""
+    """right: the removed effect is identified, in the control none. beside: false effects that the control of the same
+    flights does not have."""
 
     beside: tuple[str, ...]
 

@@ -1,9 +1,9 @@
-"""One verdict against one truth: which names are right, which are false, what was missed, whether intervals cover.
+"""One verdict against one truth: right and false effects, missed ones, and the coverage of intervals.
 
-A finding stands for a class: its term and its ``equivalent`` terms. It is right when the class holds the term of a
-concealed effect, or one that the truth declares to be its twin (not to be told apart in free flight, whatever is
-flown). Any other finding is a false name; so is every finding on a null, a data fault or a foreign effect. A small
-effect that was not named counts as right when its size lies below the smallest detectable one that the verdict states.
+A finding is a class: its term and its ``equivalent`` terms. It is right if the class contains the term of a concealed
+effect, or one that the truth declares indistinguishable from it in free flight. Any other finding is false; so is every
+finding on a null, a data fault or a foreign effect. A small effect that was not identified counts as right if its size
+is below the smallest detectable one in the verdict.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ IN_PRODUCTS = terms_that(lambda term: term.in_products)
 
 @dataclass(frozen=True, repr=False)
 class EffectScore(Result):
-    """Whether a concealed effect was named, ``by`` the finding of which term, ``exactly`` by its own; class_size: terms
-    that the finding stands for; below_power: not named, and below the smallest detectable size stated."""
+    """Whether a concealed effect was identified, ``by`` which finding, ``exactly`` by its own term. class_size: number
+    of terms of the finding. below_power: not identified, and below the smallest detectable size."""
 
     term: str
     size: str
@@ -66,10 +66,13 @@ class IntervalScore(Result):
 
 @dataclass(frozen=True, repr=False)
 class CaseScore(Result):
-    """One case. truth: what was concealed or injected; outcome, named: what was said; right: everything there was is
-    named, nothing else is, and the outcome fits; false_name: a finding is false. intervals: of parameters of rightly
-    named terms. flights_right, fault_right: whether the flights of a change, and the kinds of faults with their
-    flights, are those of the truth (None where there is none). improvement, power: as of the verdict."""
+    """One case.
+
+    truth: concealed or injected effects. outcome, named: the diagnosis. right: all effects and only these are
+    identified, and the outcome fits. false_name: a finding is false. intervals: parameters of rightly identified terms.
+    flights_right, fault_right: whether the flights of a change, and the kinds of faults with their flights, match the
+    truth (None without any). improvement, power: as in the verdict.
+    """
 
     case: str
     kind: str
@@ -155,11 +158,11 @@ def _effect(effect: TrueEffect, finding: Mapping[str, Any] | None, verdict: Verd
 
 
 def below(effect: TrueEffect, stated: Mapping[str, Any]) -> bool:
-    """Whether an effect lies below the smallest detectable one: ``stated`` {minimum_detectable, unit, parameter}.
+    """Whether an effect is below the smallest detectable one: ``stated`` {minimum_detectable, unit, parameter}.
 
-    Compared is the largest change of that parameter (of any element of it; without ``parameter``, of any parameter in
-    that unit) from what the simulator believes, or from where the term does nothing when the simulator lacks it. A
-    minimum of None means that no size could be seen.
+    The largest change of that parameter (of any element of it; without ``parameter``, of any parameter in that unit) is
+    compared, from the simulator's value, or from the neutral value if the simulator lacks the term. A minimum of None
+    means that no size is detectable.
     """
     least = stated["minimum_detectable"]
     if least is None:

@@ -1,4 +1,4 @@
-"""The content of thrust.json: one part for stand series, one for flights, and what stands above both."""
+"""The content of thrust.json: one part for stand series, one for flights, and a common part."""
 
 from __future__ import annotations
 
@@ -49,10 +49,12 @@ class Curve(Result):
 
 @dataclass(frozen=True, repr=False)
 class ChosenMap(Result):
-    """Everything about the chosen map. interval_half_width: of the 95 % interval of a row of a new file, N per motor or
-    m/s^2; scale: as of ``ThrustModel.scale_``; terms, toml: for a simulator, terms_rms_N from the map; firmware:
-    lines for the firmware, firmware_note: how good, or why there are none; formula: with numbers, at hover and at full
-    command."""
+    """The chosen map.
+
+    interval_half_width: of the 95 % interval of a row of a new file, N per motor or m/s^2. scale: as
+    ``ThrustModel.scale_``. terms, toml: for a simulator; terms_rms_N: from the map. firmware: lines for the firmware;
+    firmware_note: their quality, or the reason for none. formula: with numbers, at hover and at full command.
+    """
 
     interval_half_width: float
     scale: float
@@ -69,8 +71,8 @@ class ChosenMap(Result):
 
 @dataclass(frozen=True, repr=False)
 class PartResult(Result):
-    """One kind, stand series or flights. split: how files were chosen; no_result: why, by model; held_out_rms: by
-    model, N per motor or m/s^2; parameters by model and name; chosen: None where no map is a result."""
+    """One kind, stand series or flights. split: choice of files. no_result: reasons by model. held_out_rms: by model, N
+    per motor or m/s^2. parameters by model and name. chosen: None without a valid map."""
 
     best: str | None
     split: str
@@ -83,8 +85,8 @@ class PartResult(Result):
 
 @dataclass(frozen=True, repr=False)
 class Series(Result):
-    """What one stand series holds. rows that spin, and that stand still; zero_N: what the load cell showed per motor at
-    PWM 0, from zero_rows (nan: none)."""
+    """Content of one stand series: rows that spin, and rows at rest. zero_N: load cell per motor at PWM 0, from
+    zero_rows (nan without any)."""
 
     file: str
     rows: int
@@ -98,7 +100,7 @@ class Series(Result):
 
 @dataclass(frozen=True, repr=False)
 class StandResult(PartResult):
-    """held_out: what was fitted without each series, where all were held out in turn."""
+    """held_out: fits without each series, if all were held out in turn."""
 
     held_out: Mapping[str, ChosenWithout] | None = field(metadata=OPTIONAL)
     against_firmware: tuple[AgainstFirmware, ...]
@@ -115,8 +117,8 @@ class AsRecorded(Result):
 
 @dataclass(frozen=True, repr=False)
 class FlightResult(PartResult):
-    """delay_s: of the inputs; sessions of the training flights; held_out_coverage95: share of training rows, held out
-    in turn, inside the interval that the others give; best_without_memory: of maps given the inputs of the moment."""
+    """delay_s: of the inputs. sessions: of the training flights. held_out_coverage95: fraction of training rows, held
+    out in turn, inside the interval from the others. best_without_memory: of maps with the inputs of the moment."""
 
     delay_s: float
     sessions: int
@@ -130,8 +132,8 @@ class FlightResult(PartResult):
 
 @dataclass(frozen=True, repr=False)
 class ThrustResult(Result):
-    """thrust.json. With both kinds ``best`` and ``parameters`` are those of the flights: that is what flies; each part
-    has its own under its kind."""
+    """thrust.json. With both kinds ``best`` and ``parameters`` are those of the flights, since these describe the
+    vehicle in flight; each part has its own under its kind."""
 
     rows: tuple[ErrorRow, ...]
     best: str | None

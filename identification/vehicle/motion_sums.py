@@ -38,7 +38,7 @@ SHORTEST_S = number("vehicle.motion_sums.shortest_s")
 GROUND_S = number("vehicle.motion_sums.ground_s")
 HOVER_M_S = number("vehicle.motion_sums.hover_m_s")
 IDLE = number("vehicle.motion_sums.idle")
-"""Of the median thrust of the command: rows below stand on the ground or fall."""
+"""Minimum thrust as a fraction of the median command; rows below are on the ground or fall."""
 CUT = count("vehicle.motion_sums.cut")
 """Rows at the ends of a span that the filters spoil."""
 MOTORS = ("m1", "m2", "m3", "m4")
@@ -130,8 +130,8 @@ def motion_sums(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -
 
 
 def hover_level(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -> float:
-    """Force along body z over the thrust of the command, ground and idle motors left out. Rows at a speed v weigh
-    1 / (1 + (v / HOVER_M_S)^2)^2: moving through the air costs thrust, and the level is that of hover."""
+    """Force along body z over the commanded thrust, without ground and idle motors. Rows at a speed v have the weight 1
+    / (1 + (v / HOVER_M_S)^2)^2: moving through the air costs thrust, and the level is that of hover."""
     rows = [signals(case.flight, span, vehicle.gravity_m_s2) for span in inner_spans(case, GROUND_S, GROUND_S)]
     thrust = np.concatenate([lagged(np.polynomial.polynomial.polyval(row.volts, curve), lag_s).sum(axis=1)
                              for row in rows])

@@ -1,7 +1,7 @@
-"""The audit of one recording: what is wrong with it, where it may be used, whose clock is late, what really flew.
+"""The audit of one recording: its errors, its usable spans, late clocks, and the controller that flew.
 
 ``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, ``faults.kind``) over one shared
-``Context`` and collects the verdict. Nothing here looks at a name.
+``Context`` and collects the verdict. It ignores the name.
 """
 
 from __future__ import annotations
@@ -27,17 +27,16 @@ from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
 
 NEVER_CUT = frozenset({"extra"})
-"""Streams of columns nobody knows: what they look like proves nothing about the rows."""
+"""Streams of unknown columns; their shape is no evidence on the rows."""
 
 
 @dataclass(frozen=True, repr=False)
 class Audit(Result):
     """Verdict on one recording; all times in seconds from its first row.
 
-    controller ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``; airborne: first to last crossing of
-    5 cm above the resting height; clean: the recording without the cutting faults of any stream, except that a battery
-    reading that stands still leaves the other streams as good as they are (``clean_for`` with the battery cuts it);
-    clock and rates per stream.
+    controller: ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``. airborne: first to last crossing of
+    5 cm above the resting height. clean: the recording without the cutting faults of any stream; a constant battery
+    reading does not affect the other streams (``clean_for`` with the battery cuts it). clock and rates per stream.
     """
 
     flight: str
@@ -55,7 +54,7 @@ class Audit(Result):
         """Spans of the recording without a fault of ``kinds`` (None: of those that cut) in ``streams``; not intersected
         with airborne.
 
-        A fault without a stream of its own (``stream`` empty) counts for every stream; those of ``extra`` never count.
+        A fault without a stream (``stream`` empty) counts for every stream; those of ``extra`` never count.
         """
         streams, kinds = {*streams, ""} - NEVER_CUT, cutting() if kinds is None else set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
@@ -123,7 +122,7 @@ class Audit(Result):
 
 
 def _shared(clock: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """A course of the time error that several streams have stands with the first; the others name it (``warp_of``)."""
+    """Write a time error shared by several streams once, with the first; the others name it (``warp_of``)."""
     first: dict[str, str] = {}
     found = {}
     for stream, reading in clock.items():
@@ -153,9 +152,10 @@ def _cuts_every_use(fault: Fault) -> bool:
 
 
 def audit(flight: Flight, context: Context | None = None) -> Audit:
-    """Everything that can be said about one recording from its own content. Pure; about 0.6 s for 42 s of flight.
+    """Audit of one recording from its content. Pure; about 0.6 s for 42 s of flight.
 
-    context: of ``flight``, for who goes on with what was derived here."""
+    context: of ``flight``, to reuse its derived signals.
+    """
     context = Context(flight) if context is None else context
     span = context.once(whole_span)
     faults: list[Fault] = []

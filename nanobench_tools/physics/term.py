@@ -51,25 +51,24 @@ class Belief:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One entry of a term, scalar (``length`` 0), fixed length, any length from 1 on (None), or one element for
-    every rotor (``"rotors"``).
+    """One entry of a term, scalar (``length`` 0), fixed length, any length from 1 on (None), or one element per rotor
+    (``"rotors"``).
 
-    ``lower`` and ``upper`` bound every element physically; ``neutral`` is the value of an element at which the term
-    has no effect: a number, the key of the same quantity of the vehicle, or None when there is no such value.
-    ``typical`` is an order of magnitude for a 40 g quadrotor (a start for a fit), ``source`` says where it is from.
-    A ``^k`` in ``unit`` stands for the number of the element. ``only_input``: only on vehicles of this input.
-    ``fixed_mean``: of a list whose mean is given by definition.
+    ``lower`` and ``upper`` bound every element physically. ``neutral``: value of an element without an effect: a
+    number, the key of the same quantity of the vehicle, or None. ``typical``: order of magnitude for a 40 g quadrotor
+    (a start for a fit); ``source``: its origin. A ``^k`` in ``unit`` is the number of the element. ``only_input``: only
+    on vehicles of this input. ``fixed_mean``: of a list whose mean is given by definition.
 
-    Of a fit: ``fitted`` (lower, upper, why) is narrower than the physical bounds, or a function of the vehicle that
-    gives (lower, upper) of every element; ``believed`` a prior, or a function of the vehicle that gives one, or None,
-    for every element; ``unidentifiable`` elements that no flight tells.
+    For fits: ``fitted`` (lower, upper, why) is narrower than the physical bounds, or a function of the vehicle that
+    gives (lower, upper) of every element. ``believed``: a prior, or a function of the vehicle that gives one or None
+    for every element. ``unidentifiable``: elements that flights do not show.
 
-    Of a diagnosis: ``systematic`` error that logging alone leaves (None: the share of its usual size that the laws of
-    drag have); ``differs`` by less between flights for nothing (None: as ``systematic``); ``grows`` with m (mass), l
-    (length of the arms), /w (speed of all rotors in hover); ``implausible`` from this factor on; ``search_start``:
-    where a search begins for what acts far from linearly at rest, a value, or ``inputs`` or ``thrusts`` for a limit of
-    those; ``in_product``: only seen times another parameter of its term, so not asked for; ``only_with``: element ->
-    term beside which alone it is seen.
+    For diagnoses: ``systematic``: error from logging alone (None: the relative error of the drag laws). ``differs``:
+    variation between flights without a cause (None: as ``systematic``). ``grows`` with m (mass), l (length of the
+    arms), /w (speed of all rotors in hover). ``implausible``: from this factor on. ``search_start``: start of the
+    search for effects that are far from linear at rest: a value, or ``inputs`` or ``thrusts`` for a limit of those.
+    ``in_product``: observable only times another parameter of its term, so not fitted alone. ``only_with``: element ->
+    term that makes it observable.
     """
 
     name: str
@@ -143,20 +142,22 @@ Expression = Callable[[Any, Any, Situation, Ops], Any]
 
 @dataclass(frozen=True)
 class Term:
-    """One physical effect. ``confused_with``: other effect -> the flight that tells them apart. ``check`` looks at the
-    values of all parameters ({name: float or tuple}) and returns what is wrong and what to do, or None. ``needs`` are
-    groups of terms of which one has to be in the model too. ``input``: of a thrust map, the vehicle's input it takes.
+    """One physical effect.
 
-    Of a diagnosis: ``level``: any thrust curve contains it; ``changes``: it may be changed between two flights;
-    ``scatters``: elements of which every flight has a separate value; ``of_air``: a push of the air, that no steady
-    moment alone shows; ``answered``: a slope of thrust, which the controller's answers to gusts look like; ``far``: it
-    may act so far from linearly that a first order ranks it badly; ``frame``: where it is fixed (by default what its
-    stage says); ``cause``: what may have been done to the vehicle.
+    ``confused_with``: other effect -> the flight that separates them. ``check`` gets the values of all parameters
+    ({name: float or tuple}) and returns the mistake and its remedy, or None. ``needs``: groups of terms of which one
+    has to be in the model too. ``input``: of a thrust map, its vehicle input.
 
-    ``left_out``: target of an export -> what to do there instead, ``""`` for all others. ``injector``:
-    "module:Class" of an ``identification.prove`` effect that flies it in blind cases, by default its own expressions;
-    ``sizes``: {"small", "medium", "large"} -> values of its parameters there, by default shares of what is typical.
-    ``not_asked``: why a diagnosis does not ask for it where the simulator lacks it; empty where it does.
+    For diagnoses: ``level``: any thrust curve contains it. ``changes``: it may change between two flights.
+    ``scatters``: per-flight elements. ``of_air``: a force of the air that no steady moment alone shows. ``answered``: a
+    slope of thrust that resembles the controller's answers to gusts. ``far``: so far from linear that a first order
+    ranks it badly. ``frame``: where it is fixed (by default that of its stage). ``cause``: possible change of the
+    vehicle.
+
+    ``left_out``: target of an export -> replacement there, ``""`` for all others. ``injector``: "module:Class" of an
+    ``identification.prove`` effect that flies it in blind cases, by default its own expressions. ``sizes``: {"small",
+    "medium", "large"} -> values of its parameters there, by default fractions of the typical ones. ``not_asked``:
+    reason for excluding it from a diagnosis if the simulator lacks it; otherwise empty.
     """
 
     name: str

@@ -1,8 +1,8 @@
-"""What a practice flight is asked to do when: ground, take-off, hover, path, landing, ground - for n flights at once.
+"""Timeline of n practice flights: ground, take-off, hover, path, landing, ground.
 
-The published recordings run this timeline: motors on at about 2.0 s, take-off planner of 2 s, streamed hover from
-2.5 s after it began, streamed path 1 s later, landing planner of 3 s from the place reached, motors off, 3.5 s ground.
-The planner is the firmware's seventh-order polynomial between two standstills (zero velocity, acceleration, jerk).
+The published recordings run this timeline: motors on at about 2.0 s, take-off planner of 2 s, streamed hover from 2.5 s
+after it began, streamed path 1 s later, landing planner of 3 s from the place reached, motors off, 3.5 s ground. The
+planner is the firmware's seventh-order polynomial between two standstills (zero velocity, acceleration, jerk).
 """
 
 from __future__ import annotations
@@ -85,10 +85,10 @@ class Timeline:
         return len(self.specs)
 
     def at(self, tick: int, position_m: np.ndarray, yaw_rad: np.ndarray) -> tuple[np.ndarray, Reference, np.ndarray]:
-        """Estimated position (n, 3), yaw (n,) now -> motors allowed (n,) bool, reference with derivatives, and the yaw
-        rate [rad/s] (n,) that the planner asks for. Call with rising ticks: the start of a planner is remembered.
+        """Estimated position (n, 3), yaw (n,) now -> motors allowed (n,) bool, reference with derivatives, and the
+        planner's yaw rate [rad/s] (n,). Call with rising ticks: the start of a planner is remembered.
 
-        Where motors are off the reference is the place itself, so that no controller winds up.
+        With motors off the reference is the place itself, so that no controller winds up.
         """
         phase = self.phase[tick]
         planned = (phase == TAKEOFF) | (phase == LANDING)
@@ -102,9 +102,8 @@ class Timeline:
 
     def _commanded(self, rows: np.ndarray, start: tuple[np.ndarray, np.ndarray],
                rest: tuple[np.ndarray, np.ndarray]) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-        """What is asked for at ticks ``rows`` (k,): the six arrays of a Reference, (k, n, ...), and the yaw rate asked
-        of the planner (k, n). ``start`` and ``rest``: place (n, 3) and yaw (n,) where a planner begins and where the
-        vehicle stands without motors."""
+        """References at ticks ``rows`` (k,): the six arrays of a Reference, (k, n, ...), and the planner's yaw rate (k,
+        n). ``start`` and ``rest``: place (n, 3) and yaw (n,) at the start of a planner and without motors."""
         phase = self.phase[rows]
         planned, off = (phase == TAKEOFF) | (phase == LANDING), phase == OFF
         way, speed = self.way[rows], self.way_1_s[rows]
@@ -124,8 +123,8 @@ class Timeline:
         return (p, np.where(off, rest[1], yaw), v, a, j, turn), yaw_rate
 
     def _ahead(self, tick: int, position_m: np.ndarray, yaw_rad: np.ndarray, seconds: np.ndarray) -> Reference:
-        """``Reference.ahead`` at a tick, linear between ticks. A planner that has not begun starts where the path
-        ends; one that would take off starts where the vehicle stands."""
+        """``Reference.ahead`` at a tick, linear between ticks. A planner that has not begun starts at the end of the
+        path, or for take-off at the place of the vehicle."""
         phase = self.phase[tick]
         planned, off = (phase == TAKEOFF) | (phase == LANDING), phase == OFF
         start = np.where(planned[:, None], self._from_m, np.where(off[:, None], position_m, self._last_m))

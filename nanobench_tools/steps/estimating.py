@@ -38,7 +38,7 @@ DEFAULT_METHODS = {"as-published": LOGGED, "as-published-corrected": LOGGED, "cl
 """Scored when no other is requested."""
 
 JUDGED = ("position", "velocity")
-"""What is judged of the logged estimate by every metric that is not about attitude."""
+"""Streams of the logged estimate that every metric other than those of attitude judges."""
 LOGGED_STREAMS = ("estimator", "estimator_acc", "attitude", "attitude_qw")
 """Hidden from every method on a clock that the logged position helped to set."""
 
@@ -63,16 +63,17 @@ def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
 
 @dataclass(frozen=True)
 class Seen:
-    """The recordings on the clock of ``options``: as positions and velocities may be judged on it, and as attitudes
-    may (None: the same)."""
+    """The recordings on the clock of ``options``: the clock that may judge positions and velocities, and the one for
+    attitudes (None: the same)."""
 
     places: OnClock
     attitudes: OnClock | None = None
 
 
 def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Seen:
-    """``flights`` on the clock of ``options``. The logged attitude has a vote in ``retimed`` where positions are
-    judged and none where attitudes are; in ``joint`` all vote, and no logged estimate is judged."""
+    """``flights`` on the clock of ``options``. In ``retimed``, the logged attitude is used to estimate the clock where
+    positions are judged, but not where attitudes are. In ``joint`` all streams are used, and no logged estimate is
+    judged."""
     if options.clock != "retimed":
         return Seen(options.see_on_clock(flights, audits, () if options.clock == "joint" else JUDGED))
     return Seen(options.see_on_clock(flights, audits, JUDGED),
@@ -82,12 +83,12 @@ def see(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit]
 def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), methods: Sequence[Any] | None = None,
                   files: Mapping[str, Mapping[str, Path]] | None = None, trajectories: bool = True,
                   aidings: Sequence[Aiding] | None = None, further: Sequence[Any] = ()) -> EstimateBody:
-    """estimate.json. Without ``protocols`` all that the data allow; ``methods`` in place of the default ones of every
-    protocol, ``further`` beside them.
+    """estimate.json.
 
-    trajectories: whether they are written to ``--out``; aidings: how poses come in ``aided``, one table each, the
-    first one's trajectories are written. Raises InputError when a protocol that was asked for (or every one) finds
-    nothing to score.
+    protocols: by default all that the data allow. ``methods`` replace the default ones of every protocol, ``further``
+    add to them. trajectories: whether they are written to ``--out``. aidings: arrival of poses in ``aided``, one table
+    each; the first one's trajectories are written. Raises InputError if a requested protocol (or every one) has no data
+    to score.
     """
     from ..auditing.usable import missing
     from ..auditing.verb_needs import TRUTH
@@ -176,7 +177,7 @@ def ranked_by_clock(options: Options, flights: Sequence[Flight], audits: Mapping
 
 
 def _on_clock(options: Options, seen: Seen, row: EstimateRow) -> EstimateRow:
-    """The row with its clock, who had a vote in it over the row's own flights, and how many of them moved."""
+    """The row with its clock, the streams that set it over the row's flights, and the number of moving clocks."""
     voted, moving = seen.places.evidence_for(row.flights), seen.places.moving(row.flights)
     given, turned = row.given + votes(options.clock, voted, moving > 0), None
     if seen.attitudes is not None and any(name.startswith("attitude") for name in row.metrics):
@@ -214,9 +215,8 @@ def _from_files(name: str, files: Mapping[str, Path], cases: Sequence[Case]) -> 
 def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], seen: Seen,
            out: Path | None, aiding: Aiding | None = None, again: Mapping[str, Case] | None = None
            ) -> tuple[list[EstimateRow], list[FlightScore], list[DrawnBand]]:
-    """Runs method x flight and writes the trajectories: the rows of one protocol, the scores of every single flight,
-    and what is drawn of one flight. ``again``: by name, the flights on the clock that attitudes are
-    judged on, where it is another one."""
+    """Run method x flight and write the trajectories: the rows of one protocol, the scores of every flight, and the
+    drawing of one flight. ``again``: by name, the flights on the clock that judges attitudes, if it differs."""
     from ..harness import make_item
     from ..protocols import task3, whole_flight
     from ..protocols.result_rows import FlightScore

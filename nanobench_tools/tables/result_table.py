@@ -37,9 +37,9 @@ class Score:
 
     @classmethod
     def of(cls, found: Any, ci95: Any = None, reason: str = NOT_GIVEN, exact: bool = False) -> Score:
-        """From a plain number, or ``{mean | value, std, median, p90, ci95: [lo, hi], n}``, or nothing.
+        """From a plain number, ``{mean | value, std, median, p90, ci95: [lo, hi], n}``, or an empty value.
 
-        One flight (``n`` = 1) has no deviation, whatever is said.
+        One flight (``n`` = 1) has no deviation, even if one is given.
         """
         body = found if isinstance(found, Mapping) else {"mean": found}
         interval = body.get("ci95", ci95) or (None, None)
@@ -53,9 +53,9 @@ class Score:
 
 @dataclass(frozen=True)
 class Column:
-    """``kind``: ``text``, ``count``, ``number`` (written out already) or ``score``; an SI score times ``factor`` is in
-    ``unit``. ``aside``: a column that only the CSV file has, so that the page and the LaTeX table stay readable;
-    ``noted``: long texts, which readers get as numbers explained under the table."""
+    """``kind``: ``text``, ``count``, ``number`` (formatted already) or ``score``. An SI score times ``factor`` is in
+    ``unit``. ``aside``: only in the CSV file, so that the page and the LaTeX table stay readable. ``noted``: long
+    texts, shown as numbers explained under the table."""
 
     key: str
     title: str
@@ -89,8 +89,7 @@ class Table:
     @classmethod
     def plain(cls, title: str, heads: Sequence[str], rows: Sequence[Sequence[Cell]], note: str = "",
               name: str = "") -> Table:
-        """Of cells that are written out already. A column stands to the right where all cells begin like numbers and
-        none is a sentence."""
+        """From formatted cells. A column is right-aligned if all cells begin like numbers and none is a sentence."""
         kinds = ["number" if rows and all(_NUMBER.match(str(row[i] or "-")) and len(str(row[i])) < SENTENCE
                                           for row in rows) and any(row[i] for row in rows) else "text"
                  for i in range(len(heads))]
@@ -123,7 +122,7 @@ class Table:
         return self.keep([i for i, column in enumerate(self.columns) if column.kind != "score" or has_number(i)])
 
     def for_readers(self) -> Table:
-        """The same table less the rows and columns that stand aside, long texts moved to the note."""
+        """The same table without the rows and columns of the CSV file alone, long texts moved to the note."""
         table = replace(self, rows=self.rows[:self.main], main=None)
         for i, column in enumerate(self.columns):
             if column.noted:
@@ -141,7 +140,7 @@ class Table:
         return self._rows([i for i in range(len(self.rows)) if i not in theirs])
 
     def published(self) -> Table:
-        """Published values, each with the row below it that stands against it, and the corrected protocol."""
+        """Published values, each with the row below it for comparison, and the corrected protocol."""
         found = {i for i, row in enumerate(self.rows) if row[-1] == "published" or self._protocol(row)}
         pairs = sorted(found | {i + 1 for i in found if self.rows[i][-1] == "published"})
         keep = [i for i in pairs if i < len(self.rows)]
@@ -157,8 +156,8 @@ class Table:
 
     def select(self, heads: Mapping[str, str], where: Callable[[Mapping[str, Cell]], bool] = lambda row: True,
                title: str | None = None, note: str | None = None) -> Table:
-        """The rows that ``where`` takes ({key: cell}), and of them the columns ``heads`` ({key: title}) in this order;
-        keys that the table does not have are passed over."""
+        """The rows that match ``where`` ({key: cell}), and of them the columns ``heads`` ({key: title}) in this order;
+        keys that the table lacks are ignored."""
         keys = [column.key for column in self.columns]
         rows = tuple(row for row in self.rows if where(dict(zip(keys, row, strict=True))))
         found = replace(self, rows=rows, main=None).keep([keys.index(key) for key in heads if key in keys])
@@ -176,7 +175,7 @@ class Table:
 
 
 def score_text(cell: Score, column: Column) -> tuple[str, str]:
-    """What is printed: (``mean ± std``, ``[low, high]``), the second empty without an interval."""
+    """Printed cells: (``mean ± std``, ``[low, high]``), the second empty without an interval."""
     if cell.mean is None:
         return DASH, ""
     mean = cell.mean * column.factor
@@ -195,7 +194,7 @@ _SPREAD = (("std", "std"), ("median", "median"), ("p90", "p90"), ("ci95_low", "l
 
 
 def to_csv(table: Table) -> str:
-    """The table for a spreadsheet: one column per number, unit in the heading, empty where there is none.
+    """The table for a spreadsheet: one column per number, unit in the heading, empty if missing.
 
     Text that a spreadsheet would take for a formula (first character = + - @ or a control) gets an apostrophe.
     """

@@ -51,13 +51,13 @@ def test_a_turned_mirrored_scaled_sensor_has_the_same_lag():
 def test_intervals_of_the_lag_cover():
     rng = np.random.default_rng(3)
     inside, widths = 0, []
-    for _ in range(100):
+    for _ in range(50):
         delay = rng.uniform(-0.1, 0.1)
         late, reference = signals(rng, delay, noise=3.0)
         lag = best_lag(lag_sums(late, reference, np.ones(len(late), bool), STEP))
         inside += abs(lag.offset_s - delay) < lag.half_width_s
         widths.append(lag.half_width_s)
-    assert inside >= 90
+    assert inside >= 45
     assert np.median(widths) < 0.005
 
 

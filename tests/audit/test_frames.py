@@ -83,7 +83,8 @@ def test_frames_of_the_convention_are_no_finding(flown, name):
     assert about_frames(flown[name]) == []
 
 
-@pytest.mark.parametrize("name", ["fast figure_eight", "slow trefoil", "helix"])
+@pytest.mark.parametrize("name", ["fast figure_eight", *(pytest.param(name, marks=pytest.mark.slow)
+                                                         for name in ("slow trefoil", "helix"))])
 @pytest.mark.parametrize("turn", ROTATIONS[1:], ids=lambda t: "".join(f"{int(v):+d}"[0] + "xyz"[j] for row in t
                                                                    for j, v in enumerate(row) if v))
 def test_an_imu_in_any_other_axes_is_one_finding_and_the_advice_mends_it(flown, name, turn):

@@ -1,6 +1,5 @@
 """``nanobench run``: everything in one folder, the same again after a kill, labelled by what it was made from."""
 
-import functools
 import io
 import json
 import os
@@ -141,8 +140,8 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, r
     assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
 
 
-def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_path, monkeypatch):
-    """What the tasks make of recordings is of other tests: here each notes what it is given."""
+def test_without_recordings_it_simulates_practice_flights_once(nanobench, crowd, tmp_path, monkeypatch):
+    """What flies and what the tasks make of recordings is of other tests: here each notes what it is given."""
     given = []
     for task in ("estimate_on", "control_on", "sysid_on"):
         monkeypatch.setattr(run_clocks, task, lambda recordings: given.append(recordings) or {"rows": []})
@@ -150,8 +149,7 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, tmp_pa
     monkeypatch.delenv("NANOBENCH_DATA", raising=False)
     monkeypatch.setattr(run_module, "PRACTICE_SEEDS", 1)
     monkeypatch.setattr(run_module, "PRACTICE_FLIGHTS", 1)
-    monkeypatch.setattr(practice, "write_practice", functools.partial(
-        practice.write_practice, families=("trefoil",), duration_s=8.0))
+    monkeypatch.setattr(practice, "practice_flights", lambda n, seed, **_: [crowd.flight("short trefoil")] * n)
     code, _, err = nanobench("run", "--jobs", 1)
     assert code == 0, err
     assert "practice flights, SYNTHETIC" in err

@@ -120,7 +120,7 @@ def test_what_a_users_method_imports_counts_for_its_identity(folder, monkeypatch
     assert "controllers.geometric:Geometric" in method_identity(registry.load("controllers", "geometric"))
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder, recordings, jobs):
     one = min(recordings.glob("*.csv"))
     done = nanobench("estimate", "--protocol", "clean", "--only", "--method", "estimators.still:Still", "--method",
@@ -131,8 +131,14 @@ def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder,
     assert {row["method"] for row in body["rows"]} == {"still", "constant_velocity"}
 
 
-@pytest.mark.parametrize(("module", "on_path"), [(False, False), *(
-    pytest.param(*given, marks=pytest.mark.slow) for given in ((True, True), (True, False), (False, True)))])
+def test_ours_are_loaded_in_a_folder_with_controllers_of_its_own(folder):
+    done = run("-P", "-c", "from nanobench_tools.lookup.registry import load; print(load('controllers', 'geometric'))",
+               cwd=folder)
+    assert (done.returncode, done.stdout.strip()) == (0, "<class 'controllers.geometric.Geometric'>"), done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("module", "on_path"), [(False, False), (True, True), (True, False), (False, True)])
 def test_ours_fly_from_a_folder_with_controllers_of_its_own(folder, module, on_path):
     path = (folder, ROOT) if on_path else (ROOT,)
     done = nanobench("simulate", "--controller", "geometric", "--flights", 1, "--trajectory", "circle", "--speed",

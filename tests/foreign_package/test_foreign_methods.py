@@ -121,13 +121,11 @@ def test_prove_scores_what_was_concealed(installed, case, diagnosed):
     assert [entry["covered"] for entry in scored["intervals"]] == [True]
 
 
-@pytest.mark.slow
 def test_the_term_is_fitted_beside_others(installed, case):
     found = float(python(case, installed, "-c", about(FITTED), case).split()[-1])
     assert found == pytest.approx(value_in(case), rel=0.2)
 
 
-@pytest.mark.slow
 def test_sysid_fits_the_term_and_gives_its_row(installed, case, tmp_path):
     """The verb on the flights that conceal the term, with two of all fits: its row beside ours, and nearer to them."""
     one, two, three = (case / "flights" / f"flight_{k}.csv" for k in (1, 2, 3))
@@ -141,19 +139,6 @@ def test_sysid_fits_the_term_and_gives_its_row(installed, case, tmp_path):
     sums = {row["model"]: row["metrics"]["velocity_mae_m_s"]["sum"] for row in body["rows"]
             if (row["truth"], row["group"]) == ("mocap", "all")}
     assert sums[f"fit_{TERM}"] < 0.8 * sums["fit_full"]
-
-
-@pytest.mark.slow
-def test_prove_deals_conceals_and_names_the_term(installed, tmp_path):
-    """The whole verb on one case: the first seed whose case conceals the term, and much of it."""
-    script = ("from identification.prove.blind_proof import plan\n"
-              f"print(next(s for s in range(999) if [(h.effect, h.size) for h in plan(1, s, ['single'])[0].concealed]\n"
-              f"           == [({TERM!r}, 'large')]))")
-    seed = python(tmp_path, installed, "-c", script).split()[-1]
-    nanobench(tmp_path, installed, "prove", "--cases", 1, "--kind", "single", "--seed", seed, "--engine", "practice",
-              "--out", "out", "--jobs", 1)
-    (case,) = json.loads((tmp_path / "out" / "prove.json").read_text())["cases"]
-    assert (case["truth"], case["named"], case["right"], case["false_name"]) == ([TERM], [TERM], True, False)
 
 
 def test_its_estimator_is_scored(installed, case, tmp_path):

@@ -68,11 +68,9 @@ def on_the_ground(world: FaultyWorld) -> bool:
     slow({"down": CONSOLE}, "console"), slow({"up": SETPOINTS, "lasts_s": 0.3}, "set-points 0.3 s"),
     slow({"up": POSES, "lasts_s": 0.5}, "poses 0.5 s"), slow({"down": LOG, "lasts_s": 1.5}, "log 1.5 s"),
     pytest.param({"up": every, "down": every, "lasts_s": 0.3}, id="link 0.3 s"),
-    slow({"up": every, "down": every, "share": 0.3}, "30 percent"),
-    pytest.param({"up": every, "down": every, "share": 0.6}, id="60 percent"),
+    slow({"up": every, "down": every, "share": 0.6}, "60 percent"),
     slow({"up": SETPOINTS, "late_s": 0.05}, "set-points late"), slow({"up": POSES, "late_s": 0.05}, "poses late"),
     slow({"down": LOG, "late_s": 0.2}, "log late"),
-    slow({"radio": RadioOptions(latency_s=0.01, loss=0.3)}, "radio 30 percent"),
     slow({"radio": RadioOptions(latency_s=0.01, loss=0.6)}, "radio 60 percent")])
 def test_what_a_flight_can_do_without_does_not_end_it(fault, monkeypatch):
     world = FaultyWorld(**fault)

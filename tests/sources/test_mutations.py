@@ -14,7 +14,8 @@ from source_samples import EPOCH, MUTATIONS, NAMES, TO_SI, Broken, csv_text, tab
 from nanobench_tools import Flight
 from nanobench_tools.sources import load_recordings
 
-SEEDS = range(36)
+SEEDS = range(12)
+FURTHER = range(12, 36)
 VALUES = table()
 
 
@@ -51,20 +52,22 @@ def check_numbers(flight: Flight, broken: Broken) -> set[int]:
     return survived
 
 
+@pytest.mark.slow
 def test_enough_distinct_mutations():
     digests = {
         hashlib.sha256(mutate(VALUES, np.random.default_rng(seed)).data).digest()
         for mutate in MUTATIONS.values()
-        for seed in SEEDS
+        for seed in (*SEEDS, *FURTHER)
     }
     digests |= {hashlib.sha256(b).digest() for b in broken_logs()}
     assert len(digests) >= 500
 
 
+@pytest.mark.parametrize("seeds", [SEEDS, pytest.param(FURTHER, marks=pytest.mark.slow)], ids=["some", "more"])
 @pytest.mark.parametrize("kind", MUTATIONS)
-def test_mutated_recording(kind, tmp_path):
+def test_mutated_recording(kind, seeds, tmp_path):
     read = 0
-    for seed in SEEDS:
+    for seed in seeds:
         broken = MUTATIONS[kind](VALUES, np.random.default_rng(seed))
         result = read_one(tmp_path, broken.data)
         if isinstance(result, str):

@@ -23,17 +23,7 @@ pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")
-def cache_folder(tmp_path_factory):
-    old = os.environ.get("NANOBENCH_CACHE")
-    os.environ["NANOBENCH_CACHE"] = str(tmp_path_factory.mktemp("cache"))
-    yield
-    os.environ.pop("NANOBENCH_CACHE")
-    if old is not None:
-        os.environ["NANOBENCH_CACHE"] = old
-
-
-@pytest.fixture(scope="module")
-def everything(real_data, cache_folder):
+def everything(real_data):
     return load_recordings([real_data / "nanobench"], jobs=2)
 
 

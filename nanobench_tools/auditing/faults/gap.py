@@ -42,7 +42,7 @@ KINK = number("audit.gap.kink")
 USUAL_STEPS = number("audit.gap.usual_steps")
 """Where poses came irregularly a gap is longer than so many times the step that 95 % of them keep to."""
 DRAWN = number("audit.gap.drawn")
-"""Share of interpolated rows beside a drawn line, from which on it is no gap."""
+"""Minimum fraction of interpolated rows next to a straight line at which it is not a gap."""
 
 
 def shortest_s(name: str, interval_s: float) -> float:
@@ -62,8 +62,8 @@ def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
 
 
 def _kinked(values: np.ndarray, a: int, b: int) -> bool:
-    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with kinks that are larger than the
-    bends of the rows beside it."""
+    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with bends larger than those of the
+    neighbouring rows."""
     bend = np.abs(np.diff(values, 2, axis=0)).max(axis=1)  # of the row after each
     beside = np.concatenate([bend[max(a - 52, 0):max(a - 3, 0)], bend[b + 1:b + 51]])
     ends = [bend[max(row - 2, 0):row + 1] for row in (a - 1, b)]

@@ -50,25 +50,23 @@ class Injection:
 
 @dataclass(frozen=True)
 class FaultKind:
-    """One kind of fault. ``find(flight, context)`` lists the faults of a recording; ``doc`` is the text of its file,
-    which begins with ``name: sentence.`` and says ``Smallest found: ...``.
+    """One kind of fault. ``find(flight, context)`` lists the faults of a recording. ``doc``: the docstring of its file,
+    which begins with ``name: sentence.`` and contains ``Smallest found: ...``.
 
-    What is done about it. cuts: its rows must not be used; spares: streams in which it leaves the other streams as
-    good as they are. corrected: stamps are wrong and are put right rather than cut; ``left_s(fault)``: the largest
-    time error such a fault leaves where it was found once more. cuts_logs: rows of a logged estimate or command are
-    not what its sender said (a jump of an estimate is its own error and is scored), None: as ``cuts``. cuts_trim: a
-    mean of the commands is no trim there, None: as ``cuts``.
+    Effect. cuts: its rows must not be used. spares: streams in which it leaves the other streams intact. corrected:
+    timestamps are corrected rather than cut; ``left_s(fault)``: the largest remaining time error if such a fault is
+    found once more. cuts_logs: rows of a logged estimate or command differ from what was sent (a jump of an estimate is
+    its error and is scored); None: as ``cuts``. cuts_trim: a mean of the commands is not a trim there; None: as
+    ``cuts``.
 
-    What it is. whole: it is in every row of the recording. across: faults of it in several streams are one event.
-    log_ended: the log of the stream stopped and its end is
-    that of the recording, whatever becomes of the stamps.
+    Extent. whole: in every row of the recording. across: faults in several streams are one event. log_ended: the log of
+    the stream stopped, and its end is the end of the recording, also after timestamps are corrected.
 
-    How it is told. told: an event of it in plain words, without a full stop (``fault_events`` says what stands for
-    {streams}, {columns}, {count}, {seconds}, {size} ...); empty: the first sentence of ``doc``. advice: what to do.
-    in_overview: False where rates and numbers of samples say it already. in_diagnosis: False for what a diagnosis of
-    the vehicle need not say.
+    Text. told: an event in plain words, without a full stop (``fault_events`` defines {streams}, {columns}, {count},
+    {seconds}, {size} ...); empty: the first sentence of ``doc``. advice: what to do. in_overview: False if rates and
+    numbers of samples show it already. in_diagnosis: False if irrelevant to a diagnosis of the vehicle.
 
-    injection, file_injection: an ``Injection``, or where it is (``module:NAME``), loaded when it is asked for.
+    injection, file_injection: an ``Injection``, or its place (``module:NAME``), loaded on demand.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A flight: take-off, the streamed part at 100 Hz, landing; whatever a rule objects to ends it on the ground."""
+"""A flight: take-off, the streamed part at 100 Hz, landing. A violated rule ends it on the ground."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ LISTEN_S = 0.2
 GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
-"""So long at most a flight waits for motors that stand, and a program that ends at once for its recording's writer."""
+"""Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
 ECHO_S = 0.1
 RELEASES = 50
-"""So often the end of set-points is said again after landing: a link may lose some of them."""
+"""Number of times that the end of set-points is sent after landing, since a link may lose some."""
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
-"""A vehicle that is on the ground so long after the command to take off does not fly. It is told again before:
-soon, as the command may have been lost, then late, as the integrals of one that is heavy need time."""
+"""Maximum time on the ground after the command to take off. The command is repeated before: soon, since it may have
+been lost, then late, since the integrators of a heavy vehicle need time."""
 
 
 class Flight:
@@ -62,8 +62,8 @@ class Flight:
         self._hung: Stop | None = None
 
     def run(self) -> Outcome:
-        """Flies the plan, or as much of it as the rules let; the vehicle is on the ground when this returns, or was
-        left. What is a bug of this program is raised after the landing."""
+        """Fly the plan, or as much of it as the rules allow. On return the vehicle is on the ground, or was given up.
+        Bugs of this program are raised after the landing."""
         with ExitStack() as stack:
             if self.clock.real:
                 self._guardian = Guardian(HANG_S, self._take_over, self._give_up)
@@ -164,7 +164,7 @@ class Flight:
             self.link.request_echo()
 
     def _stream(self, time_s: float, send: bool = True) -> Stop | None:
-        """One set-point, not sent while the controller only listens. What it does wrong ends the flight at once."""
+        """One set-point, not sent while the controller only listens. An error in it ends the flight at once."""
         commanded = self.plan.reference(time_s)
         begun = self.clock.now()
         error, packet = "", b""
@@ -223,8 +223,8 @@ class Flight:
             listener.note(text)
 
     def _does_not_lift(self, now_s: float, commanded_s: list[float]) -> Stop | None:
-        """Tells the vehicle again to take off when it stands, after which the plan begins anew; gives up after LIFT_S.
-        ``commanded_s``: when it was told."""
+        """Repeat the take-off command to a vehicle on the ground, after which the plan begins anew; give up after
+        LIFT_S. ``commanded_s``: time of the command."""
         if self._phase != TAKEOFF or self._height() > self.ground_m + GROUND_M:
             return None
         if now_s - commanded_s[0] > LIFT_S:
@@ -311,8 +311,8 @@ class Flight:
         return self._guardian is not None and self._guardian.taken
 
     def _leave(self) -> Stop:
-        """Asked twice: the vehicle is told once to land by its own planner, and nothing is waited for. Should that be
-        lost, its watchdog levels it out and then stops its motors."""
+        """After a second request: command one landing by the vehicle's planner, and do not wait. If that is lost, the
+        vehicle's watchdog levels it and then stops its motors."""
         stop = Stop("interrupted", f"{self.interrupts.requested} twice: left to the vehicle's own landing and watchdog",
                     self._now.time_s, self._phase)
         self._note(f"stop: {stop}")

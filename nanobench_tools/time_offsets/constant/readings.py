@@ -1,13 +1,12 @@
-"""Clock offset of every stream against the motion capture: what the measured delays say about the stamps.
+"""Clock offset of every stream against the motion capture, from the measured delays.
 
-The vehicle's streams share one clock (they come over one radio link with the host's stamps), and the gyro is the only
-one of them that the motion capture predicts without a delay of its own. So the offset of the vehicle's clock is that of
-the gyro. What the estimator sends (position, attitude, acceleration) follows its own inputs by 0-40 ms in addition;
-that is a property of the estimate and no error of its stamps. A stream of the estimator therefore gets the gyro's
-offset as long as it follows the gyro by no less than OWN_LAG_S[0] and no more than OWN_LAG_S[1], and its measured
-delay is told in the reason. Beyond, its stamps are wrong by themselves and it gets its own measured delay, with an
-interval widened by what its own lag may be. Motors, requests, setpoints and battery are not
-seen by cameras. Where the clock wanders, the offset is its mean (``mean_offset``).
+The vehicle's streams share one clock (one radio link with the host's timestamps). Of these, the motion capture predicts
+only the gyro without a further delay, so the offset of the vehicle's clock is that of the gyro. Streams of the
+estimator (position, attitude, acceleration) also follow their own inputs by 0-40 ms, which is no error of their
+timestamps. Such a stream gets the gyro's offset if it follows the gyro by OWN_LAG_S[0] to OWN_LAG_S[1], and the reason
+reports its measured delay. Otherwise its own timestamps are wrong, and it gets its measured delay, with an interval
+widened by the possible lag. Cameras do not see motors, requests, setpoints and battery. If the clock wanders, the
+offset is its mean (``mean_offset``).
 """
 
 from __future__ import annotations
@@ -110,7 +109,7 @@ def _ms(own: Measured) -> str:
 
 
 def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
-    """Why this measurement tells nothing; empty if it does."""
+    """Why this measurement is uninformative; otherwise empty."""
     if is_gyro:
         pair = context.once(pairs.gyro_pair)
         rate = 0.0 if pair is None else float(np.linalg.norm(pair.rms[:2]))

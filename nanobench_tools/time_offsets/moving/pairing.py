@@ -1,7 +1,7 @@
-"""Two clocks that were never compared: an onboard log with a motion-capture file of its own, or any two streams.
+"""Two clocks that were never compared: an onboard log and a separate motion-capture file, or any two streams.
 
-The coarse offset is where the turning rates of both look alike: their magnitude does not depend on how the frames lie
-or on where time begins. The fine and the moving part are then those of every other recording (``infer``).
+The coarse offset aligns the magnitudes of the rotation rates, which depend neither on the frames nor on the start of
+time. The fine and the moving part are then those of every other recording (``infer``).
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from .time_offset import TimeOffset, wander_of
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 BAND_HZ = number("retiming.pairing.band_hz")
 SLOW_S = number("retiming.pairing.slow_s")
-"""Rates are compared between 1 / SLOW_S and BAND_HZ: above is vibration, and that a vehicle turns in the air and not on
-the ground is true of any two flights."""
+"""Rates are compared between 1 / SLOW_S and BAND_HZ. Above is vibration; below is only the difference between air and
+ground, which any two flights share."""
 
 LEAST_CORRELATION = number("retiming.pairing.least_correlation")
-"""Correlation of the rates, once the frames are turned onto each other, below which two recordings are not of one
-flight: 0.60-0.93 for those that are, at most 0.46 for those that are not (18 real flights)."""
+"""Minimum correlation of the rates, with aligned frames, for two recordings of one flight: 0.60-0.93 for the same
+flight, at most 0.46 otherwise (18 real flights)."""
 
 RIVAL_S = number("retiming.pairing.rival_s")
 RIVAL_SHARE = number("retiming.pairing.rival_share")
-"""A second offset, further than RIVAL_S away, whose magnitudes fit RIVAL_SHARE as well makes the first a guess (a path
-flown several times over looks like itself); 0.19-0.57 on the 18."""
+"""A second offset, further than RIVAL_S away, whose magnitudes fit RIVAL_SHARE as well makes the first ambiguous, as on
+a repeated path; 0.19-0.57 on the 18."""
 
 SQUARE_RAD = number("retiming.pairing.square_rad")
-"""A tracker's body frame that seems to lie closer than this to the gyro's axes is left as it is: noise alone turns the
-answer by up to 12 degrees."""
+"""Minimum angle between a tracker's body frame and the gyro's axes for a correction; noise alone gives up to 12
+degrees."""
 
 NOWHERE = number("retiming.pairing.nowhere")
 FEWEST_KNOWN, FEWEST = count("retiming.pairing.fewest_known"), count("retiming.pairing.fewest")
@@ -91,9 +91,9 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
 
 def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
                   place: str) -> float:
-    """What to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) lies on that of ``a`` (n, k) at
-    ``time_a`` (n,) [s], within a step of 10 ms. InputError with ``place`` when none fits, or
-    more than one."""
+    """Offset to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) matches that of ``a`` (n, k)
+    at ``time_a`` (n,) [s], within a step of 10 ms. Raises InputError with ``place`` if no offset, or more than one,
+    fits."""
     grids = [np.arange(t[0], t[-1], STEP_S) for t in (time_a, time_b)]
     x, y = (np.linalg.norm(CubicSpline(t, v)(g), axis=1) for g, t, v in
             zip(grids, (time_a, time_b), (a, b), strict=True))
@@ -131,10 +131,10 @@ def _turn(truth: MocapDerivatives, time_s: np.ndarray, gyro: np.ndarray) -> tupl
 
 
 def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> TimeOffset | None:
-    """How late the stamps of ``measured`` are against those of ``reference``, for two streams that measured the same
-    ``quantities`` (two or more) on two clocks; a moving error only if each quantity confirms what the others say.
+    """Delay of the timestamps of ``measured`` against those of ``reference``, for two streams of the same
+    ``quantities`` (two or more) on two clocks. A moving error is accepted only if each quantity confirms the others.
 
-    None when the streams share less than two seconds. Offsets are sought within -250..+300 ms.
+    None if the streams share less than two seconds. Offsets are sought within -250..+300 ms.
     """
     def all_of(names: tuple[str, ...]) -> list[Evidence]:
         found = [_evidence(measured, reference, (q,)) for q in names]

@@ -160,6 +160,7 @@ def test_a_pull_along_the_vertical_alone_has_no_name(model):
         assert (decision.outcome, names_of(decision)) == (outcome, names)
 
 
+@pytest.mark.slow
 def test_flights_that_each_have_another_tilt_are_not_named_after_it(model):
     """Markers sit differently in every flight: the scatter is a nuisance, and the drag behind it is found."""
     tilts = ((0.03, -0.02), (-0.01, 0.015), (0.005, 0.04), (-0.04, 0.0), (0.02, -0.035))

@@ -148,6 +148,7 @@ def test_bad_calls_are_one_line(tmp_path, capsys):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_real_cut_of_three_millimetres_is_named(real_data, tmp_path):
     place = tmp_path / "set"
     place.mkdir()
