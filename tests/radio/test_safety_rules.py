@@ -11,13 +11,20 @@ from toy_vehicle import Notes, Toy
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
-from nanobench_tools.radio.fly import setpoint_packets
+from nanobench_tools.radio.fly import flight_plan, setpoint_packets
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits, LowBattery, Situation
 from nanobench_tools.radio.fly.safety_handover import place_to_hold
 
-IN_PATH = 109.0
+IN_PATH = 106.5
+
+
+@pytest.fixture(autouse=True)
+def short_phases(monkeypatch):
+    """The path begins after 4.3 s, not after 6, and is flown at full speed from 4.8 s on."""
+    monkeypatch.setattr(flight_plan, "HOVER_S", 0.3)
+    monkeypatch.setattr(flight_plan, "FADE_S", 0.5)
 
 
 def flown(toy: Toy, pilot=None, limits: Limits | None = None) -> tuple:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
-import os
 import struct
 import zlib
 from pathlib import Path
@@ -151,7 +150,7 @@ def test_family_from_content_is_never_wrong(everything):
     assert right >= 0.95 * total
 
 
-def test_slices_get_their_family_without_any_sheet(real_data, cache_folder):
+def test_slices_get_their_family_without_any_sheet(real_data):
     loaded = load_recordings([real_data / "nanobench" / "benchmarks" / "task3_stateEst"])
     assert {f.metadata["family"] for f in loaded.flights} == {"trefoil"}
     for flight in loaded.flights:
@@ -172,7 +171,7 @@ def test_round_trip_of_a_real_recording(everything, tmp_path):
 
 
 @pytest.mark.parametrize(("folder", "least"), [("crazyflie_usd", 25), ("crazypad", 56)])
-def test_usd_logs(real_data, folder, least, cache_folder):
+def test_usd_logs(real_data, folder, least):
     logs = [path for path in (real_data / folder).rglob("*") if path.is_file() and not path.suffix]
     assert len(logs) >= least
     loaded = load_recordings([real_data / folder])
@@ -191,7 +190,7 @@ def test_usd_logs(real_data, folder, least, cache_folder):
         assert np.all(np.diff(flight["motor"].time_s) > 0.0)
 
 
-def test_logs_of_the_lee_controller(real_data, cache_folder):
+def test_logs_of_the_lee_controller(real_data):
     """The units of its variables, from the flights: what the set-point asks is flown, attitude turns as the gyro says,
     thrust forward speeds up forward, and standard motors hover a little below the weight that was told."""
     loaded = load_recordings([real_data / "crazyswarm_lee"])
@@ -217,7 +216,7 @@ def test_logs_of_the_lee_controller(real_data, cache_folder):
     assert np.median(leans) > 0.9
 
 
-def test_usd_streams_agree_with_each_other(real_data, cache_folder):
+def test_usd_streams_agree_with_each_other(real_data):
     """Measured RPM, mocap poses and the estimate of 500 Hz logs."""
     for flight in load_recordings([real_data / "crazyflie_usd"]).flights:
         at = flight["mocap"].time_s[5:-5]
@@ -231,7 +230,7 @@ def test_usd_streams_agree_with_each_other(real_data, cache_folder):
         assert np.median(flight["imu"]["acc_z"]) == pytest.approx(9.81, rel=0.1)  # more in turns
 
 
-def test_motor_commands_before_and_after_the_compensation(real_data, cache_folder):
+def test_motor_commands_before_and_after_the_compensation(real_data):
     """With the firmware's older formula for the battery the one gives the other."""
     for flight in load_recordings([real_data / "crazypad" / "E8" / "normal"]).flights:
         thrust = 60.0 * flight["motor_request"].values * 65535.0 / 65536.0
@@ -241,7 +240,7 @@ def test_motor_commands_before_and_after_the_compensation(real_data, cache_folde
         assert np.median(ratio) == pytest.approx(1.0, abs=0.01)
 
 
-def test_thrust_stands(real_data, cache_folder):
+def test_thrust_stands(real_data):
     loaded = load_recordings([real_data / "stand"])
     assert len(loaded.flights) == 6
     assert loaded.failed == []
@@ -254,7 +253,7 @@ def test_thrust_stands(real_data, cache_folder):
     assert sum("stand" in flight for flight in loaded.flights) == 3  # one stand recorded a load cell that was not there
 
 
-def test_sources_never_take_each_others_files(real_data, cache_folder):
+def test_sources_never_take_each_others_files(real_data):
     recordings, failed = find_recordings([real_data / f for f in ("nanobench", "crazyflie_usd", "crazypad", "stand")])
     assert failed == []
     right = {"nanobench": "nanobench", "crazyflie_usd": "usd", "crazypad": "usd", "stand": "stand"}
