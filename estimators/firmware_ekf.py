@@ -1,4 +1,4 @@
-"""The vehicle's own Kalman filter, run again on a recording: what it makes of these poses and this IMU alone."""
+"""The vehicle's Kalman filter, run again on a recording with its poses and IMU alone."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class FirmwareEkf:
 
 
 class _Clock:
-    """Ticks of 1 ms from the first row on; rows (n,) of the IMU stand on whole ones."""
+    """Ticks of 1 ms from the first row on; rows (n,) of the IMU lie on whole ones."""
 
     def __init__(self, time_s: np.ndarray) -> None:
         self.time_s = time_s

@@ -146,10 +146,11 @@ class Fault:
 class Stream:
     """Samples of one message of the vehicle or of the motion capture, on their own clock.
 
-    time_s (n,) s, non-decreasing unless a fault reports otherwise. values (n, k) SI. columns (k): the source's names.
-    quantities (k): their names in STREAM_QUANTITIES. unit (k): SI units. rate_hz: the true rate of the sensor. samples:
-    number of values that were really sent, without interpolated rows; None if unknown. valid: the spans without a known
-    objection (None: everywhere). time_sd_s (n,): uncertainty of a corrected time_s (None: timestamps as recorded).
+    ``time_s`` (n,) s, non-decreasing unless a fault reports otherwise. ``values`` (n, k) SI. ``columns`` (k): the
+    source's names. ``quantities`` (k): their names in STREAM_QUANTITIES. ``unit`` (k): SI units. ``rate_hz``: the true
+    rate of the sensor. ``samples``: number of values that were really sent, without interpolated rows; None if unknown.
+    ``valid``: the spans without a known objection (None: everywhere). ``time_sd_s`` (n,): uncertainty of a corrected
+    time_s (None: timestamps as recorded).
     """
 
     time_s: np.ndarray

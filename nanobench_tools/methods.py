@@ -19,12 +19,12 @@ from .flight import Flight
 class Estimate:
     """Estimated trajectory.
 
-    time_s (n,) s from the first row of the recording, rising; position_m (n, 3) world; quaternion (n, 4) x, y, z, w
-    body to world; velocity_m_s (n, 3) world or None.
+    ``time_s`` (n,) s from the first row of the recording, rising; ``position_m`` (n, 3) world; ``quaternion`` (n, 4) x,
+    y, z, w body to world; ``velocity_m_s`` (n, 3) world or None.
 
     Optional uncertainty: covariance (n, 3, 3) of the error of position, (n, 6, 6) of position and velocity or (n, 9, 9)
-    of both and attitude (rotation vector, body); nis (m,) normalised squared innovations of its measurements, each of
-    nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
+    of both and attitude (rotation vector, body); ``nis`` (m,) normalised squared innovations of its measurements, each
+    of nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
     """
 
     time_s: np.ndarray
@@ -51,9 +51,9 @@ class Estimator(Protocol):
 class Past:
     """All streams over the P rows before the start of n windows, row P - 1 one step before it.
 
-    position_m, velocity_m_s (n, P, 3) world; quaternion (n, P, 4) of the same source as the start; rate_rad_s and
-    specific_force_m_s2 (n, P, 3) body (nan without an accelerometer); motor (n, P, 4); battery_V (n, P); rows (n,):
-    number of flown rows, the first of which replaces missing ones.
+    position_m, velocity_m_s (n, P, 3) world; ``quaternion`` (n, P, 4) of the same source as the start; rate_rad_s and
+    specific_force_m_s2 (n, P, 3) body (nan without an accelerometer); ``motor`` (n, P, 4); ``battery_V`` (n, P);
+    ``rows`` (n,): number of flown rows, the first of which replaces missing ones.
     """
 
     position_m: np.ndarray
@@ -132,9 +132,9 @@ class Reference:
     """References of n vehicles now: position_m (n, 3) world, yaw_rad (n,).
 
     velocity_m_s and acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints
-    only). jerk_m_s3 (n, 3) and yaw_rate_rad_s (n,) are None if unknown. ``ahead(seconds)``, seconds (k,) >= 0 from now,
-    gives future references, with k as the first axis: (k, n, 3) and (k, n). None if the future is unknown; a controller
-    that looks ahead then extrapolates.
+    only). ``jerk_m_s3`` (n, 3) and yaw_rate_rad_s (n,) are None if unknown. ``ahead(seconds)``, seconds (k,) >= 0 from
+    now, gives future references, with k as the first axis: (k, n, 3) and (k, n). None if the future is unknown; a
+    controller that looks ahead then extrapolates.
     """
 
     position_m: np.ndarray

@@ -41,7 +41,7 @@ HELD_OUT = number("control.demonstrations.held_out")
 @dataclass(frozen=True)
 class Demonstration:
     """One flight with motors on and good logs: observed (m, 14), action (m, 4) every 10 ms, lengths of its stretches;
-    path (m, 6): position and velocity of the motion capture."""
+    ``path`` (m, 6): position and velocity of the motion capture."""
 
     name: str
     controller: str

@@ -19,13 +19,15 @@ from nanobench_tools.errors import UsageError
 @dataclass(frozen=True)
 class MppiSettings:
     """As published ("NanoBench"; cost and ``prior`` from its released code): 10 steps, 128 rollouts, temperature 0.1,
-    noise 0.02 on PWM ratios, cost position |p - setpoint|^2 + velocity |v|^2 + effort |u|^2 + prior |u - u_cloned|^2.
+    noise 0.02 on PWM ratios, cost position |p - setpoint|^2 + velocity |v|^2 + effort |u|^2 + prior |u -
+    u_cloned|^2.
 
-    price: of the noise against the plan (Williams et al., eq. 19: commands are taken to be about 0). With noise of 0.02
-    about a hovering command of 0.8 it outweighs every other cost and pulls the plan to 0 within seconds. The released
-    rows show it: their commands are 0.8 off the logged ones (mean square 0.6 to 0.7). 0 takes it away.
-    first: PWM ratios that the plan starts from before the first command; released code starts near 0. step_s: how long
-    a step of the plan lasts. upright, turning: weights of the tilt 1 - cos and of |rate|^2, zero as published.
+    ``price``: of the noise against the plan (Williams et al., eq. 19: commands are taken to be about 0). With noise of
+    0.02 about a hovering command of 0.8 it outweighs every other cost and pulls the plan to 0 within seconds. The
+    released rows show it: their commands are 0.8 off the logged ones (mean square 0.6 to 0.7). 0 takes it away.
+    ``first``: PWM ratios that the plan starts from before the first command; released code starts near 0. ``step_s``:
+    how long a step of the plan lasts. ``upright``, ``turning``: weights of the tilt 1 - cos and of |rate|^2, zero as
+    published.
     """
 
     horizon: int = 10

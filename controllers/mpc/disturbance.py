@@ -25,10 +25,10 @@ from .prediction_model import DISTURBANCES, STATES, rollout_function
 class Tuning:
     """Tuning of the observer.
 
-    ages_s: ages of position, velocity, attitude and rate when they arrive. share: fraction of an innovation that is
-    applied at once, of the same four. place_1_s: speed at which position, velocity and force follow positions alone
-    (three equal poles; 0: not at all). force_1_s, moment_1_s: speed at which velocities correct the force and rates the
-    moment. most: bounds of both [m/s^2, rad/s^2].
+    ``ages_s``: ages of position, velocity, attitude and rate when they arrive. ``share``: fraction of an innovation
+    that is applied at once, of the same four. ``place_1_s``: speed at which position, velocity and force follow
+    positions alone (three equal poles; 0: not at all). ``force_1_s``, ``moment_1_s``: speed at which velocities correct
+    the force and rates the moment. ``most``: bounds of both [m/s^2, rad/s^2].
 
     Velocities are ignored by default: the firmware's filter overestimates them by 7 % under aerodynamic forces, and
     underestimates them by up to 13 % over a radio with gaps (docs/control.md).
@@ -66,8 +66,8 @@ def _between(q: np.ndarray, p: np.ndarray) -> np.ndarray:
 @nb.njit(cache=True)
 def _correct(past: np.ndarray, head: int, ages: np.ndarray, share: np.ndarray, pull: np.ndarray, learn: np.ndarray,
              most: np.ndarray, measured: np.ndarray, new_pose: np.ndarray, good: np.ndarray, d: np.ndarray) -> None:
-    """past (K, n, 17): a ring with the present at ``head``. measured (n, 13). ages in steps. pull: gain from a position
-    error to velocity and force."""
+    """``past`` (K, n, 17): a ring with the present at ``head``. ``measured`` (n, 13). ages in steps. ``pull``: gain
+    from a position error to velocity and force."""
     count = past.shape[0]
     gap = np.empty(13)
     for i in range(past.shape[1]):

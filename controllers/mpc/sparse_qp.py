@@ -23,7 +23,7 @@ FREE_UNIT = np.array([0.05])
 
 
 class SparseOsqp:
-    """Of one vehicle. q (S,) diagonal, p (S, S) terminal, r (4, 4): weights as in ``condense``; pattern: which
+    """Of one vehicle. ``q`` (S,) diagonal, p (S, S) terminal, r (4, 4): weights as in ``condense``; ``pattern``: which
     entries of A (S, S) and B (S, 4) may be other than zero."""
 
     def __init__(self, horizon: int, q: np.ndarray, p: np.ndarray, r: np.ndarray,

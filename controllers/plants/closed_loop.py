@@ -34,7 +34,7 @@ class Senses(Protocol):
 @dataclass(frozen=True)
 class Flown:
     """Truth at the ticks (m,) time_s: position_m, velocity_m_s, rate_rad_s (m, n, 3), quaternion (m, n, 4), battery_V
-    (m, n); motor (m, n, 4) PWM ratio from the tick on. call_s (k,): wall clock of every command over n."""
+    (m, n); ``motor`` (m, n, 4) PWM ratio from the tick on. ``call_s`` (k,): wall clock of every command over n."""
 
     time_s: np.ndarray
     position_m: np.ndarray

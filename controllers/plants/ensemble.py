@@ -50,9 +50,9 @@ def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
 class Ensemble:
     """n plants of one structure: parameters (n, P) of ``model``, and what their batteries, senses and air are like.
 
-    push_m_s2 (n,): spread of the acceleration by the air's unrest. radio_s (n,): commands reach the motors so late
-    (beside what the model says) when a controller is not on board. seeds (n,): everything random of a plant comes from
-    its own, so it is the same in any company.
+    ``push_m_s2`` (n,): spread of the acceleration by the air's unrest. ``radio_s`` (n,): commands reach the motors so
+    late (beside what the model says) when a controller is not on board. ``seeds`` (n,): everything random of a plant
+    comes from its own, so it is the same in any company.
     """
 
     model: Model

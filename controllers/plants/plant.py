@@ -73,9 +73,9 @@ class Plant:
     """n vehicles in the air. ``start`` (n, 13) position, velocity, quaternion, rate; ``motor`` (n, 4) PWM ratios flown
     until now, which the rotors have settled to (or ``past`` (n, P, 4), at 100 Hz, newest last).
 
-    parameters (n, P) of ``model``'s flat vector, by default the model's own for all; ground_z (n,): where the tracked
-    point rests on the ground. ``force_N`` (3, n) pushes from outside and may be set between steps. Raises InputError
-    for shapes that do not fit and for a delay beyond a second.
+    ``parameters`` (n, P) of ``model``'s flat vector, by default the model's own for all; ``ground_z`` (n,): where the
+    tracked point rests on the ground. ``force_N`` (3, n) pushes from outside and may be set between steps. Raises
+    InputError for shapes that do not fit and for a delay beyond a second.
     """
 
     def __init__(self, model: Model, start: np.ndarray, motor: np.ndarray, battery: Battery, *,

@@ -93,13 +93,12 @@ def _settings(kind: type) -> set[str]:
 
 
 def on_board(controller: Controller) -> bool:
-    """Whether it runs on the vehicle: the radio then delays what it is told, else what it commands."""
+    """Whether it runs on the vehicle: the radio then delays its references, otherwise its commands."""
     return isinstance(controller, onboard.Onboard) or bool(getattr(controller, "on_board", False))
 
 
 class GivenReference:
-    """What a controller is told at a tick, by its class of information; one lane per plant, paths one after
-    another."""
+    """Input of a controller at a tick, by its class of information; one lane per plant, paths one after another."""
 
     def __init__(self, paths: Paths, ensemble: Ensemble, controller: Controller) -> None:
         self._paths, self._plants = paths, len(ensemble)
@@ -166,9 +165,9 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
                    draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
                    radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
                    gains: Mapping[str, float] | None = None) -> Runs:
-    """One controller on the ensemble. ``radio_s``: delay of the
-    radio, of which controllers are told; silent: share of the time in which it takes nothing; gains: instead of the
-    controller's own; a wind blows from a direction of its own at every plant."""
+    """One controller on the ensemble. ``radio_s``: delay of the radio, of which controllers are told; ``silent``: share
+    of the time in which it takes nothing; ``gains``: instead of the controller's own; a wind blows from a direction
+    of its own at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
     ensemble = draw(simulator, plants, seed, known, radio_s).in_wind(wind_m_s)
     controller = made(name, loads(simulator), radio_s, gains)

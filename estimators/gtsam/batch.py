@@ -46,15 +46,15 @@ MOUNT_SD_RAD = number("smoothers.batch.mount_sd_rad")
 LATE_SD_S = number("smoothers.batch.late_sd_s")
 ATTITUDE_LATE_SD_S = number("smoothers.batch.attitude_late_sd_s")
 VELOCITY_SD_M_S = number("smoothers.batch.velocity_sd_m_s")
-"""Before anything is measured. The rotation to the tracked body, the lateness of the IMU's stamps, and how much later
-the poses' attitude is than their position are slow quantities: the tracked tilt and gravity's part by half a degree."""
+"""Prior uncertainty. The rotation to the tracked body, the delay of the IMU's timestamps, and the delay of the poses'
+attitude against their position are slow quantities; the tracked tilt and gravity's part are known to half a degree."""
 
 WALKS = setting("smoothers.batch.walks")
 """Of the slow quantities: rad x3, s, s per root second."""
 WALK = np.array(WALKS)
 
 TAIL_S = number("smoothers.batch.tail_s")
-"""A longer stretch after the last measurement is integrated alone, and nothing is said of how sure it is (nan)."""
+"""Maximum stretch after the last measurement; a longer one is integrated alone, with unknown uncertainty (nan)."""
 
 CONTRADICTED_M = number("smoothers.batch.contradicted_m")
 """Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
@@ -103,7 +103,7 @@ class GtsamBatch:
         return replace(estimate, covariance=sure)
 
     def measured_until(self, flight: Flight, rows: Rows, time_s: np.ndarray) -> float:
-        """When the last measurement besides the IMU comes [s], of states at ``time_s``."""
+        """Time of the last measurement other than the IMU [s], of states at ``time_s``."""
         return float(rows.pose_s[-1])
 
     def uncertain(self, noise: ImuNoise) -> State:
@@ -113,8 +113,7 @@ class GtsamBatch:
         return State(row, row, VELOCITY_SD_M_S * row, *biases, self.slow_sd[None])
 
     def blocks(self, flight: Flight, problem: Problem, start: State) -> Callable[[State, Path], Iterable[Linear]]:
-        """The measurements besides the IMU, as a function of where they are linearised; ``start`` is where that
-        begins."""
+        """The measurements other than the IMU, as a function of the linearisation point; ``start`` is the first one."""
         poses = Poses(problem, start)
 
         def at(state: State, path: Path) -> Iterable[Linear]:

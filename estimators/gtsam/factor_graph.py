@@ -57,7 +57,7 @@ class Linear:
     """A block of K factors.
 
     residual = measured - predicted (K, m); its negative derivative by the changes that ``keys`` index: letter -> (index
-    (K,), (K, m, d)); sigma (m,) or (K, m).
+    (K,), (K, m, d)); ``sigma`` (m,) or (K, m).
     """
 
     keys: list[tuple[str, np.ndarray, np.ndarray]]
@@ -67,8 +67,9 @@ class Linear:
 
 @dataclass(frozen=True)
 class Solution:
-    """state and the path through it, iterations, converged. cost: half the sum of squares of the weighted residuals.
-    covariance (K, n, n): of pose, velocity, biases and slow quantities of each state; None if unknown."""
+    """state and the path through it, iterations, converged. ``cost``: half the sum of squares of the weighted
+    residuals. ``covariance`` (K, n, n): of pose, velocity, biases and slow quantities of each state; None if
+    unknown."""
 
     state: State
     path: Path

@@ -1,4 +1,4 @@
-"""What a smoother takes from a flight: IMU rows, poses at the times they were measured, and where its states stand."""
+"""Input of a smoother from a flight: IMU rows, poses at the times they were measured, and the times of its states."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _packets(time_s: np.ndarray, values: np.ndarray, rate_hz: float) -> np.ndarr
 
 
 def stands(rows: Rows) -> np.ndarray:
-    """Times (k,) of the states: at poses, never closer than NEAR_S, and every STEP_S or less where there are none."""
+    """Times (k,) of the states: at poses, never closer than NEAR_S, and at least every STEP_S in between."""
     last_row, final = float(rows.time_s[-1]), float(rows.pose_s[-1])
     times = [float(rows.pose_s[0])]
     for pose_s in rows.pose_s[1:].tolist():

@@ -69,9 +69,9 @@ class Made(Result):
 
 @dataclass(frozen=True, repr=False)
 class FittedRung(Result):
-    """One rung fitted. simulator: terms of the vehicle that is the same in every window; uses: its sentence; backward:
-    what is set per window, learnt for starts that look back only, if asked for (None where nothing is set); physical:
-    as of ``Rung``."""
+    """One rung fitted. ``simulator``: terms of the vehicle that is the same in every window; ``uses``: its sentence;
+    ``backward``: what is set per window, learnt for starts that look back only, if asked for (None where nothing is
+    set); ``physical``: as of ``Rung``."""
 
     predictor: Made
     simulator: Terms
@@ -94,9 +94,9 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, vehicl
                  sessions: Mapping[str, int] | None = None, priors: PriorsFile | None = None) -> dict[str, FittedRung]:
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window.
 
-    Their parameters are searched once. ``windows``: about how many are fitted to. judged, sessions: as of ``GreyBox``.
-    backward: what is set per window is also learnt for starts that look back only. priors: the user's file, for a
-    physical vehicle.
+    Their parameters are searched once. ``windows``: about how many are fitted to. ``judged``, ``sessions``: as of
+    ``GreyBox``. ``backward``: what is set per window is also learnt for starts that look back only. ``priors``: the
+    user's file, for a physical vehicle.
     """
     found: dict[str, FittedRung] = {}
     first: GreyBox | None = None
@@ -162,7 +162,7 @@ def alike(rungs: Sequence[Rung]) -> list[list[Rung]]:
 
 def _backward(cases: Sequence[Case], rung: Rung, model: GreyBox) -> Gains:
     """Gains learnt from starts that look back only, at the parameters of ``model``. With training flights held out in
-    turn that lowers the criterion of ``choice`` by 1 to 3 %; searching the parameters again lowers it no further."""
+    turn this lowers the criterion of ``choice`` by 1 to 3 %. Searching the parameters again lowers it no further."""
     again = replace(model, judged=False)
     again.fit_cuts(cut(cases, past=rung.adapt == "past", start="past"), model)
     return Gains(again.predictor_.gains)

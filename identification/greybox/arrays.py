@@ -9,9 +9,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class FitWindows:
-    """n windows of H rows of F flights. start (n, 13) position, velocity, quaternion, rate; motor (n, H, 4),
-    battery_V (n, H), past (motor (n, P, 4), battery (n, P)); truth (n, H, 13) states 1..H rows later; flight (n,)
-    index into ``names``."""
+    """n windows of H rows of F flights. ``start`` (n, 13) position, velocity, quaternion, rate; ``motor`` (n, H, 4),
+    battery_V (n, H), past (motor (n, P, 4), battery (n, P)); ``truth`` (n, H, 13) states 1..H rows later; ``flight``
+    (n,) index into ``names``."""
 
     start: np.ndarray
     motor: np.ndarray

@@ -26,7 +26,7 @@ BEFORE = setting("greybox.balance_features.before")
 
 def balance(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,
             past: tuple[np.ndarray, np.ndarray], row_hz: float, found: Features) -> None:
-    """Adds to ``found``. start (n, 13); motor (n, H, 4), battery_V (n, H), of which the first row is used; past
+    """Adds to ``found``. ``start`` (n, 13); ``motor`` (n, H, 4), battery_V (n, H), of which the first row is used; past
     (motor (n, P, 4), battery (n, P))."""
     _, before = rows(model, motor[:, :1], battery_V[:, :1], past, row_hz=row_hz)
     count, width, n = before.shape

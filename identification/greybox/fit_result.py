@@ -16,8 +16,9 @@ COLOURS = {"from the flights": "#2563eb", "prior": "#888888", "no interval": "#d
 
 @dataclass(frozen=True, repr=False)
 class FitResult(Result):
-    """trouble: why this fit is no result (empty: it is one); flown: whether the model flies (None where its rate is
-    held); not_identified, priors, nuisances: sentences; assumed: what flights do not show and was taken as given."""
+    """``trouble``: why this fit is no result (empty: it is one); ``flown``: whether the model flies (None where its
+    rate is held); ``not_identified``, ``priors``, ``nuisances``: sentences; ``assumed``: what flights do not show
+    and was taken as given."""
 
     name: str
     adapt: str

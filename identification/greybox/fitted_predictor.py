@@ -28,8 +28,8 @@ from .symmetry import Features
 class GreyBoxPredictor:
     """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt, and how the start is corrected, follow from
     the inputs of the half second before a window and the start state, class ``state``. ``past``: from all streams
-    before it. gains (N, F + 1): nuisances from features and a constant; scale (K, 4): usual errors on the training
-    flights."""
+    before it. ``gains`` (N, F + 1): nuisances from features and a constant; ``scale`` (K, 4): usual errors on the
+    training flights."""
 
     name: str
     terms: Mapping[str, Mapping[str, Any]]

@@ -44,7 +44,7 @@ def reduced(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
 
 def bootstrap(solution: Solution, seed: int = 0, sessions: Labels = None) -> dict[str, tuple[float, float]] | None:
     """95 % interval of every free parameter, one Gauss-Newton step per draw: sessions are drawn, then flights within
-    them. sessions (F,): of every flight; unknown ones leave flights alone to be drawn. None with fewer than
+    them. ``sessions`` (F,): of every flight; unknown ones leave flights alone to be drawn. None with fewer than
     FEWEST_FLIGHTS flights, and of one session."""
     problem = solution.problem
     on = np.flatnonzero(problem.free)
@@ -71,8 +71,8 @@ def bootstrap(solution: Solution, seed: int = 0, sessions: Labels = None) -> dic
 
 @dataclass(frozen=True)
 class Information:
-    """Fisher information of the flights alone, priors left out. sd (Q,) of each free parameter, the others
-    unknown too; correlation (Q, Q) of the estimates; condition of the scaled information."""
+    """Fisher information of the flights alone, priors left out. ``sd`` (Q,) of each free parameter, the others unknown
+    too; ``correlation`` (Q, Q) of the estimates; condition of the scaled information."""
 
     names: tuple[str, ...]
     sd: np.ndarray

@@ -59,9 +59,9 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
     """States (K, 13, n) after the rows ``keep`` (K,), which rise, and their derivatives (K, F, 13, n) along
     ``directions`` (P, F).
 
-    start (n, 13), motor (n, H, 4), battery_V (n, H), past (motor, battery) before the start, as for ``rollout``;
-    parameters (P,) or (n, P) in place of the model's; starts (7, F): what the directions do to the start, in the order
-    of ``starts.NAMES``.
+    ``start`` (n, 13), motor (n, H, 4), battery_V (n, H), past (motor, battery) before the start, as for ``rollout``;
+    ``parameters`` (P,) or (n, P) in place of the model's; ``starts`` (7, F): what the directions do to the start, in
+    the order of ``starts.NAMES``.
     """
     values = model.values if parameters is None else np.asarray(parameters, float)
     if not directions.shape[1]:

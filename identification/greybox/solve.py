@@ -21,7 +21,7 @@ from .sensitivity import sensitivities
 from .starts import NAMES, PREFIX
 
 CHUNK = 512
-"""Windows at a time: what is held of derivatives stays some tens of MB."""
+"""Windows at a time, which keeps derivatives at some tens of MB."""
 
 MOST_STEPS = 60
 FLAT = 1e-5
@@ -67,7 +67,7 @@ class Nuisance:
 
     @property
     def family(self) -> str:
-        """What it shares with the same on the other sides: trim of trim_roll."""
+        """The part it shares with other sides: trim of trim_roll."""
         return self.name.removesuffix(self.side).rstrip("_") or self.name
 
     def vector(self, model: Model) -> np.ndarray:
@@ -96,7 +96,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Problem:
-    """All that a fit is made of. free (P,) bool; lower, upper (P,); share: how much of a window counts as an
+    """All that a fit is made of. ``free`` (P,) bool; lower, upper (P,); ``share``: how much of a window counts as an
     observation beside the priors."""
 
     model: Model
@@ -131,8 +131,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """model at the end; own (F, N) nuisances; normal equations there (the priors' are not in them); scale (K, 4) the
-    errors were measured in; on_bound names; trouble empty when it converged."""
+    """model at the end; ``own`` (F, N) nuisances; normal equations there (the priors' are not in them); ``scale`` (K,
+    4) the errors were measured in; on_bound names; trouble empty when it converged."""
 
     problem: Problem
     model: Model
@@ -191,10 +191,8 @@ def flown_errors(problem: Problem, shared: np.ndarray, own: np.ndarray, directio
 
 
 def solve(problem: Problem, scale: np.ndarray | None = None) -> Solution:
-    """The best parameters within the bounds. What did not converge, or ended on a bound, is said and not hidden.
-
-    ``scale`` (K, 4) the errors are measured in; without it their usual sizes, taken anew RESCALED times.
-    """
+    """The best parameters within the bounds. Missing convergence and parameters on a bound are reported. ``scale`` (K,
+    4): unit of the errors; without it their usual sizes, updated RESCALED times."""
     model = problem.model
     shared = np.clip(model.values, problem.lower, problem.upper)
     own = np.zeros((len(problem.data.names), len(problem.nuisances)))

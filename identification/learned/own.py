@@ -79,8 +79,8 @@ class Teaching(Result):
 
 @dataclass(frozen=True)
 class Corrected:
-    """A predictor: ``base`` and what the networks correct of it. shares, onsets (4,) of QUANTITIES; spread: mean and
-    size of context and steps; networks: their numbers."""
+    """A predictor: ``base`` and what the networks correct of it. shares, onsets (4,) of QUANTITIES; ``spread``: mean
+    and size of context and steps; ``networks``: their numbers."""
 
     name: str
     base: Predictor
@@ -179,8 +179,9 @@ def _dense(case: Case, truth: str, past: bool) -> list[tuple[Windows, Prediction
 
 @dataclass(frozen=True)
 class Lesson:
-    """What the networks of a row learn from. groups of flights as ``held_out`` gives them; spread: as in Corrected;
-    arrays: what a network is called with, of all windows; target (n, H, 12): errors it should say; group (n,)."""
+    """What the networks of a row learn from. groups of flights as ``held_out`` gives them; ``spread``: as in Corrected;
+    ``arrays``: what a network is called with, of all windows; ``target`` (n, H, 12): errors it should say; ``group``
+    (n,)."""
 
     name: str
     past: bool

@@ -42,9 +42,9 @@ class Settings:
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be learnt. data: arrays on the device; loss(network, data, starts (b,)) -> mean loss of the windows
-    there; train, valid: their starts. identity: {architecture, data_sha256, ...}, what a checkpoint has to agree
-    with. judge: the loss that validates, if it is another."""
+    """What is to be learnt. ``data``: arrays on the device; loss(network, data, starts (b,)) -> mean loss of the
+    windows there; ``train``, ``valid``: their starts. ``identity``: {architecture, data_sha256, ...}, what a
+    checkpoint has to agree with. ``judge``: the loss that validates, if it is another."""
 
     label: str
     network: Any
@@ -58,9 +58,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Trained:
-    """leaves: arrays of the network with the least validation loss, which was that of epoch ``best``; history (epochs,
-    2): loss and validation loss; seconds, processor_s: of this call, by the clock and on the processor; begun: epochs
-    that an earlier one had done; untrained: the validation loss before the first."""
+    """``leaves``: arrays of the network with the least validation loss, which was that of epoch ``best``; ``history``
+    (epochs, 2): loss and validation loss; ``seconds``, ``processor_s``: of this call, by the clock and on the
+    processor; ``begun``: epochs that an earlier one had done; ``untrained``: the validation loss before the first."""
 
     leaves: list[np.ndarray]
     history: np.ndarray

@@ -1,9 +1,9 @@
-"""Recordings without motor commands: a collective thrust set-point and the measured attitude say how the vehicle moved
-along, and nothing about how it turned.
+"""Recordings without motor commands: a collective thrust set-point and the measured attitude determine the translation,
+but not the rotation.
 
-The set-point is spread evenly over the rotors. As a share of full (unit ``1``) each gets the share, and the simulator's
-thrust map acts as on any PWM ratio; in N each gets its part of the force, and there is no map: the simulator's input is
-``thrust`` then. Only forces are compared; what only turns the vehicle cannot be asked.
+The set-point is spread evenly over the rotors. As a fraction of full (unit ``1``) each gets the fraction, and the
+simulator's thrust map acts as on any PWM ratio. In N each gets its part of the force without a map: the simulator's
+input is then ``thrust``. Only forces are compared; terms that only turn the vehicle are excluded.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def unit_of(flight: Flight) -> str:
 
 
 def with_attitude(flight: Flight) -> Flight:
-    """With the attitude beside the position of the motion capture, from ``attitude_qw`` or ``attitude`` where it is
-    logged apart; unchanged where there is none."""
+    """Adds the attitude to the position of the motion capture, from a separately logged ``attitude_qw`` or
+    ``attitude``; unchanged without one."""
     mocap = flight.streams.get("mocap")
     if mocap is None or all(q in mocap for q in QUATERNION) or any(q not in mocap for q in ("px", "py", "pz")):
         return flight

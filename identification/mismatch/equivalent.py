@@ -1,9 +1,8 @@
-"""A simulator that is only a callable, as a model: what it gives along the flights, and terms that give the same.
+"""A simulator that is only a callable, as a model: its output along the flights, and terms that give the same.
 
-The residual is what the callable itself leaves. Hypotheses about it need something that has parameters, and predictions
-over half a second something that flies: a model of terms is fitted to what the callable gives along the measured states
-and inputs, without noise, and what it does not reproduce stays part of the simulator. Where that is much, nothing is
-named.
+The residual is that of the callable. Hypotheses about it need parameters, and predictions over half a second need a
+model that flies. So a model of terms is fitted to the callable's output along the measured states and inputs, without
+noise. The part that it does not reproduce stays part of the simulator. If that part is large, no effect is identified.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ PROBED_V = 0.4
 
 @dataclass(frozen=True)
 class Equivalent:
-    """``model`` stands for the simulator ``name``; gap: what the simulator gives beyond it, as ``Wrench.measured``;
-    shares (force, torque): RMS of the gap over the standard deviation of what the simulator gives; rms of the gap
-    m/s^2, rad/s^2; by_channel (6,) as shares; needs_battery: whether the simulator looks at it."""
+    """``model`` stands for the simulator ``name``; ``gap``: what the simulator gives beyond it, as ``Wrench.measured``;
+    ``shares`` (force, torque): RMS of the gap over the standard deviation of what the simulator gives; rms of the
+    gap m/s^2, rad/s^2; ``by_channel`` (6,) as shares; ``needs_battery``: whether the simulator looks at it."""
 
     name: str
     model: Model
@@ -75,7 +74,7 @@ class Equivalent:
 
     @property
     def sentence(self) -> str:
-        """What was done, for a person."""
+        """Description of the procedure for the reader."""
         how = f"reproduce its force to {self.rms[0]:.3f} m/s^2 ({self.shares[0]:.1%} of how it moves)"
         if len(self.gap[1]):
             how += f" and its angular acceleration to {self.rms[1]:.2f} rad/s^2 ({self.shares[1]:.1%})"
@@ -116,10 +115,10 @@ def turns_nothing(simulator: Simulator, track: Track, place: str) -> bool:
 
 def equivalent(recordings: Recordings, simulator: Simulator, place: str, vehicle: Vehicle | None = None,
                progress: Callable[[str], None] | None = None) -> Equivalent:
-    """The model that gives what ``simulator`` does along the recordings.
+    """The model equivalent to ``simulator`` along the recordings.
 
-    vehicle: what is known of it where the simulator says nothing (mass, arms). Raises InputError for a simulator that
-    fails (``given.run``), and for one of other units or axes.
+    ``vehicle``: known properties that the simulator does not state (mass, arms). Raises InputError for a simulator that
+    fails (``given.run``), and for one with other units or axes.
     """
     say = progress or (lambda text: None)
     tracks = recordings.tracks

@@ -47,8 +47,9 @@ LITTLE = number("mismatch.fitting.little")
 
 @dataclass(frozen=True)
 class Fit:
-    """``model`` at the end; ``free`` indices of its parameters; covariance (F, F) of them in their own units, assuming
-    that everything else is right; loss: squared length of the residual; left (K,): the projected residual."""
+    """``model`` at the end; ``free`` indices of its parameters; ``covariance`` (F, F) of them in their own units,
+    assuming that everything else is right; ``loss``: squared length of the residual; ``left`` (K,): the projected
+    residual."""
 
     model: Model
     free: np.ndarray

@@ -1,10 +1,10 @@
-"""What is another value in every flight: how the markers sit, where the battery was strapped, how worn the propellers
-are. Real flights scatter in these by more than most physics does, so that a flight's own level is no news.
+"""Per-flight offsets: the place of the markers and the battery, the wear of the propellers.
 
-A level is a random effect (Harville 1977, J. Am. Stat. Assoc. 72): its standard deviation between flights is the one
-that makes the flights' contrasts most likely once everything that flights share is projected off. A shared change of
-the same parameter is a finding only where it is large beside that scatter. Flights that agree but for a few are not
-scatter: there something was changed, and the search says so.
+Real flights scatter in these by more than most physics, so that a flight's offset is no finding. An offset is a random
+effect (Harville 1977, J. Am. Stat. Assoc. 72). Its standard deviation between flights maximises the likelihood of the
+flights' contrasts, with everything that flights share projected off. A shared change of the same parameter is a finding
+only if it is large compared with that scatter. Flights that agree except for a few do not scatter: something was
+changed there, and the search reports it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ vehicle."""
 TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
 """Standard deviations that are tried, per scale, and how often."""
 SIGNIFICANT = number("mismatch.levels.significant")
-"""Twice the logarithm of the likelihood ratio, from which on flights are said to scatter."""
+"""Minimum of twice the log likelihood ratio at which flights are reported to scatter."""
 LOWER = number("mismatch.levels.lower")
 """Few flights may lie close by chance: the standard deviation is that of this quantile."""
 A_FEW = number("mismatch.levels.a_few")
@@ -42,8 +42,8 @@ LEAST_FREE = number("mismatch.levels.least_free")
 
 
 def with_levels(moments: Moments, space: Space, other: Space | None = None) -> Moments:
-    """The moments with the scatter between flights as a nuisance of every fit, and with each channel's unit as large as
-    what nothing in the vocabulary explains: a name has to stand out of that. ``other``: with the other thrust map."""
+    """The moments with the scatter between flights as a nuisance of every fit. The unit of each channel is the part
+    that no term explains, which an effect has to exceed. ``other``: with the other thrust map."""
     model, known = space.model, Slopes(moments)
     left = known.left(model)
     shared = known.columns(model, np.concatenate([space.free(t) for t in space.terms]))
@@ -125,8 +125,7 @@ def _scatter(own: dict[str, np.ndarray], off: np.ndarray, left: np.ndarray, flig
 
 
 def _rest(values: np.ndarray) -> float:
-    """values (P, flights): scatter of the most of the flights that lie closest, over that of all of them; 1 unless a
-    few stand out."""
+    """values (P, flights): scatter of the closest majority of flights, over that of all; 1 without outliers."""
     flights = values.shape[1]
     odd = (flights - 1) // 2
     if not odd:

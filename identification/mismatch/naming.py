@@ -55,8 +55,8 @@ MOSTLY = number("mismatch.naming.mostly")
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A term, the model in which it may change, and its free parameters. gain: loss that it explains beyond what chance
-    gives its number of parameters. own: per-flight values."""
+    """A term, the model in which it may change, and its free parameters. ``gain``: loss that it explains beyond what
+    chance gives its number of parameters. ``own``: per-flight values."""
 
     term: str
     fit: Fit

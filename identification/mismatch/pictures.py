@@ -38,7 +38,7 @@ UNITS = {"velocity": "m/s", "speed x": "m²/s²", "world": "1", "lateral": "m²/
 
 
 class Left:
-    """Residuals of the simulator as it was given and, where something was named, corrected; structure: of both, the
+    """Residuals of the simulator as it was given and, where something was named, corrected; ``structure``: of both, the
     excess (6, G) of each channel along ``groups`` of covariates."""
 
     def __init__(self, verdict: Verdict) -> None:

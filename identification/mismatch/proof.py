@@ -42,10 +42,10 @@ class Proof:
     """Prediction of flights left out, before and after.
 
     Errors (flights, H, 4) at HORIZONS of QUANTITIES. The fit has not seen the predicted flight. Per-flight parameters
-    have that flight's value both before and after. flights: names. interval {h: (lo, hi)}: removed fraction of the
-    error of the most improved quantity. share_of_achievable: compared with a regression without physics; None without
-    an identified effect. along (F,): removed fraction of each left-out flight's residual along the measured states,
-    above the plain level. floor (H, 4): errors from noise of the start alone.
+    have that flight's value both before and after. ``flights``: names. interval {h: (lo, hi)}: removed fraction of the
+    error of the most improved quantity. ``share_of_achievable``: compared with a regression without physics; None
+    without an identified effect. ``along`` (F,): removed fraction of each left-out flight's residual along the measured
+    states, above the plain level. ``floor`` (H, 4): errors from noise of the start alone.
     """
 
     before: np.ndarray

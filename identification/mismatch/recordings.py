@@ -33,10 +33,11 @@ LATE_S = setting("mismatch.recordings.late_s")
 class Recordings:
     """Recordings prepared for a diagnosis.
 
-    flights: on the motion capture's clock where it is known. audits: by name, on the same clock. tracks: the rows that
-    can be judged. faults: (flight, fault) of all. left_out: {flight: why}. arm: offset of the tracked point from the
-    centre of mass, where the tracks were corrected for it. Of the faults (``taking_part``), cut removed rows of the
-    comparison; late are time errors in rows that are still judged, because too few rows remain without them.
+    ``flights``: on the motion capture's clock where it is known. ``audits``: by name, on the same clock. ``tracks``:
+    the rows that can be judged. ``faults``: (flight, fault) of all. ``left_out``: {flight: why}. ``arm``: offset of the
+    tracked point from the centre of mass, where the tracks were corrected for it. Of the faults (``taking_part``), cut
+    removed rows of the comparison; late are time errors in rows that are still judged, because too few rows remain
+    without them.
     """
 
     flights: tuple[Flight, ...]

@@ -1,11 +1,10 @@
-"""The parameters of what was named, refitted to multi-step predictions: the second estimate beside the one along the
-measured states.
+"""Second estimate of the identified parameters, fitted to multi-step predictions.
 
-Errors of position, velocity, attitude and rate at REFIT_HORIZONS, each in units of its own size, are made as small as
-they get by a robust least squares (soft L1), every flight with its own level of what scatters between flights. Judged
-by flights left out in turn, as ``proof.prove`` does; only where these are predicted better than with the first
-estimate is it taken. Commands answer disturbances, which an open-loop prediction takes for their effect (Ljung 1999,
-System Identification, ch. 13): a refit may predict better and be further from the vehicle.
+The errors of position, velocity, attitude and rate at REFIT_HORIZONS, each in units of its size, are minimised by a
+robust least squares (soft L1), with per-flight offsets where flights scatter. Flights left out in turn judge it, as in
+``proof.prove``; it is used only if it predicts them better than the first estimate. Commands answer disturbances, and
+an open-loop prediction attributes the disturbances to them (Ljung 1999, System Identification, ch. 13). So a refit may
+predict better and be further from the vehicle.
 """
 
 from __future__ import annotations
@@ -97,7 +96,7 @@ class Refitted:
 
 
 def refit(moments: Moments, decision: Decision, proof: Proof, seed: int = 0) -> Refitted | str:
-    """What was named, refitted to predictions; or why it cannot be."""
+    """Identified effects, refitted to predictions; or the reason against it."""
     if not decision.findings:
         return "nothing was named, so nothing is refitted"
     if decision.own:

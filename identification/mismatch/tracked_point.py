@@ -35,8 +35,9 @@ HUBER_SD = setting("mismatch.tracked_point.huber_sd")
 
 @dataclass(frozen=True)
 class Arm:
-    """r_m (3,) from the centre of mass to the tracked point, body; explains_m_s2: RMS of the horizontal force beyond
-    drag that it explains in flights it was not read from; wider: how many times the arms of the usual vehicle."""
+    """r_m (3,) from the centre of mass to the tracked point, body; ``explains_m_s2``: RMS of the horizontal force
+    beyond drag that it explains in flights it was not read from; ``wider``: how many times the arms of the usual
+    vehicle."""
 
     r_m: np.ndarray
     explains_m_s2: float

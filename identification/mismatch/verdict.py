@@ -49,8 +49,8 @@ one's."""
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Result):
-    """body: the content of verdict.json; corrected: the simulator with the identified effects, None without any;
-    believed: the model equivalent to a simulator that is only a callable."""
+    """``body``: the content of verdict.json; ``corrected``: the simulator with the identified effects, None without
+    any; ``believed``: the model equivalent to a simulator that is only a callable."""
 
     body: dict[str, Any]
     corrected: Model | None

@@ -76,9 +76,10 @@ def windows_of(logs: Sequence[Log]) -> Windows:
 
 @dataclass(frozen=True)
 class Lag:
-    """tau_up_s, tau_down_s, delay_s; rms_rad_s: of measured minus simulated speed about the windows' means; model: with
-    the map it was simulated with; gain (4,): measured over simulated change of speed, per motor; trouble: why it is no
-    result. gradient (F, K), curvature (F, K, K) of the flights at the solution, for intervals."""
+    """tau_up_s, tau_down_s, delay_s; ``rms_rad_s``: of measured minus simulated speed about the windows' means;
+    ``model``: with the map it was simulated with; ``gain`` (4,): measured over simulated change of speed, per motor;
+    ``trouble``: why it is no result. ``gradient`` (F, K), curvature (F, K, K) of the flights at the solution, for
+    intervals."""
 
     name: str
     model: Model

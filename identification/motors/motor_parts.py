@@ -148,8 +148,8 @@ class SpeedCurve(Result):
 
 @dataclass(frozen=True, repr=False)
 class SpeedPart(Result):
-    """Speed from PWM and voltage. spread_rad_s: SD of the speeds; motor_gain (4,); slopes of thrust over motor voltage,
-    from changes within a second and from the map."""
+    """Speed from PWM and voltage. ``spread_rad_s``: SD of the speeds; ``motor_gain`` (4,); slopes of thrust over motor
+    voltage, from changes within a second and from the map."""
 
     best: str | None
     spread_rad_s: float

@@ -39,10 +39,10 @@ class Scores:
 
 @dataclass
 class Study:
-    """Results on ``logs``; ``folds`` [(train, test)] are numbers of logs. lags: candidates fitted to all training
-    flights; fold_lags: to those of every fold; lag_rms (F,) rad/s held out, by candidate; lag: the chosen one;
-    rotation: scores by input; models: fitted to all training flights. mass_known: whether k_f and moments of inertia
-    are more than ratios to a mass."""
+    """Results on ``logs``; ``folds`` [(train, test)] are numbers of logs. ``lags``: candidates fitted to all training
+    flights; ``fold_lags``: to those of every fold; ``lag_rms`` (F,) rad/s held out, by candidate; ``lag``: the
+    chosen one; ``rotation``: scores by input; ``models``: fitted to all training flights. ``mass_known``: whether
+    k_f and moments of inertia are more than ratios to a mass."""
 
     logs: list[Log]
     folds: list[tuple[list[int], list[int]]]

@@ -51,8 +51,8 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class Input:
-    """One kind of input. source: ``motor`` or ``rpm`` at the rows of the log, else a key of radio.COARSE. own_lag: time
-    constants are fitted instead of taken from the rotor speeds."""
+    """One kind of input. ``source``: ``motor`` or ``rpm`` at the rows of the log, else a key of radio.COARSE.
+    ``own_lag``: time constants are fitted instead of taken from the rotor speeds."""
 
     name: str
     words: str

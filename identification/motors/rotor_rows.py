@@ -50,9 +50,9 @@ USUAL = number("motors.rotor_rows.usual")
 class Log:
     """n rows ``row_s`` apart within each of ``stretches`` [(first, end)].
 
-    u (n, 4): PWM ratio; speed (n, 4) rad/s; both of motors 1..4. battery_V (n,). rate (n, 3) rad/s and force_z (n,)
-    m/s^2, body. state (n, 10): position, velocity, quaternion of the vehicle's estimate, or None. stamps (n,) s as
-    logged. epoch_s: timestamp of the recording.
+    ``u`` (n, 4): PWM ratio; ``speed`` (n, 4) rad/s; both of motors 1..4. ``battery_V`` (n,). ``rate`` (n, 3) rad/s and
+    force_z (n,) m/s^2, body. ``state`` (n, 10): position, velocity, quaternion of the vehicle's estimate, or None.
+    ``stamps`` (n,) s as logged. ``epoch_s``: timestamp of the recording.
     """
 
     name: str

@@ -72,10 +72,10 @@ class FlightSpec:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What is never physics. disturbance_m_s2: standard deviation of the air's force (correlated over 0.5 s);
-    thrust_noise: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry; loss: lowest and
-    highest share of packets lost; battery_period_s: one voltage in this time, as recorded, or every 10 ms;
-    imu_tilt_rad: rotation vector from the vehicle to the frame of the logged IMU."""
+    """What is never physics. ``disturbance_m_s2``: standard deviation of the air's force (correlated over 0.5 s);
+    ``thrust_noise``: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry; ``loss``:
+    lowest and highest share of packets lost; ``battery_period_s``: one voltage in this time, as recorded, or every
+    10 ms; ``imu_tilt_rad``: rotation vector from the vehicle to the frame of the logged IMU."""
 
     disturbance_m_s2: float = 0.04
     thrust_noise: float = 0.003

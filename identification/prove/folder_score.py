@@ -31,10 +31,10 @@ class FoundSize(Result):
 
 @dataclass(frozen=True, repr=False)
 class FolderScore(Result):
-    """One folder. right: the label's cause is named, with just its motors where both name any; of normal flights, that
-    nothing is. in_class: it stands, with just its motors, among several causes that are named together. below: nothing
-    is named, and what the trim shows lies below the stated detectable size. improvement, power, trim, paragraph: as of
-    the verdict."""
+    """One folder. ``right``: the label's cause is named, with just its motors where both name any; of normal flights,
+    that nothing is. ``in_class``: it stands, with just its motors, among several causes that are named together.
+    ``below``: nothing is named, and what the trim shows lies below the stated detectable size. ``improvement``,
+    ``power``, ``trim``, ``paragraph``: as of the verdict."""
 
     case: str
     kind: str
@@ -126,8 +126,8 @@ class LeastSize(Result):
 
 @dataclass(frozen=True, repr=False)
 class FolderProof(Result):
-    """prove.json of a proof on folders. unlabelled: folders that were diagnosed and not scored; without_folder: labels
-    of no folder here; normal: names of flights; verdicts by folder."""
+    """prove.json of a proof on folders. ``unlabelled``: folders that were diagnosed and not scored; ``without_folder``:
+    labels of no folder here; ``normal``: names of flights; verdicts by folder."""
 
     cases: tuple[FolderScore, ...]
     summary: FolderSummary
@@ -140,7 +140,7 @@ class FolderProof(Result):
 
 def score_folder(folder: str, label: Label, verdict: Verdict, stranger: bool) -> FolderScore:
     """A finding of several causes (``cause`` null) is neither right nor false while the label's is among them.
-    stranger: the normal flights are another vehicle's, whose name is right too."""
+    ``stranger``: the normal flights are another vehicle's, whose name is right too."""
     findings = list(verdict["findings"])
     truth = tuple(c for c in (label.cause, *(["vehicle"] if stranger else [])) if c != NORMAL)
     named = [f["cause"] for f in findings if f["cause"]]

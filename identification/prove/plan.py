@@ -41,11 +41,12 @@ TWINS += tuple((name, *others) for name, term in ADDED.items()
                if (others := tuple(n for n in term.confused_with if n in EFFECTS)))
 CHANGES += tuple(name for name, term in ADDED.items() if term.changes)
 ALONE = ("rotor_gyro", "saturation")
-"""Never one of a pair: the first is too small beside anything, under the second few partners leave enough thrust."""
+"""Never one of a pair: the first is too small to show with anything else; with the second few partners leave enough
+thrust."""
 INNOCENT = ("plain", "falling voltage", "low flights", "big tilts", "turning", "rich simulator", "slow", "restless air")
 KNOWN_IN_RICH = ("motor_imbalance", "com_offset", "inflow", "ground_effect", "wind", "force_world", "drag_quadratic",
                  "angular_damping", "command_delay", "frame_tilt")
-"""Effects with hooks of their own, which a simulator may have right."""
+"""Effects with their own hooks, which a simulator may have right."""
 
 
 def plan_cases(n: int, seed: int = 0) -> list[CaseSpec]:
@@ -105,8 +106,8 @@ def _hidden(name: str, size: str, rng: np.random.Generator, airframe: Airframe,
 
 
 def _lifting(hidden: Hidden, rng: np.random.Generator, airframe: Airframe, least: float) -> Hidden:
-    """The same effect, drawn again until full command lifts the weight ``least`` times: a vehicle that is too heavy for
-    its controller falls, and one that is nearly so lands on a low flight."""
+    """The same effect, resampled until full command lifts the weight ``least`` times: a vehicle that is too heavy for
+    its controller falls, and one close to that lands on a low flight."""
     for _ in range(50):
         changed = EFFECTS[hidden.effect].change(airframe, hidden.parameters)
         if changed.lift() * (1.0 - hidden.parameters.get("loss", 0.0) * (hidden.effect == "heating")) >= least:

@@ -30,8 +30,8 @@ IN_PRODUCTS = terms_that(lambda term: term.in_products)
 
 @dataclass(frozen=True, repr=False)
 class EffectScore(Result):
-    """Whether a concealed effect was identified, ``by`` which finding, ``exactly`` by its own term. class_size: number
-    of terms of the finding. below_power: not identified, and below the smallest detectable size."""
+    """Whether a concealed effect was identified, ``by`` which finding, ``exactly`` by its own term. ``class_size``:
+    number of terms of the finding. ``below_power``: not identified, and below the smallest detectable size."""
 
     term: str
     size: str

@@ -19,8 +19,9 @@ class TrueParameter(Result):
 
 @dataclass(frozen=True, repr=False)
 class TrueEffect(Result):
-    """What acts. foreign: no term says it; twins: terms that cannot be told from it in free flight; parameters by flat
-    name; drawn: as the effect itself has them; flights: names of those it acts in; meaning: of the size, in words."""
+    """What acts. ``foreign``: no term says it; ``twins``: terms that cannot be told from it in free flight; parameters
+    by flat name; ``drawn``: as the effect itself has them; ``flights``: names of those it acts in; ``meaning``: of
+    the size, in words."""
 
     term: str
     size: str
@@ -48,9 +49,10 @@ class TrueFault(Result):
 
 @dataclass(frozen=True, repr=False)
 class Truth(Result):
-    """effects that are concealed; known: names of effects the simulator has right; faults of the data; outcome: that of
-    a right verdict on a fault; engine that flew, and the one wanted; corrected: simulator.toml of the simulator that
-    knows; tumbled: names of flights that fell; nuisance: what was never physics, with its units."""
+    """effects that are concealed; ``known``: names of effects the simulator has right; faults of the data; ``outcome``:
+    that of a right verdict on a fault; engine that flew, and the one wanted; ``corrected``: simulator.toml of the
+    simulator that knows; ``tumbled``: names of flights that fell; ``nuisance``: what was never physics, with its
+    units."""
 
     case: str
     kind: str

@@ -51,11 +51,12 @@ LEAST_MEAN = number("thrust.flight_rows.least_mean")
 
 @dataclass(frozen=True)
 class Flown:
-    """n rows at 20 Hz. u (n, 4) PWM ratio, delayed by ``delay_s``; battery_V (n,); force (n,) body-z specific force
-    m/s^2; climb (n,) body-z velocity m/s; across2 (n,) its square across, m^2/s^2; heat (n,) mean square motor voltage
-    remembered over 5 s, V^2; trim (n, 3) roll, pitch, yaw imbalance of the inputs remembered over 20 s, as shares;
-    lift (n, 6) PWM ratios and voltage, means of the last seconds in the air, and of how many [s] they are; time_s (n,).
-    moving: whether a velocity was known; epoch_s: Unix time of the recording, 0 if unknown."""
+    """n rows at 20 Hz. ``u`` (n, 4) PWM ratio, delayed by ``delay_s``; ``battery_V`` (n,); ``force`` (n,) body-z
+    specific force m/s^2; ``climb`` (n,) body-z velocity m/s; ``across2`` (n,) its square across, m^2/s^2; ``heat``
+    (n,) mean square motor voltage remembered over 5 s, V^2; ``trim`` (n, 3) roll, pitch, yaw imbalance of the inputs
+    remembered over 20 s, as shares; ``lift`` (n, 6) PWM ratios and voltage, means of the last seconds in the air,
+    and of how many [s] they are; ``time_s`` (n,). ``moving``: whether a velocity was known; ``epoch_s``: Unix time
+    of the recording, 0 if unknown."""
 
     name: str
     path: str

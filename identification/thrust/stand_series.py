@@ -33,9 +33,9 @@ STEADY_V = number("thrust.stand_series.steady_v")
 class Stand:
     """One series; n rows that spin, in the order of the file.
 
-    u (n,) PWM ratio of all motors; battery_V (n,) or None; thrust_N (n,) per motor, zero taken off; rotor2 (n,)
-    mean square rotor speed [rad^2/s^2] or None; current_A (n,) or None; zero_N: what the load cell showed per motor at
-    PWM 0 (nan: no such rows); still: rows that do not spin.
+    ``u`` (n,) PWM ratio of all motors; ``battery_V`` (n,) or None; ``thrust_N`` (n,) per motor, zero taken off;
+    ``rotor2`` (n,) mean square rotor speed [rad^2/s^2] or None; ``current_A`` (n,) or None; ``zero_N``: what the load
+    cell showed per motor at PWM 0 (nan: no such rows); ``still``: rows that do not spin.
     """
 
     name: str

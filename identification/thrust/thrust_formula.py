@@ -37,8 +37,8 @@ class ThrustLevel(Result):
 
 @dataclass(frozen=True, repr=False)
 class ThrustFormula(Result):
-    """text: with numbers and units; levels at a full and an empty battery; hover_N of one motor, of mass_kg; voltage_V:
-    of the training rows, lowest and highest."""
+    """``text``: with numbers and units; levels at a full and an empty battery; hover_N of one motor, of mass_kg;
+    ``voltage_V``: of the training rows, lowest and highest."""
 
     text: str
     mass_kg: float

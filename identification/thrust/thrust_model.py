@@ -31,9 +31,9 @@ Source = Flight | str | Path
 class ThrustModel:
     """Fits every candidate map, keeps the one that predicts whole files it was not fitted to best.
 
-    name: a candidate to use whatever the choice; mass_kg: of the vehicle, for flights (free flight shows T/m only);
-    draws: refits for the intervals of the parameters; seed: of these. After ``fit``: ``study_`` (all candidates),
-    ``best_`` (name of the one in use), ``kind_`` (``stand`` | ``flight``), ``parameters_``, ``delay_s_``,
+    ``name``: a candidate to use whatever the choice; ``mass_kg``: of the vehicle, for flights (free flight shows T/m
+    only); ``draws``: refits for the intervals of the parameters; ``seed``: of these. After ``fit``: ``study_`` (all
+    candidates), ``best_`` (name of the one in use), ``kind_`` (``stand`` | ``flight``), ``parameters_``, ``delay_s_``,
     ``left_out_`` (reason by name of recording).
     """
 

@@ -51,9 +51,10 @@ class Curve(Result):
 class ChosenMap(Result):
     """The chosen map.
 
-    interval_half_width: of the 95 % interval of a row of a new file, N per motor or m/s^2. scale: as
-    ``ThrustModel.scale_``. terms, toml: for a simulator; terms_rms_N: from the map. firmware: lines for the firmware;
-    firmware_note: their quality, or the reason for none. formula: with numbers, at hover and at full command.
+    ``interval_half_width``: of the 95 % interval of a row of a new file, N per motor or m/s^2. ``scale``: as
+    ``ThrustModel.scale_``. ``terms``, ``toml``: for a simulator; ``terms_rms_N``: from the map. ``firmware``: lines for
+    the firmware; ``firmware_note``: their quality, or the reason for none. ``formula``: with numbers, at hover and at
+    full command.
     """
 
     interval_half_width: float
@@ -71,8 +72,8 @@ class ChosenMap(Result):
 
 @dataclass(frozen=True, repr=False)
 class PartResult(Result):
-    """One kind, stand series or flights. split: choice of files. no_result: reasons by model. held_out_rms: by model, N
-    per motor or m/s^2. parameters by model and name. chosen: None without a valid map."""
+    """One kind, stand series or flights. ``split``: choice of files. ``no_result``: reasons by model. ``held_out_rms``:
+    by model, N per motor or m/s^2. parameters by model and name. ``chosen``: None without a valid map."""
 
     best: str | None
     split: str
@@ -117,8 +118,9 @@ class AsRecorded(Result):
 
 @dataclass(frozen=True, repr=False)
 class FlightResult(PartResult):
-    """delay_s: of the inputs. sessions: of the training flights. held_out_coverage95: fraction of training rows, held
-    out in turn, inside the interval from the others. best_without_memory: of maps with the inputs of the moment."""
+    """``delay_s``: of the inputs. ``sessions``: of the training flights. ``held_out_coverage95``: fraction of training
+    rows, held out in turn, inside the interval from the others. ``best_without_memory``: of maps with the inputs of
+    the moment."""
 
     delay_s: float
     sessions: int

@@ -30,9 +30,9 @@ File = Stand | Flown
 AnyFit = Fit | FlightFit
 
 BANDS = count("thrust.thrust_study.bands")
-"""Into how many bands of PWM (of a stand series) or stretches of time (of a flight) the only file of a training set is
-cut: each is predicted from the others, the outer ones by extrapolation, which a map for other recordings has to stand.
-"""
+"""Number of bands of PWM (of a stand series) or stretches of time (of a flight) into which a single training file is
+cut. Each is predicted from the others, the outer ones by extrapolation, as a map for other recordings must be able
+to."""
 
 MOST_FOLDS = count("thrust.thrust_study.most_folds")
 """Folds of whole flights; stand series are few and are held out one by one."""
@@ -41,8 +41,8 @@ BLOCKS = 20
 """Pieces of the only file of a training set that a bootstrap draws from."""
 
 ONE_FILE_SHARE = number("thrust.thrust_study.one_file_share")
-"""SD of the mean error on another series, as a share of the largest thrust, that a single series is given since it
-cannot show any: motors and stands of one type differ by that (public stand series: 2 to 4 %)."""
+"""SD of the mean error on another series, as a fraction of the largest thrust, assumed for a single series, which
+cannot show any. Motors and stands of one type differ by this (public stand series: 2 to 4 %)."""
 
 DRAWS = 100
 DRAWN_ROWS = 3000
@@ -103,9 +103,9 @@ def held_out(candidate: Map | FlightModel, folds: Sequence[tuple[list[File], lis
 
 @dataclass(frozen=True)
 class Study:
-    """Everything found on one training set. fits and scores by name of model; best: the chosen one, None if no fit is a
-    result; half_width: of the prediction interval, N or m/s^2; draws: values of refits to drawn files; sessions: how
-    many the files are of."""
+    """Everything found on one training set. fits and scores by name of model; ``best``: the chosen one, None if no fit
+    is a result; ``half_width``: of the prediction interval, N or m/s^2; ``draws``: values of refits to drawn files;
+    ``sessions``: how many the files are of."""
 
     train: tuple[File, ...]
     candidates: Mapping[str, Map | FlightModel]
@@ -118,7 +118,7 @@ class Study:
 
     @property
     def folds(self) -> list[tuple[list[File], list[File]]]:
-        """What was fitted to and what was held out, in the order of the held-out errors."""
+        """Training and held-out data, in the order of the held-out errors."""
         return folds_of(self.train)
 
     def width_at(self, name: str, file: File) -> float:
@@ -171,8 +171,8 @@ def study(train: Sequence[File], mass_kg: float, seed: int = 0, draws: int = DRA
 
 def bootstrap(candidate: Map | FlightModel, fit: AnyFit, train: Sequence[File], seed: int,
               draws: int) -> tuple[Mapping[str, float], ...]:
-    """Values of refits to drawn sessions and files within them; to blocks of rows where there is one file. Empty for
-    maps that nothing was fitted in, and for fits that are none."""
+    """Values of refits to resampled sessions and files within them, or to blocks of rows of a single file. Empty for
+    maps without fitted parameters and for invalid fits."""
     if not fit.values or not candidate.size or not draws or fit.trouble.startswith(("no ", "not ")):
         return ()
     pieces: list[File] = list(train)

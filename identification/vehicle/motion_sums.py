@@ -49,10 +49,11 @@ FORCE = ("acc_x", "acc_y", "acc_z")
 class MotionSums:
     """Of one flight, thrust by a curve at scale 1.
 
-    level: force along body z over thrust, at hover. thrust_N (4,): mean of each motor. volts: mean motor voltage.
-    velocity_m_s (3,): mean, body. By axis x, y, integrals over time: drag (2, 3) of v v, -v F and F F; air (2, 5) of
-    V V, V M, V D, V w and M M, below SLOW_HZ; turning (2, 5) of D D, D M, D w, D V and M M, in BAND_HZ. F: force; M:
-    moment of the motors; w: rate; D = dw/dt; V: the velocity that turns about the axis, v_y and -v_x.
+    ``level``: force along body z over thrust, at hover. ``thrust_N`` (4,): mean of each motor. ``volts``: mean motor
+    voltage. ``velocity_m_s`` (3,): mean, body. By axis x, y, integrals over time: drag (2, 3) of v v, -v F and F F;
+    ``air`` (2, 5) of V V, V M, V D, V w and M M, below SLOW_HZ; ``turning`` (2, 5) of D D, D M, D w, D V and M M, in
+    BAND_HZ. F: force; M: moment of the motors; ``w``: rate; D = dw/dt; V: the velocity that turns about the axis, v_y
+    and -v_x.
     """
 
     name: str

@@ -56,8 +56,8 @@ class PriorsFile:
 
 @dataclass(frozen=True)
 class Priors:
-    """believed: by name of the parameter (``inertia.inertia_kg_m2[0]``); curve (K,) N/V^k: mean thrust curve of one
-    motor, with ``curve_sd`` (K,) and source; note: empty, or what was scaled from which vehicle."""
+    """``believed``: by name of the parameter (``inertia.inertia_kg_m2[0]``); ``curve`` (K,) N/V^k: mean thrust curve of
+    one motor, with ``curve_sd`` (K,) and source; ``note``: empty, or what was scaled from which vehicle."""
 
     vehicle: str
     believed: Mapping[str, Belief]

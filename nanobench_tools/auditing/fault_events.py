@@ -1,4 +1,5 @@
-"""Faults of one recording as events: what a person would tell as one thing, over streams and over repetitions.
+"""Faults of one recording as events: one event for what a person would describe as one thing, over streams and
+repetitions.
 
 An end of the log on the ground is one fault per stream and one event; so is a clock that moves under all of them.
 """
@@ -16,14 +17,14 @@ from .faults.kinds import kinds
 from .faults.making import SINCE
 
 MOST_NAMES = 4
-"""Streams or columns that are named; of more their number is said."""
+"""Maximum number of streams or columns listed by name; beyond it, their number is given."""
 
 
 @dataclass(frozen=True, repr=False)
 class FaultEvent(Result):
-    """kind: name of the kind of fault; streams: in which it was found, ("",) for the whole recording; spans: where,
-    in s from the first row; sentence: what is wrong, in words; advice: what to do; faults: how many faults it merges;
-    seconds_cut: how much of the flight it takes away."""
+    """``kind``: name of the kind of fault; ``streams``: in which it was found, ("",) for the whole recording;
+    ``spans``: where, in s from the first row; ``sentence``: what is wrong, in words; ``advice``: what to do;
+    ``faults``: how many faults it merges; ``seconds_cut``: how much of the flight it takes away."""
 
     kind: str
     streams: tuple[str, ...]
@@ -41,10 +42,10 @@ class FaultEvent(Result):
 
 
 def events_of(faults: Iterable[Fault], airborne: Sequence[Span] = ()) -> tuple[FaultEvent, ...]:
-    """The events of ``faults``: first what takes most of the flight away, then what is corrected, then the rest.
+    """The events of ``faults``: first those that remove most of the flight, then corrected ones, then the rest.
 
-    airborne: when it flew, for what is cut of that; empty: of the whole recording. Kinds that rates and numbers of
-    samples tell already (``in_overview``) make no event.
+    ``airborne``: time in the air, for the removed part of it; empty: of the whole recording. Kinds that rates and
+    numbers of samples show already (``in_overview``) make no event.
     """
     groups: dict[tuple[str, str], list[Fault]] = {}
     known = kinds()
@@ -109,7 +110,7 @@ def _largest(faults: Sequence[Fault]) -> float:
 
 
 def _lateness(faults: Sequence[Fault]) -> str:
-    """``12 ms late`` or ``12 to 20 ms late`` or, of offsets on both sides of zero, ``-4 to 20 ms late``."""
+    """``12 ms late`` or ``12 to 20 ms late``; for offsets on both sides of zero, ``-4 to 20 ms late``."""
     sizes = [1e3 * f.size for f in faults if math.isfinite(f.size)]
     if not sizes:
         return "late or early"

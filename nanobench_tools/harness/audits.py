@@ -21,8 +21,9 @@ from .runner import run_items
 
 @dataclass(frozen=True)
 class Audited:
-    """audits: name of the flight -> verdict, failed ones left out; copies: groups of names of equal recordings;
-    failed: [{item, file, error}]; time_offsets: what was found for ``clocks`` beside the audits, for ``on_clock``."""
+    """``audits``: name of the flight -> verdict, failed ones left out; ``copies``: groups of names of equal recordings;
+    ``failed``: [{item, file, error}]; ``time_offsets``: what was found for ``clocks`` beside the audits, for
+    ``on_clock``."""
 
     audits: dict[str, Audit]
     copies: list[list[str]]

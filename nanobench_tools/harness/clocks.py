@@ -20,8 +20,8 @@ from .runner import RunResult, run_items
 
 @dataclass(frozen=True)
 class OnClock:
-    """flights and audits as seen with the clock; warps: name of the flight -> what was taken out, None where nothing
-    could be identified (such flights are as recorded); failed: [{item, file, error}]."""
+    """flights and audits as seen with the clock; ``warps``: name of the flight -> what was taken out, None where
+    nothing could be identified (such flights are as recorded); ``failed``: [{item, file, error}]."""
 
     flights: list[Flight]
     audits: dict[str, Audit]

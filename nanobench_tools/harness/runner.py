@@ -20,8 +20,8 @@ from .store import Store
 
 @dataclass(frozen=True)
 class RunResult:
-    """values: key -> what the function gave, in the order of the items, failed ones left out; failed: [{item, file,
-    error}] in the same order; executed: how many were not answered from the store."""
+    """``values``: key -> what the function gave, in the order of the items, failed ones left out; ``failed``: [{item,
+    file, error}] in the same order; ``executed``: how many were not answered from the store."""
 
     values: dict[str, Any]
     failed: list[dict[str, str]]
@@ -32,10 +32,10 @@ def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 
               progress: Progress | None = None, title: str = "items") -> RunResult:
     """Runs ``items`` and gives values and failures in the order of the items, whatever ran first.
 
-    jobs: processes on this machine, 1 is this process. scheduler: address of a Dask scheduler (tcp://host:port),
-    then ``jobs`` does not count. store_dir: finished items are looked up and written there. Raises
-    MissingExtraError or UsageError for a scheduler that cannot be used; KeyboardInterrupt passes through, and what
-    was finished is kept.
+    ``jobs``: processes on this machine, 1 is this process. ``scheduler``: address of a Dask scheduler
+    (tcp://host:port), then ``jobs`` does not count. ``store_dir``: finished items are looked up and written there.
+    Raises MissingExtraError or UsageError for a scheduler that cannot be used; KeyboardInterrupt passes through, and
+    what was finished is kept.
     """
     store = Store(store_dir) if store_dir is not None else None
     unique = {item.key: item for item in items}

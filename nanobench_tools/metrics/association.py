@@ -34,8 +34,8 @@ def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Association:
-    """Truth at the kept stamps: kept (n,) bool over the estimate's rows; position_m (k, 3) m; quaternion (k, 4);
-    velocity_m_s (k, 3) m/s or None; dropped = number of stamps left out."""
+    """Truth at the kept stamps: kept (n,) bool over the estimate's rows; ``position_m`` (k, 3) m; ``quaternion`` (k,
+    4); ``velocity_m_s`` (k, 3) m/s or None; dropped = number of stamps left out."""
 
     kept: np.ndarray
     position_m: np.ndarray

@@ -41,8 +41,8 @@ Labels = Sequence[int] | np.ndarray | None
 
 @dataclass(frozen=True)
 class Interval:
-    """low, high (...): the 95 % interval, or None. why: the reason for None or for distrust, otherwise empty. sessions:
-    number of sessions, None if unknown or if draws are independent."""
+    """``low``, ``high`` (...): the 95 % interval, or None. ``why``: the reason for None or for distrust, otherwise
+    empty. ``sessions``: number of sessions, None if unknown or if draws are independent."""
 
     low: np.ndarray | None
     high: np.ndarray | None

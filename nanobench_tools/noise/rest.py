@@ -28,8 +28,9 @@ INSTABILITY = 0.664
 
 @dataclass(frozen=True)
 class Rest:
-    """spans: stretches at rest; seconds in all; taus_s (t,) and their Allan deviations acc [m/s^2], gyro [rad/s]
-    (t, 3); densities (3,) per root Hz; instability (3,), nan where the deviation still falls at the longest tau."""
+    """``spans``: stretches at rest; seconds in all; ``taus_s`` (t,) and their Allan deviations acc [m/s^2], gyro
+    [rad/s] (t, 3); ``densities`` (3,) per root Hz; ``instability`` (3,), nan where the deviation still falls at the
+    longest tau."""
 
     spans: int
     seconds: float

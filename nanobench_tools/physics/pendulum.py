@@ -20,8 +20,9 @@ from ..units import GRAVITY_M_S2
 
 def swing(acceleration_m_s2: np.ndarray, row_s: float, length_m: float, mass_kg: float, damping: float = 0.0,
           start: np.ndarray | None = None) -> np.ndarray:
-    """Force (n, 2) N on the knot at the start of each row; acceleration_m_s2 (n, 2) of the knot, horizontal, held over
-    rows of row_s; start (2, 2) place m and speed m/s of the load against the knot, by axis in columns; else at rest."""
+    """Force (n, 2) N on the knot at the start of each row; ``acceleration_m_s2`` (n, 2) of the knot, horizontal, held
+    over rows of row_s; ``start`` (2, 2) place m and speed m/s of the load against the knot, by axis in columns; else
+    at rest."""
     a = np.asarray(acceleration_m_s2, float)
     w = math.sqrt(GRAVITY_M_S2 / length_m)
     whole = np.zeros((3, 3))

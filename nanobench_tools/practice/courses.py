@@ -81,7 +81,7 @@ def _least_snap(corners: tuple[tuple[float, ...], ...], speed_m_s: float) -> BSp
     """Through corners at times in proportion to their distances, at rest at both ends.
 
     Of all such paths the spline of degree 7 has the least integral of snap squared (Mellinger, Kumar 2011,
-    doi:10.1109/ICRA.2011.5980409; de Boor: the natural interpolant of a derivative of order 4).
+    doi:10.1109/ICRA.2011.5980409; ``de`` Boor: the natural interpolant of a derivative of order 4).
     """
     points = np.array(corners)
     times = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]) / speed_m_s

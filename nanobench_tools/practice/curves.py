@@ -78,8 +78,8 @@ def circle(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def figure_eight(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Figure eight, the lemniscate of Gerono: x = A sin, y = A sin cos, A = ``scale_m``; a lap is counted as
-    4 sqrt(2) A."""
+    """Figure eight, the lemniscate of Gerono: x = A sin, y = A sin cos, A = ``scale_m``. The nominal lap is 4 sqrt(2)
+    A."""
     size = params["scale_m"]
     w = 2.0 * np.pi * params["speed_mps"] / (4.0 * np.sqrt(2.0) * size)
     return _harmonics(t, w, [(0, 1, size, 0.0), (1, 2, size / 2.0, 0.0)], _height(params))
@@ -120,7 +120,7 @@ def star(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 def trefoil(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
     """Projection of the trefoil knot, x = (sin + 2 sin 2)/3, y = (cos - 2 cos 2)/3, height -``z_amplitude_m`` sin 3.
 
-    A lap is counted as 8.5 times ``scale_m``.
+    The nominal lap is 8.5 times ``scale_m``.
     """
     size = params["scale_m"]
     w = 2.0 * np.pi * params["speed_mps"] / (8.5 * size)
@@ -156,9 +156,9 @@ def hover_until_landing(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def staircase_climb(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Stairs ``step_m`` deep to ``x_max_m``, ``z_climb_m`` high in all, flown at ``speed_mps`` with a rest of
-    ``hold_time_s`` after every edge; down again the same way, and so on. The sheet leaves the order open: first ahead,
-    then up."""
+    """Stairs ``step_m`` deep to ``x_max_m``, ``z_climb_m`` high in all, at ``speed_mps`` with a rest of ``hold_time_s``
+    after every edge; down again the same way, and so on. The sheet does not define the order; here it is first
+    ahead, then up."""
     stairs = max(round(params["x_max_m"] / params["step_m"]), 1)
     deep, high = params["x_max_m"] / stairs, params["z_climb_m"] / stairs
     k = np.arange(2 * stairs + 1)
@@ -182,10 +182,10 @@ def random_waypoints(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 def multisine_sysid(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
     """Sum of ``num_components`` sines an axis between ``freq_min_hz`` and ``freq_max_hz``, whole cycles in
-    ``period_s``, up to ``x_amplitude_m`` ..., risen and fallen within ``fade_s`` at both ends of ``duration_s``.
+    ``period_s``, up to ``x_amplitude_m`` ..., faded within ``fade_s`` at both ends of ``duration_s``.
 
-    The sheet gives neither frequencies nor phases: here they rise by a constant factor, no two axes share one,
-    displacements fall with the square of the frequency above the lowest (so that all accelerate alike), and phases are
+    The sheet gives neither frequencies nor phases. Here frequencies rise by a constant factor, and no two axes share
+    one. Displacements fall with the square of the frequency above the lowest (so that all accelerate alike). Phases are
     Schroeder's (doi:10.1109/TIT.1970.1054411).
     """
     count, period = params["num_components"], params["period_s"]

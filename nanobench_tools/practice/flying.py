@@ -31,7 +31,7 @@ LOGGED: dict[str, tuple[int, int]] = {
 """Messages of the vehicle: number of values and the substep of each 10 ms at which they are sampled."""
 
 TRUTH = {"position_m": 3, "velocity_m_s": 3, "quaternion": 4, "rate_rad_s": 3, "battery_V": 1, "motor": 4}
-"""What is kept of the truth at every tick, and its width; ``motor`` is the PWM ratio from that tick on."""
+"""True quantities kept at every tick, and their width; ``motor`` is the PWM ratio from that tick on."""
 
 NOISE_TICKS = 50
 """Sensor noise is drawn for so many ticks at once."""
@@ -185,9 +185,9 @@ class _Recorder:
 
     def commanded(self, tick: int, armed: np.ndarray, reference: Reference, yaw_rate: np.ndarray, yaw: np.ndarray,
                   log: ControllerLog | None) -> None:
-        """Setpoint and ``pid``. The setpoint's yaw is the planner's yaw rate, as in the published files; the pid's yaw
-        is the estimate until take-off; an onboard controller that does not write the group leaves what stood there at
-        start, and one of the user's own has no such group."""
+        """Setpoint and ``pid``. The setpoint's yaw is the planner's yaw rate, as in the published files. The pid's yaw
+        is the estimate until take-off. An onboard controller that does not write the group keeps its first values,
+        and a user's controller has no such group."""
         m, on = self.messages, armed[:, None]
         m["setpoint"][tick] = np.concatenate([reference.position_m, yaw_rate[:, None]], axis=1) * on
         if log is None:

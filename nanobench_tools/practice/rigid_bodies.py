@@ -27,7 +27,7 @@ FRICTION = 0.6
 """Coulomb coefficient of the legs (rubber on mat), smoothed below FRICTION_SPEED_M_S."""
 FRICTION_SPEED_M_S = 0.02
 LEVELLING_RAD_S = 60.0
-"""Eigenfrequency with which four legs press the body level while the whole weight stands on them."""
+"""Eigenfrequency with which four legs press the body level while they carry the whole weight."""
 
 
 def battery_voltage(charge: np.ndarray, motor: np.ndarray, vehicles: Vehicles) -> np.ndarray:
@@ -139,8 +139,8 @@ def _stand(s: np.ndarray, x_up: np.ndarray, y_up: np.ndarray, ground_z: np.ndarr
 class Plant:
     """n vehicles from rest on the ground; ``step`` advances all by one period.
 
-    position_m (n, 3) world is where each vehicle stands, yaw_rad (n,); its legs begin to touch at ``ground_z`` (n,),
-    a quarter of a millimetre higher.
+    position_m (n, 3) world, yaw_rad (n,): at rest. Legs begin to touch at ``ground_z`` (n,), a quarter of a millimetre
+    higher.
     """
 
     def __init__(self, vehicles: Vehicles, position_m: np.ndarray, yaw_rad: np.ndarray, *,

@@ -51,7 +51,7 @@ class Aiding:
 
 def grid(rates_hz: Sequence[float] = (), delays_s: Sequence[float] = (), noises_m: Sequence[float] = (),
          losses: Sequence[float] = ()) -> list[Aiding]:
-    """Every combination; what is empty stays as it is by default."""
+    """Every combination; empty ones keep their default."""
     requested = {"rate_hz": rates_hz, "delay_s": delays_s, "noise_m": noises_m, "loss": losses}
     requested = {name: tuple(dict.fromkeys(values)) for name, values in requested.items() if values}
     return [Aiding(**dict(zip(requested, values, strict=True))) for values in itertools.product(*requested.values())]
@@ -82,6 +82,6 @@ def given_to(case: Case, aiding: Aiding, seed: int = 0) -> Flight:
 
 
 def score(case: Case, method: Estimator, aiding: Aiding, seed: int = 0) -> Scored:
-    """As ``task3.score``, over all airborne and clean rows; what was logged in flight had its own poses."""
+    """As ``task3.score``, over all airborne and clean rows; estimates logged in flight had their own poses."""
     flight = case.flight if is_logged(method) else given_to(case, aiding, seed)
     return score_given(case, method, AIDED, flight, -np.inf)

@@ -143,8 +143,8 @@ def logged(case: Case) -> dict[str, float]:
 
 
 def replays(filters: Filters, recorded: Case, retimed: Case) -> dict[str, dict[str, float]]:
-    """{what was changed: {ate_m; change_m: of the ATE against the replay with nothing changed; moves_m: RMS distance of
-    the two estimates}} of one flight, judged on the re-timed clock."""
+    """{what was changed: {ate_m; ``change_m``: of the ATE against the replay with nothing changed; ``moves_m``: RMS
+    distance of the two estimates}} of one flight, judged on the re-timed clock."""
     made = {name: make(filters, recorded, retimed) for name, make in REPLAYS.items()}
     base = made[BASE]
     level = _scores(retimed, base)["ate_m"]

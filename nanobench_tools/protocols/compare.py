@@ -1,8 +1,8 @@
-"""Rows against each other: the ratio of their errors over the same flights and windows, with an interval of its own.
+"""Rows against each other: the ratio of their errors over the same flights and windows, with its own interval.
 
-Two rows whose intervals overlap may still differ: flights differ more than methods do. Both rows' flights are drawn
-together, sessions first (``metrics.statistics.paired_ratio``). A row is called better than another only where the
-interval of the ratio excludes one.
+Two rows whose intervals overlap may still differ, since flights differ more than methods do. Both rows' flights are
+resampled together, sessions first (``metrics.statistics.paired_ratio``). A row is called better than another only if
+the interval of the ratio excludes one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def reference(names: Sequence[str]) -> str | None:
 
 def ratios(flights: Sequence[str], ours: Scores, theirs: Scores, to: str, labels: Mapping[str, int], seed: int = 0,
            kind: type[Ratios] = Ratios) -> Any:
-    """Mean error of ours over that of ``to``, by metric, over the ``flights`` that both scored; labels: session of
+    """Mean error of ours over that of ``to``, by metric, over the ``flights`` that both scored; ``labels``: session of
     every flight."""
     names = [name for name in flights if name in ours and name in theirs]
     metrics = [m for m in dict.fromkeys(m for name in names for m in ours[name]) if is_error(m)]
@@ -63,8 +63,8 @@ def is_error(metric: str) -> bool:
 
 def methods(rows: Sequence[EstimateRow], scores: Mapping[str, Scores], labels: Mapping[str, int],
             seed: int = 0) -> list[EstimateRow]:
-    """The rows of one table, of one clock, each compared with the ``reference`` of the methods that were given the
-    same; scores by method."""
+    """The rows of one table, of one clock, each compared with the ``reference`` among methods with the same inputs;
+    scores by method."""
     alike: dict[str, list[str]] = {}
     for row in rows:
         alike.setdefault(row.inputs, []).append(row.method)
@@ -153,7 +153,7 @@ def _window(window: WindowScore) -> tuple[str, float, float]:
 
 def predictions(rows: Sequence[PredictionRow], scored: Mapping[tuple[str, str], Sequence[tuple[Any, WindowErrors]]],
                 to: str | None, sessions: Sessions, seed: int = 0) -> list[PredictionRow]:
-    """Rows of Task 1 with pooled errors over those of the model ``to``, the same windows for both; scored: (case,
+    """Rows of Task 1 with pooled errors over those of the model ``to``, the same windows for both; ``scored``: (case,
     score) by (model, truth)."""
     sums = {key: {case.flight.name: (case, value) for case, value in found} for key, found in scored.items()}
     found = []

@@ -21,8 +21,8 @@ STREAM = "estimator"
 
 @dataclass(frozen=True, repr=False)
 class DeadLog(Result):
-    """Distance (k,) m between the logged position and motion capture at t_s (k,), as recorded; dead: (start, end) s of
-    rows after the log had ended; RMS without and with these."""
+    """Distance (k,) m between the logged position and motion capture at t_s (k,), as recorded; ``dead``: (start, end) s
+    of rows after the log had ended; RMS without and with these."""
 
     flight: str
     speed: str | None

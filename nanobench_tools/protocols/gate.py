@@ -63,8 +63,8 @@ PLANNED_M_S = number("tasks.gate.planned_m_s")
 class GateRow(Result):
     """One repeated flight: measured (``real``) and simulated (``sim``), SI.
 
-    pwm_mean: PWM ratio (flown, simulated) at one height. pwm_rms: the same by frequency band. reason: the failed
-    quantities, empty for a pass. clock_evidence: streams that set the clock of the recording.
+    ``pwm_mean``: PWM ratio (flown, simulated) at one height. ``pwm_rms``: the same by frequency band. ``reason``: the
+    failed quantities, empty for a pass. ``clock_evidence``: streams that set the clock of the recording.
     """
 
     flight: str

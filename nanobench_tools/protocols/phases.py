@@ -56,8 +56,8 @@ def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span 
     """The stretch in which a path was streamed to the vehicle, between hover and landing; or None.
 
     From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jumps to the
-    start of the path and to the landing place. Planned take-off and landing hold x and y still. valid: spans in which
-    the setpoints are to be trusted; a log that stopped is followed only up to its stop.
+    start of the path and to the landing place. Planned take-off and landing hold x and y still. ``valid``: spans in
+    which the setpoints are to be trusted; a log that stopped is followed only up to its stop.
     """
     setpoint = flight["setpoint"]
     rows = np.ones(len(setpoint), bool) if valid is None else mask_of(valid, setpoint.time_s)

@@ -1,13 +1,13 @@
-"""Is a predictor a vehicle? Its answer to a command that is put into the inputs of real windows.
+"""Is a predictor a vehicle? Its answer to a command that is added to the inputs of real windows.
 
-A step of PWM, as a controller would command roll, pitch, yaw or thrust, is added to and taken from the logged inputs
-of a window from its start on; nothing else of the window changes. Half the difference of the two predictions is the
+A step of PWM, as a controller would command roll, pitch, yaw or thrust, is added to and subtracted from the logged
+inputs of a window from its start on. Everything else is unchanged. Half the difference of the two predictions is the
 answer: of the body rate [rad/s], for thrust of the velocity [m/s] along the body's z at the start. A predictor that
-turns the other way than its motors push, or not at all, may predict flights well and is no vehicle to close a loop
-around. Any predictor is asked through the same contract.
+turns the other way than its motors push, or not at all, may predict flights well but is unsuitable as a plant. Any
+predictor is tested through the same contract.
 
 The size is compared with rigid-body physics: the firmware's thrust curve and yaw arm, mass, inertia and geometry of the
-vehicle; of its numbers only the motor lag comes from recordings of flights.
+vehicle. Only the motor lag comes from recordings of flights.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from .windows import cut_windows
 
 MIX = {"roll": (-1.0, -1.0, 1.0, 1.0), "pitch": (-1.0, 1.0, 1.0, -1.0), "yaw": (-1.0, 1.0, -1.0, 1.0),
        "thrust": (1.0, 1.0, 1.0, 1.0)}
-"""Motors 1..4 (front right, back right, back left, front left): where each pushes, as the firmware's X mixer has it in
-axes x forward, y left, z up; motors 2 and 4 turn the vehicle to the left."""
+"""Motors 1..4 (front right, back right, back left, front left): direction of each push, as in the firmware's X mixer,
+in axes x forward, y left, z up. Motors 2 and 4 turn the vehicle to the left."""
 STEP = number("prediction.response.step")
 AFTER_ROWS = {"0.1": 10, "0.2": 20, "0.5": 50}
 """Seconds after the step -> rows; the verdict hears all of them."""
 SHOWN_S = "0.2"
 FLIGHTS, PER_FLIGHT = 12, 5
-"""Windows that are asked, spread evenly over test flights and over each of them."""
+"""Number of tested windows, spread evenly over test flights and over each of them."""
 NONE = 0.01
 """An answer below this share of the physics' is none."""
 LAG_S = number("prediction.response.lag_s")

@@ -31,7 +31,8 @@ class Scored(Result):
 @dataclass(frozen=True, repr=False)
 class EndError(Result):
     """h_s after the last pose at t0_s: the position end_m (3,) said, its error, and drift in per cent of the path flown
-    since; inside_3_sigma: whether the error is as large as the estimate says it may be, None where it does not say."""
+    since; ``inside_3_sigma``: whether the error is as large as the estimate says it may be, None where it does not
+    say."""
 
     t0_s: float
     h_s: float
@@ -82,9 +83,10 @@ class ClockRatios(Ratios):
 class EstimateRow(Result):
     """One method over the n flights of one group: summaries over flights, of blackouts each flight's mean.
 
-    given: what it was given, in words; inputs: the same in short, equal for methods that may be ranked against each
-    other; aiding: how poses came; clock_evidence: the streams that set the clock, for attitudes too where these are
-    others; n_moving: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to itself."""
+    ``given``: what it was given, in words; ``inputs``: the same in short, equal for methods that may be ranked against
+    each other; ``aiding``: how poses came; ``clock_evidence``: the streams that set the clock, for attitudes too where
+    these are others; ``n_moving``: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to itself.
+    """
 
     protocol: str
     method: str

@@ -45,7 +45,8 @@ def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.n
     """What the published table leaves out: other alignments, RTE in the start's frame, drift, and time errors.
 
     ``delay_s`` is the one delay that fits best (positive: estimate late); ``*_delay_removed`` and ``across_track`` are
-    what it leaves. spans: stretches without a break; relative errors and drift keep to one, the others take all rows.
+    what it leaves. ``spans``: stretches without a break; relative errors and drift keep to one, the others take all
+    rows.
     """
     raw = trajectory.ate(estimate_m, truth_m, "none").rmse_m
     turned = trajectory.ate(estimate_m, truth_m, "yaw", unique=False).rmse_m

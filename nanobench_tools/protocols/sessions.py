@@ -17,10 +17,10 @@ from ..results.result import OPTIONAL, Result, to_json
 from ..settings import number
 
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")
-"""Recordings that begin further apart than this are of two sessions. The only recordings at hand that hold dates begin
-up to 1.2 h apart within their four sessions, and 4.9 h and more between them: any limit between these finds the same
-four. No others (CrazyPAD, USD logs, stands) could check it: their clocks start with the vehicle. A natural break was
-tried: the widest in the sorted logarithms of the gaps splits them in two, at 64 h, since one night is no break."""
+"""Minimum time between the starts of two recordings of different sessions. The only dated recordings begin up to 1.2 h
+apart within their four sessions, and 4.9 h and more between them. Any limit between these finds the same four. Other
+sources (CrazyPAD, USD logs, stands) cannot confirm it, since their clocks start with the vehicle. The widest gap in
+sorted log-gaps splits at 64 h instead, since one night is no break."""
 
 DATED_S = 946_684_800.0
 """Unix time of the year 2000: a smaller stamp is of a clock that started with the vehicle, and no date."""
@@ -60,7 +60,7 @@ class Sessions:
 
 
 def stamp_of(recording: Any) -> float:
-    """Unix time [s] at which it began; 0 where it holds none, as a thrust stand's."""
+    """Unix time [s] of its start; 0 if unknown, as for a thrust stand."""
     return float(getattr(recording, "epoch_s", 0.0))
 
 
@@ -81,8 +81,8 @@ def sessions_of(recordings: Sequence[Any]) -> dict[str, int]:
 
 @dataclass(frozen=True, repr=False)
 class Drawn(Result):
-    """What the intervals of a row rest on: how many sessions its flights are of, the design effect of each metric (in
-    Task 1 by horizon), and why no interval of it is there or to be trusted (empty: it is)."""
+    """Basis of a row's intervals: the number of sessions of its flights, the design effect of each metric (in Task 1 by
+    horizon), and the reason for missing or unreliable intervals (empty without one)."""
 
     sessions: int | None
     design_effect: Mapping[str, float | Mapping[str, float | None] | None]
@@ -96,9 +96,8 @@ class Drawn(Result):
 
 
 def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
-    """What the intervals of a table are and how far to trust them, in sentences: of its ``rows`` (results, or what
-    their files hold) with most flights, over ``metrics`` (empty: all). Empty for rows that hold no sessions (results of
-    before)."""
+    """Notes on the intervals of a table and their reliability: of its ``rows`` (results, or the content of their files)
+    with most flights, over ``metrics`` (empty: all). Empty for rows without sessions (old results)."""
     rows = [row for row in to_json(list(rows)) if "sessions" in row]
     most = max((_flights(row) for row in rows), default=0)
     widest = [row for row in rows if _flights(row) == most]

@@ -43,8 +43,8 @@ UNIT_WITHIN = 1e-3
 
 @dataclass(frozen=True)
 class Case:
-    """One flight as the task uses it: the clean airborne spans, and its groups. recorded: the flight on its original
-    clock, if ``flight`` has another one; only starts that look back use it."""
+    """One flight as the task uses it: the clean airborne spans, and its groups. ``recorded``: the flight on its
+    original clock, if ``flight`` has another one; only starts that look back use it."""
 
     flight: Flight
     spans: tuple[Span, ...]
@@ -257,8 +257,8 @@ def battery_group(level: int) -> str:
 def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, WindowErrors]],
              seed: int = 0, sessions: Sessions | None = None, start: str = "centred") -> list[PredictionRow]:
     """Rows by group: ``all``, seen and unseen families, each family, each speed, and battery voltages at the start of
-    the windows. sessions: of all recordings of the run; None: of the scored ones alone. With the published start,
-    the published table is added."""
+    the windows. ``sessions``: of all recordings of the run; None: of the scored ones alone. With the published
+    start, the published table is added."""
     rows = []
     scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)

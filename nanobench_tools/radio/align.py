@@ -27,9 +27,9 @@ FEWEST = 20
 class Alignment:
     """host = start_s + tick_s * rate, for ``tick_s`` unwrapped seconds since ``first_tick_s``.
 
-    down_s: time of the fastest packet on its way; ci95_s: +- of host times if both ways take equally long; bound_s: +-
-    whatever the link does; round_trip_s: the shortest, nan without echoes; late_s: median of what packets waited
-    beyond the fastest.
+    ``down_s``: time of the fastest packet on its way; ``ci95_s``: +- of host times if both ways take equally long;
+    ``bound_s``: +- whatever the link does; ``round_trip_s``: the shortest, nan without echoes; ``late_s``: median of
+    what packets waited beyond the fastest.
     """
 
     start_s: float

@@ -24,7 +24,7 @@ from ..errors import InputError
 MAGIC = b"nanobench packets 1\n"
 FLUSH_S = 0.05
 SYNC_S = 1.0
-"""The system is asked to put it on the disk this often: what a power cut may take."""
+"""Interval at which the file is flushed to the disk, s: what a power cut may lose."""
 CLOSE_S = 20.0
 """A disk, or a server with files, that takes longer for what waits at the end is given up."""
 LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
@@ -72,7 +72,7 @@ class PacketWriter:
         self.write(NOTE, TEXT, time_s, text.encode()[:60_000])
 
     def sheet(self, time_s: float, content: Mapping[str, Any]) -> None:
-        """What is known of the flight; the last one counts."""
+        """The flight's sheet; the last one counts."""
         self.write(NOTE, SHEET, time_s, json.dumps(content).encode())
 
     def close(self) -> None:

@@ -64,7 +64,7 @@ class Exported:
 
 def export(raw: Path, folder: Path | None = None, stamps: str = "aligned") -> Exported:
     """Writes NAME.csv, NAME_metadata.yaml and .raw/NAME/*.parquet into ``folder`` (by default where the raw recording
-    was made). stamps: ``aligned``, or ``arrival`` for times of arrival as other loggers write them.
+    was made). ``stamps``: ``aligned``, or ``arrival`` for times of arrival as other loggers write them.
 
     Raises InputError for a file that is no raw recording or holds too little.
     """

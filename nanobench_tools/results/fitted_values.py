@@ -18,8 +18,8 @@ class Value(Result):
 
 @dataclass(frozen=True, repr=False)
 class Estimate(Result):
-    """A parameter; ci95: 95 % interval; ci_why: why it is missing or not to be trusted; prior_share: how much of the
-    value is prior knowledge, 1 where the flights cannot identify it, None where no prior was weighed."""
+    """A parameter; ``ci95``: 95 % interval; ``ci_why``: why it is missing or not to be trusted; ``prior_share``: how
+    much of the value is prior knowledge, 1 where the flights cannot identify it, None where no prior was weighed."""
 
     value: float
     ci95: tuple[float, float] | None

@@ -30,8 +30,8 @@ KEYS = {"value", "does", "set_on"}
 
 @dataclass(frozen=True)
 class Setting:
-    """key: AREA.MODULE.NAME. value: a number, text, or tuples and dictionaries of them, in ``unit``. set_on: name in
-    ``recordings.toml``. how: how the value was found there, where that is known."""
+    """``key``: AREA.MODULE.NAME. ``value``: a number, text, or tuples and dictionaries of them, in ``unit``.
+    ``set_on``: name in ``recordings.toml``. ``how``: how the value was found there, where that is known."""
 
     key: str
     value: Any
@@ -47,8 +47,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class Recordings:
-    """What a number was set on. kind: ``real``, ``SYNTHETIC``, ``both`` or ``unknown``; n: how many, as text with what
-    is counted, empty where nobody wrote it down; what: in a sentence."""
+    """What a number was set on. ``kind``: ``real``, ``SYNTHETIC``, ``both`` or ``unknown``; ``n``: how many, as text
+    with what is counted, empty where nobody wrote it down; ``what``: in a sentence."""
 
     name: str
     kind: str

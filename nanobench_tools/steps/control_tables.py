@@ -79,7 +79,7 @@ def _order(value: float | None) -> float:
 @dataclass(frozen=True, repr=False)
 class Together(Result):
     """One controller over all references: medians over them, the largest worst decile, the mean share of lost ones;
-    gain_over: of each controller to beat (least gain, references better by 30 %, references)."""
+    ``gain_over``: of each controller to beat (least gain, references better by 30 %, references)."""
 
     controller: str
     information: str

@@ -32,7 +32,7 @@ Errors = Mapping[str, Mapping[str, float]]
 @dataclass(frozen=True, repr=False)
 class Bound(Result):
     """Errors of the simulator, with a network beside it and with what was named, over so many flights and windows;
-    share: of what the network takes away, what the names do, None where it takes away nothing."""
+    ``share``: of what the network takes away, what the names do, None where it takes away nothing."""
 
     flights: int
     windows: int

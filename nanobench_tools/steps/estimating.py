@@ -85,10 +85,10 @@ def estimate_body(options: Options, seen: Seen, protocols: Sequence[str] = (), m
                   aidings: Sequence[Aiding] | None = None, further: Sequence[Any] = ()) -> EstimateBody:
     """estimate.json.
 
-    protocols: by default all that the data allow. ``methods`` replace the default ones of every protocol, ``further``
-    add to them. trajectories: whether they are written to ``--out``. aidings: arrival of poses in ``aided``, one table
-    each; the first one's trajectories are written. Raises InputError if a requested protocol (or every one) has no data
-    to score.
+    ``protocols``: by default all that the data allow. ``methods`` replace the default ones of every protocol,
+    ``further`` add to them. ``trajectories``: whether they are written to ``--out``. ``aidings``: arrival of poses in
+    ``aided``, one table each; the first one's trajectories are written. Raises InputError if a requested protocol (or
+    every one) has no data to score.
     """
     from ..auditing.usable import missing
     from ..auditing.verb_needs import TRUTH

@@ -42,8 +42,8 @@ Case = TypeVar("Case")
 
 @dataclass
 class Options:
-    """What a verb or a Python function was asked for. ``failed`` gathers the failures of reading and of items:
-    [{item, file, error}]; ``time_offsets``: what was found with the audits, see ``audit``."""
+    """Options of a verb or a Python function. ``failed`` gathers the failures of reading and of items: [{item, file,
+    error}]. ``time_offsets``: found with the audits, see ``audit``."""
 
     data: tuple[Path, ...] = ()
     out: Path | None = None
@@ -142,9 +142,8 @@ class Options:
 
     def audit(self, flights: Sequence[Flight], clocks: Sequence[Choice] = (),
               moved: Collection[str] = ()) -> tuple[dict[str, Audit], list[list[str]]]:
-        """Audits by flight name, and groups of names of copies; failures are kept. Done once, then from the store.
-
-        clocks: those that the recordings named in ``moved`` will be asked for later, found on the way."""
+        """Audits by flight name, and groups of names of copies; failures are kept. Computed once, then read from the
+        store. ``clocks``: those needed later for the recordings in ``moved``, computed at the same time."""
         from ..harness.audits import audit_flights
 
         result = audit_flights(flights, self.store, self.jobs, self.scheduler, self.progress, clocks, moved)
@@ -173,9 +172,9 @@ class Options:
 
     def selected(self, requested: Sequence[str], known: Sequence[str],
                  select: Callable[[str], list[Case]]) -> Iterator[tuple[str, list[Case]]]:
-        """(protocol, cases) of every protocol: those asked for, else all ``known`` that find something to score.
+        """(protocol, cases) of every protocol: the requested ones, else all ``known`` that have data to score.
 
-        Raises the InputError of ``select`` for a protocol that was asked for, and the last one when none finds any.
+        Raises the InputError of ``select`` for a requested protocol, and the last one if none has data.
         """
         reasons: list[InputError] = []
         unknown: list[str] = []
@@ -250,9 +249,9 @@ class Options:
             self.show(part)
 
     def show(self, part: Any, most: int | None = None) -> None:
-        """A table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``; at most ``most`` lines of a
-        table of ours. In a file or pipe a row of a table or a text is one line, however wide. A reader that has gone
-        (head, less) does not stop the work."""
+        """Print a table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``; at most ``most``
+        lines of a table of ours. In a file or pipe a row or a text is one line of any width. A closed pipe (head,
+        less) does not stop the work."""
         if self.silent or part == "" or (isinstance(part, Table) and not part.rows):
             return
         if isinstance(part, str):
@@ -318,8 +317,8 @@ def _kinds(flights: Sequence[Flight]) -> str:
 
 
 def readable(text: str) -> str:
-    """``text`` with bytes of a file name that are not UTF-8 as ``\\udcff``: Python keeps them as lone surrogates, which
-    no file takes."""
+    """``text`` with bytes of a file name that are not UTF-8 as ``\\udcff``. Python keeps them as lone surrogates, which
+    files cannot contain."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -335,7 +334,7 @@ def cores() -> int:
 
 def clock_line(clock: str, time_offsets: Sequence[TimeOffset | None], evidence: Sequence[str],
                judged: Sequence[str]) -> str:
-    """What ``--clock`` did to the recordings: who voted, how many moved, how many could not be told."""
+    """Effect of ``--clock`` on the recordings: streams used, number of moving clocks, number of unknown ones."""
     moving = sum(found is not None and found.moving for found in time_offsets)
     constant = sum(time_offset is not None and not time_offset.moving for time_offset in time_offsets)
     label = f"clock {clock}" + (f", for judging logged {' and '.join(judged)}" if judged else "")

@@ -79,8 +79,8 @@ def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) ->
 def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Mapping[str, str] | None = None,
             swings: tuple[Sequence[Swing], Sequence[Swing]] = ((), ()), least: int = FEWEST,
             started: float | None = None) -> dict[str, Any]:
-    """verdict.json of the flights ``trims``. left_out {recording: why}: without a trim. swings: of them and of the
-    normal flights. least: minimum number of flights for an identification."""
+    """verdict.json of the flights ``trims``. left_out {recording: why}: without a trim. ``swings``: of them and of the
+    normal flights. ``least``: minimum number of flights for an identification."""
     started = time.perf_counter() if started is None else started
     left_out = dict(left_out or {})
     if not trims:

@@ -48,8 +48,9 @@ LEAST_S = number("mismatch.periodic.least_s")
 class Swing:
     """Spectrum of one flight.
 
-    power (FREQUENCIES, 2): residual forward and left over its level outside the mode. runs: number of runs averaged.
-    moments (FREQUENCIES, 3): of the residual, forward^2, left^2 and their product, (m/s^2)^2 s. nan without tilt.
+    ``power`` (FREQUENCIES, 2): residual forward and left over its level outside the mode. ``runs``: number of runs
+    averaged. ``moments`` (FREQUENCIES, 3): of the residual, forward^2, left^2 and their product, (m/s^2)^2 s. nan
+    without tilt.
     """
 
     power: np.ndarray

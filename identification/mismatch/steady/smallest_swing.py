@@ -30,9 +30,9 @@ LEAN_DEG = number("mismatch.smallest_swing.lean_deg")
 def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: float) -> dict[str, Any]:
     """{minimum_detectable, unit, axes, band_hz, string_m, force_N, load_g, by_hz, share_found}.
 
-    minimum_detectable: amplitude [m/s^2] along an observed axis, the largest over the band; None without a limit, and
-    ``why`` gives the reason. force_N: on a vehicle of this mass. load_g: the load that pulls so at LEAN_DEG. by_hz:
-    [frequency, amplitude].
+    ``minimum_detectable``: amplitude [m/s^2] along an observed axis, the largest over the band; None without a limit,
+    and ``why`` gives the reason. ``force_N``: on a vehicle of this mass. ``load_g``: the load that pulls so at
+    LEAN_DEG. ``by_hz``: [frequency, amplitude].
     """
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     nothing = {"minimum_detectable": None, "unit": "m/s^2"}
@@ -66,8 +66,8 @@ def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: floa
 
 def _smallest(power: np.ndarray, usual: np.ndarray, unit: np.ndarray, run_s: np.ndarray, k: int,
               least: float) -> float:
-    """Smallest detected amplitude of a swing at frequency k of one axis; nan without one. power (flights, F) and usual
-    (F,) of this axis; unit and run_s (flights,)."""
+    """Smallest detected amplitude of a swing at frequency k of one axis; nan without one. ``power`` (flights, F) and
+    usual (F,) of this axis; unit and run_s (flights,)."""
     rng = np.random.default_rng(k)
     phase = np.exp(2j * np.pi * rng.random((PHASES, len(power))))
     step = float(frequencies()[1] - frequencies()[0])

@@ -47,7 +47,7 @@ def trims_in(values: Mapping[str, Mapping[str, Any]]) -> tuple[list[Trim], list[
 def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Model | None = None,
             nothing_added: bool = False) -> Body:
     """The vehicle: of the simulator where there is one; else a Crazyflie, its mass what the firmware's thrust curve
-    says its normal flights carried. nothing_added: to the vehicle, as its user knows."""
+    says its normal flights carried. ``nothing_added``: to the vehicle, as its user knows."""
     absent = LOADS if nothing_added else frozenset()
     vehicle = simulator.vehicle if simulator is not None else Vehicle()
     motors = np.array(vehicle.motor_positions_m, float)

@@ -73,7 +73,7 @@ class Weighed:
 
 
 def normal_of(trims: Sequence[Trim], same_day: bool = False) -> Normal:
-    """What normal flights say: two at least, since one has no spread. same_day: those asked about were flown on the
+    """What normal flights say: two at least, since one has no spread. ``same_day``: those asked about were flown on the
     same day, with the same motors and propellers."""
     values = {name: np.array([getattr(t, name) for t in trims]) for name in GROUPS}
     mean, sd, freedom = {}, {}, {}

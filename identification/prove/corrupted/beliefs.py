@@ -46,9 +46,9 @@ class Flown:
 
 @dataclass(frozen=True)
 class Belief:
-    """name in the table; term that is wrong; start of the search for a size, most that makes sense; believe (nominal,
-    x, flown) -> simulator; inputs of the vehicles it can be given to; turns: only seen where turning is; ``once``: the
-    belief has one size; has: term that the nominal simulator has to have."""
+    """name in the table; term that is wrong; start of the search for a size, most that makes sense; ``believe``
+    (nominal, x, flown) -> simulator; inputs of the vehicles it can be given to; ``turns``: only seen where turning
+    is; ``once``: the belief has one size; ``has``: term that the nominal simulator has to have."""
 
     name: str
     term: str

@@ -38,8 +38,9 @@ class Rates(Result):
 
 @dataclass(frozen=True, repr=False)
 class CorruptedProof(Result):
-    """corrupted.json. by_belief, by_size (size over the smallest that predictions show), by_vehicle, by_kind; controls:
-    what is identified with each nominal simulator; calibration: [stated confidence, share right, findings]."""
+    """corrupted.json. by_belief, by_size (size over the smallest that predictions show), by_vehicle, by_kind;
+    ``controls``: what is identified with each nominal simulator; ``calibration``: [stated confidence, share right,
+    findings]."""
 
     engine: str
     seed: int

@@ -14,10 +14,11 @@ from nanobench_tools.physics import Vehicle
 
 @dataclass(frozen=True)
 class VehicleSource:
-    """One vehicle. folder: below the root of the recordings; vehicle: mass, input; train, groups, of_a_group: flights
-    that fit the nominal simulator, number of groups, and flights of each; label: entry of ``labels.json`` that its
-    flights have; estimated_pose: the logged estimate, which motion capture fed, is the pose; fit: ``greybox`` (motor
-    commands), ``along`` (forces and moments along the measured states); credit: source of the recordings."""
+    """One vehicle. ``folder``: below the root of the recordings; ``vehicle``: mass, input; ``train``, ``groups``,
+    ``of_a_group``: flights that fit the nominal simulator, number of groups, and flights of each; ``label``: entry
+    of ``labels.json`` that its flights have; ``estimated_pose``: the logged estimate, which motion capture fed, is
+    the pose; ``fit``: ``greybox`` (motor commands), ``along`` (forces and moments along the measured states);
+    ``credit``: source of the recordings."""
 
     name: str
     folder: str

@@ -22,8 +22,9 @@ Severity = Literal["cut", "corrected", "noted", "information"]
 
 @dataclass(frozen=True)
 class Blind:
-    """A data fault that ``nanobench prove`` may deal: size and options of the injection. everywhere: the whole logging
-    setup is wrong, not one flight. ``place`` orders the deck, so that a seed keeps its cases when a kind is added."""
+    """A data fault that ``nanobench prove`` may deal: size and options of the injection. ``everywhere``: the whole
+    logging setup is wrong, not one flight. ``place`` orders the deck, so that a seed keeps its cases when a kind is
+    added."""
 
     size: float | None
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -53,20 +54,22 @@ class FaultKind:
     """One kind of fault. ``find(flight, context)`` lists the faults of a recording. ``doc``: the docstring of its file,
     which begins with ``name: sentence.`` and contains ``Smallest found: ...``.
 
-    Effect. cuts: its rows must not be used. spares: streams in which it leaves the other streams intact. corrected:
-    timestamps are corrected rather than cut; ``left_s(fault)``: the largest remaining time error if such a fault is
-    found once more. cuts_logs: rows of a logged estimate or command differ from what was sent (a jump of an estimate is
-    its error and is scored); None: as ``cuts``. cuts_trim: a mean of the commands is not a trim there; None: as
-    ``cuts``.
+    Effect. ``cuts``: its rows must not be used. ``spares``: streams in which it leaves the other streams intact.
+    ``corrected``: timestamps are corrected rather than cut; ``left_s(fault)``: the largest remaining time error if such
+    a fault is found once more. ``cuts_logs``: rows of a logged estimate or command differ from what was sent (a jump of
+    an estimate is its error and is scored); None: as ``cuts``. ``cuts_trim``: a mean of the commands is not a trim
+    there; None: as ``cuts``.
 
-    Extent. whole: in every row of the recording. across: faults in several streams are one event. log_ended: the log of
-    the stream stopped, and its end is the end of the recording, also after timestamps are corrected.
+    Extent. ``whole``: in every row of the recording. ``across``: faults in several streams are one event.
+    ``log_ended``: the log of the stream stopped, and its end is the end of the recording, also after timestamps are
+    corrected.
 
-    Text. told: an event in plain words, without a full stop (``fault_events`` defines {streams}, {columns}, {count},
-    {seconds}, {size} ...); empty: the first sentence of ``doc``. advice: what to do. in_overview: False if rates and
-    numbers of samples show it already. in_diagnosis: False if irrelevant to a diagnosis of the vehicle.
+    Text. ``told``: an event in plain words, without a full stop (``fault_events`` defines {streams}, {columns},
+    {count}, {seconds}, {size} ...); if empty, the first sentence of ``doc``. ``advice``: what to do. ``in_overview``:
+    False if rates and numbers of samples show it already. ``in_diagnosis``: False if irrelevant to a diagnosis of the
+    vehicle.
 
-    injection, file_injection: an ``Injection``, or its place (``module:NAME``), loaded on demand.
+    ``injection``, ``file_injection``: an ``Injection``, or its place (``module:NAME``), loaded on demand.
     """
 
     name: str

@@ -30,8 +30,8 @@ KIND = "mocap_jump"
 
 @dataclass(frozen=True)
 class Displaced:
-    """From start_s to end_s the poses are off those of the rest; before, after: the jumps at its ends, None at an end
-    of the recording."""
+    """From start_s to end_s the poses are off those of the rest; ``before``, ``after``: the jumps at its ends, None at
+    an end of the recording."""
 
     start_s: float
     end_s: float
@@ -48,10 +48,10 @@ class Displaced:
 
 
 def displaced_stretches(context: Context) -> list[Displaced]:
-    """The stretches between jumps whose poses stand in another frame than the longest consistent part.
+    """The stretches between jumps whose poses are in another frame than the longest consistent part.
 
     A jump that a later one undoes leads back to the same frame, so stretches with the same sum of jumps belong
-    together. Jumps are known to within their limits; half of the smallest one is the most that counts as the same.
+    together. Jumps are known to within their limits; sums closer than half of the smallest limit count as the same.
     """
     jumps = context.once(mocap_jumps)
     if not jumps:

@@ -52,10 +52,10 @@ FORCES = {"specific_force_m_s2", "acceleration_m_s2"}
 class Along:
     """A measured stretch of flight, n rows ``row_s`` apart, in the order of time.
 
-    time_s (n,); position_m, velocity_m_s (n, 3) world, z up; quaternion (n, 4) x, y, z, w, body (x forward, y left, z
-    up) to world; rate_rad_s (n, 3) body; motor (n, 4) PWM ratio 0..1 of front right, back right, back left, front left;
-    battery_V (n,). Motor and battery are held from time_s to time_s + row_s. The half second before the judged stretch
-    is part of it, so that rotors can warm up; they start settled on the first row's command.
+    ``time_s`` (n,); position_m, velocity_m_s (n, 3) world, z up; ``quaternion`` (n, 4) x, y, z, w, body (x forward, y
+    left, z up) to world; ``rate_rad_s`` (n, 3) body; ``motor`` (n, 4) PWM ratio 0..1 of front right, back right, back
+    left, front left; ``battery_V`` (n,). Motor and battery are held from time_s to time_s + row_s. The half second
+    before the judged stretch is part of it, so that rotors can warm up; they start settled on the first row's command.
     """
 
     time_s: np.ndarray

@@ -45,8 +45,9 @@ class Assumed:
 class Rotors:
     """Effective numbers of a model: mass, inertia and motors (x, y, z from the centre of mass) as its terms say.
 
-    k_f [N s^2/rad^2] and k_m [N m s^2/rad^2] turn the square of a rotor speed into thrust and yaw torque; tau_s (up,
-    down) or None; hover_rad_s one rotor in hover, sum_rad_s all four; thrust_max_N one motor; assumed: what was.
+    k_f [N s^2/rad^2] and k_m [N m s^2/rad^2] turn the square of a rotor speed into thrust and yaw torque; ``tau_s``
+    (up, down) or None; hover_rad_s one rotor in hover, sum_rad_s all four; thrust_max_N one motor; ``assumed``: what
+    was.
     """
 
     mass_kg: float

@@ -37,8 +37,8 @@ class Outcome:
 
 @dataclass(frozen=True, repr=False)
 class FlightSummary(Result):
-    """What is kept of a flight beside its recording. stopped: why it landed early; loop: ``Beat.summary``; phases:
-    (name, host time of its begin)."""
+    """What is kept of a flight beside its recording. ``stopped``: why it landed early; ``loop``: ``Beat.summary``;
+    ``phases``: (name, host time of its begin)."""
 
     stopped: str | None
     loop: Mapping[str, float]

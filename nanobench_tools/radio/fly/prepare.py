@@ -33,8 +33,8 @@ ARM_S = 2.0
 
 @dataclass(frozen=True)
 class Ready:
-    """pose: of the vehicle on the ground; delay_s: from the host to the vehicle's loops; call_s: median time a
-    set-point takes to make; plan: from here."""
+    """``pose``: of the vehicle on the ground; ``delay_s``: from the host to the vehicle's loops; ``call_s``: median
+    time a set-point takes to make; ``plan``: from here."""
 
     pose: Pose
     plan: Plan

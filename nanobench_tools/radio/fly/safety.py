@@ -1,7 +1,7 @@
-"""The rules a flight is under: each looks at the situation of one tick and says why the flight has to end, or nothing.
+"""Safety rules of a flight: each looks at the situation of one tick and returns the reason to end the flight, or "".
 
-Whatever says so first ends it: the vehicle holds its place with its own loops and lands (``safety_handover``). A new
-rule is one class here and one line in ``rules``.
+The first reason ends it: the vehicle holds its place with its own loops and lands (``safety_handover``). A new rule is
+one class here and one line in ``rules``.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Rule(Protocol):
 
 @dataclass(frozen=True)
 class Limits:
-    """fence_m: least and most x, y, z; stale_s, silent_s: without poses, without a packet; battery_V under load;
-    tilt_deg, speed_m_s; overrun_s: one call of the controller; late_ticks in a row."""
+    """``fence_m``: least and most x, y, z; ``stale_s``, ``silent_s``: without poses, without a packet; battery_V under
+    load; tilt_deg, speed_m_s; ``overrun_s``: one call of the controller; late_ticks in a row."""
 
     fence_m: tuple[float, float, float, float, float, float] = (-2.0, 2.0, -2.0, 2.0, -0.1, 2.0)
     stale_s: float = 0.3
@@ -175,8 +175,8 @@ class LowBattery:
 
 
 class Sinks:
-    """The vehicle cannot hold the height it is asked for: an empty battery, or too much to carry. Such a flight would
-    end on the ground by itself, tipping over. Take-off may leave it ``MOST_M`` below for a moment."""
+    """The vehicle cannot hold the commanded height: an empty battery, or too much weight. Such a flight would hit the
+    ground and tip over. Take-off may leave it ``MOST_M`` below for a moment."""
 
     name = "sinks"
     MOST_M, FOR_S = 0.3, 1.5
@@ -278,6 +278,6 @@ class Stop:
 
 
 def first_stop(checks: Sequence[Rule], now: Situation, phase: str) -> Stop | None:
-    """What the first rule that has a reason says. Every rule is asked, as some remember."""
+    """The first rule's reason. Every rule is evaluated, since some have memory."""
     reasons = [(rule.name, rule.check(now)) for rule in checks]
     return next((Stop(name, reason, now.time_s, phase) for name, reason in reasons if reason), None)

@@ -1,8 +1,8 @@
-"""From whatever goes wrong to the ground: hold the place with the vehicle's own loops, then land by its own planner.
+"""From any fault to the ground: hold the place with the vehicle's own loops, then land by its own planner.
 
-Once landing is under way the vehicle needs the host no more. Where nothing can be sent any more, the vehicle's own
-watchdog acts: it levels out 0.5 s after the last set-point and stops its motors after 2 s (supervisor.c of firmware
-2025.12.1); the high-level commander is not under that watchdog.
+Once landing has begun the vehicle no longer needs the host. If the link is lost, the vehicle's watchdog acts: it levels
+out 0.5 s after the last set-point and stops its motors after 2 s (supervisor.c of firmware 2025.12.1). The high-level
+commander is not under that watchdog.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ BRIEF_HOLD_S = 0.2
 """Without poses a hold drifts, without lift it sinks: it is only long enough to stop the path then."""
 EVERY_S = 0.02
 AGAIN_S, TRIES = 0.05, 20
-"""Any command may be lost on its way: to land and that set-points end, in this order, are said for a second. A planner
-that lands refuses to be told again; one that is not yet told to, when set-points end, lets the vehicle fall."""
+"""Time for which the commands to land and to end set-points, in this order, are repeated, since any may be lost. A
+planner that lands refuses a repetition. If set-points end before it knows of the landing, the vehicle falls."""
 UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.05, 0.1
 """A vehicle that has not begun to sink by then is not landing, and its watchdog stops its motors half a second later.
 A planner's landing from 3 m has sunk by 7 cm; one that is given over from velocities may rise a little before."""
@@ -71,8 +71,8 @@ def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, gro
 
 def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callable[[], Believed | None],
          tick: Callable[[], None]) -> str:
-    """Lands by the vehicle's own planner from a height and waits for the end; "" or, in words, why it was taken down by
-    set-points instead."""
+    """Land by the vehicle's own planner from a height and wait for the end. Returns "", or why set-points took it down
+    instead."""
     lasts, first = _lasts(ground_m, from_m), seen()
     begun, sent, tries = clock.now(), -np.inf, 0
     while (since := clock.now() - begun) < lasts + AFTER_S:
@@ -116,7 +116,7 @@ def _lower(link: Link, clock: Clock, first: Believed | None, ground_m: float, se
 
 
 def command_landing(link: Link, ground_m: float, from_m: float) -> None:
-    """Tells the vehicle to land from a height by its own planner, a few times at once, and waits for nothing."""
+    """Command a landing from a height by the vehicle's own planner, a few times at once, without waiting."""
     for _ in range(AT_ONCE):
         _tell(link, ground_m, _lasts(ground_m, from_m))
 

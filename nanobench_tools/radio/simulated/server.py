@@ -33,11 +33,11 @@ Address = tuple[str, int]
 class SimulatedCrazyflie:
     """A vehicle that is served at ``uri`` from ``start`` to ``stop``, or within a ``with``.
 
-    port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock. build:
-    what is unusual about its firmware (a positioning deck, another protocol version). pace: seconds of the vehicle's
-    world in one of the host. report: is told in one line what happens to clients.
-    With ``own_clock`` there is no thread and no socket: time passes in ``advance``.
-    ``start`` raises InputError when an address cannot be had.
+    port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock.
+    ``build``: what is unusual about its firmware (a positioning deck, another protocol version). ``pace``: seconds of
+    the vehicle's world in one of the host. ``report``: is told in one line what happens to clients. With ``own_clock``
+    there is no thread and no socket: time passes in ``advance``. ``start`` raises InputError when an address cannot be
+    had.
     """
 
     def __init__(self, vehicle: Vehicle, host: str = "127.0.0.1", port: int = 0, *, radio: RadioOptions | None = None,

@@ -12,10 +12,10 @@ from ...results.result import Result, named
 class ClockReading(Result):
     """``offset_s`` > 0: the stream's stamps are late against the motion capture; subtract it.
 
-    ci95_s: interval of the constant offset, or None; identifiable False (offset nan) with the reason
-    in words; wander_sd_s: standard deviation of what a constant leaves of the time error, nan when unknown; warp:
-    (t_s, offset_s, sd_s) of an error that moves, empty when it was not estimated; evidence: the kinds of streams that
-    had a vote in it.
+    ``ci95_s``: interval of the constant offset, or None; identifiable False (offset nan) with the reason in words;
+    ``wander_sd_s``: standard deviation of what a constant leaves of the time error, nan when unknown; ``warp``: (t_s,
+    offset_s, sd_s) of an error that moves, empty when it was not estimated; ``evidence``: the kinds of streams that had
+    a vote in it.
     """
 
     offset_s: float

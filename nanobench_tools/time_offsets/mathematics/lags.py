@@ -50,8 +50,8 @@ class LagSums:
 
 @dataclass(frozen=True)
 class Lag:
-    """offset_s: s is late by this; half_width_s: of the 95 % interval; matrix (k, k): A; explained (k,): share of each
-    axis of s that A r(t - d) accounts for; noise (k,): mean square of the rest."""
+    """``offset_s``: s is late by this; ``half_width_s``: of the 95 % interval; ``matrix`` (k, k): A; ``explained``
+    (k,): share of each axis of s that A r(t - d) accounts for; ``noise`` (k,): mean square of the rest."""
 
     offset_s: float
     half_width_s: float

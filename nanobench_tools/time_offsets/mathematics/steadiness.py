@@ -20,8 +20,9 @@ SURELY_SD = number("audit.steadiness.surely_sd")
 
 @dataclass(frozen=True, kw_only=True)
 class Steadiness:
-    """slope (s/s) with slope_sd; span_s; wander_sd_s: scatter beyond noise and slope; noise_sd_s: scatter of one of
-    ``blocks`` nearly independent readings without any clock error; p_drift, p_wander: chance of as much without one."""
+    """slope (s/s) with slope_sd; span_s; ``wander_sd_s``: scatter beyond noise and slope; ``noise_sd_s``: scatter of
+    one of ``blocks`` nearly independent readings without any clock error; ``p_drift``, ``p_wander``: chance of as
+    much without one."""
 
     slope: float
     slope_sd: float

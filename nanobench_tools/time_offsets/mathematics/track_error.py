@@ -28,9 +28,9 @@ FULL_ROWS = count("audit.track_error.full_rows")
 
 @dataclass(frozen=True, kw_only=True)
 class TrackError(Steadiness):
-    """time_s, late_s (n,): rows fast enough and how late each position is beyond the mean and the slope; wander_sd_s:
-    its scatter beyond that across, which is noise_sd_s, as a time; mean_sd_s: how well these rows tell the mean of the
-    whole recording."""
+    """``time_s``, ``late_s`` (n,): rows fast enough and how late each position is beyond the mean and the slope;
+    ``wander_sd_s``: its scatter beyond that across, which is noise_sd_s, as a time; ``mean_sd_s``: how well these
+    rows tell the mean of the whole recording."""
 
     time_s: np.ndarray
     late_s: np.ndarray

@@ -19,11 +19,11 @@ from .votes import AS_RECORDED, voters
 
 
 def find_time_offset(flight: Flight, clock: str, judged: Iterable[str] = ()) -> TimeOffset | None:
-    """What to take out of the stamps of ``flight`` for ``clock`` (``votes.CLOCKS``) where ``judged`` (of
-    ``votes.ESTIMATES``) are judged on it; None when it cannot be identified.
+    """Correction of the timestamps of ``flight`` for ``clock`` (``votes.CLOCKS``), if ``judged`` (of
+    ``votes.ESTIMATES``) are judged on it; None if it cannot be identified.
 
-    Uses the motion capture of the whole flight: right for asking what limits a method, never for an online claim.
-    UsageError where the clock may not judge them.
+    Uses the motion capture of the whole flight: suitable for finding what limits a method, never for an online claim.
+    Raises UsageError if the clock may not judge them.
     """
     judged = judged if isinstance(judged, str) else tuple(judged)
     _kinds(clock, judged)  # an impossible choice is said before anything is computed
@@ -53,10 +53,10 @@ def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("po
     """A copy with every stream moved to the motion capture's clock: the moving error where other streams confirm it,
     else the constant offset; ``Stream.time_sd_s`` says how well, ``provenance.notes`` what was done.
 
-    clock: ``retimed``, ``joint`` or ``offset``; judged: which logged estimates you will judge on it, so that they get
-    no vote (``votes``); ``joint`` needs ``judged=()``. Values, their order and ``samples`` stay. InputError where no
-    time error can be identified, and where stamps were moved before: what is left would be taken for a time error once
-    more.
+    ``clock``: ``retimed``, ``joint`` or ``offset``; ``judged``: which logged estimates you will judge on it, so that
+    they get no vote (``votes``); ``joint`` needs ``judged=()``. Values, their order and ``samples`` stay. InputError
+    where no time error can be identified, and where stamps were moved before: what is left would be taken for a time
+    error once more.
     """
     if flight.provenance.clock_evidence:
         raise InputError(flight.provenance.path, "its stamps were moved before, by "

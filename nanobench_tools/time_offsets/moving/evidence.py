@@ -28,8 +28,8 @@ MARGIN_S = number("retiming.evidence.margin_s")
 """The truth is held so far beyond its ends, so that shifted stamps stay on the grid."""
 
 DETREND_S = number("retiming.evidence.detrend_s")
-"""Slow differences that are not time (drag, tilt of the frames, yaw drift) are removed below 1 / DETREND_S; the time
-error itself has forgotten its past after 0.5 s."""
+"""Slow differences that are not time (drag, tilt of the frames, yaw drift) are removed below 1 / DETREND_S. The time
+error itself loses its memory after 0.5 s."""
 
 LAGS_S = number("retiming.evidence.lags_s")
 """A stream's constant lag is sought within +-LAGS_S of the delay believed so far."""
@@ -40,7 +40,7 @@ ENOUGH = count("retiming.evidence.enough")
 ALIKE_S = number("retiming.evidence.alike_s")
 """Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
 FARTHEST_SD = number("retiming.evidence.farthest_sd")
-"""Errors count up to so many standard deviations where it is asked how alike neighbours are."""
+"""Limit of errors, in standard deviations, in the correlation of neighbours."""
 LEAST_WEIGHT = number("retiming.evidence.least_weight")
 """Weight of a row, at least."""
 ALIKE = number("retiming.evidence.alike")
@@ -205,8 +205,8 @@ def _measured(kind: Kind, stream: Stream) -> np.ndarray:
 
 
 def collect(context: Context, kinds: tuple[str, ...], start_s: float, end_s: float) -> list[Evidence]:
-    """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``; what is absent or has fewer
-    than 100 usable samples is left out."""
+    """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``, without kinds of fewer than 100
+    usable samples."""
     truth = context.once(derivatives_of)
     if truth is None:
         return []

@@ -1,7 +1,8 @@
-"""The time error of one clock over time, from whatever another clock can predict: a hidden Markov chain's posterior.
+"""Time error of one clock over time, from everything that another clock can predict: posterior of a hidden Markov
+chain.
 
-``smooth_delay`` is the inference; ``infer`` gathers what a flight has and calls it. Whether to believe the result is
-another question (``confirm``).
+``smooth_delay`` is the inference; ``infer`` gathers the evidence of a flight and calls it. ``confirm`` decides whether
+to accept the result.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ INFLATION = number("retiming.infer.inflation")
 """The posterior of a clock without the position is too sure by this factor."""
 
 RATES: tuple[float, ...] = setting("retiming.infer.rates")
-"""A link delivers as ``delivery`` says or moves the delay ten times as rarely, at even odds: asked only where a moving
-clock is compared with constants."""
+"""Even odds that a link delivers as ``delivery`` describes or moves the delay ten times as rarely. Used only to compare
+a moving clock with constants."""
 
 PASSES = count("retiming.infer.passes")
 BESIDE_S = number("retiming.infer.beside_s")
@@ -93,8 +94,8 @@ Steps = Callable[[np.ndarray], np.ndarray | None]
 
 @dataclass(frozen=True)
 class Grid:
-    """The delays sought, ``stride`` cells apart, and how they may move: log_transition (n, b) and ``up`` as in
-    ``hmm.posterior``; log_prior (b,): its part that holds without evidence."""
+    """The candidate delays, ``stride`` cells apart, and their transitions: log_transition (n, b) and ``up`` as in
+    ``hmm.posterior``. ``log_prior`` (b,): its part without evidence."""
 
     stride: int
     first: int
@@ -158,9 +159,9 @@ def _posterior(evidence: list[Evidence], rows_s: np.ndarray, grid: Grid, delay: 
 
 
 def _log_ratio(likelihood: np.ndarray, grid: Grid) -> float:
-    """Logarithm of how much likelier all paths together are than all constants together; how often the delay moves is
-    not known (RATES). At the full rate alone, where steps are seen to be rare, a clock that moves rarely but far would
-    lose to one that never moves."""
+    """Log likelihood ratio of all paths together to all constants together. The rate at which the delay moves is
+    unknown (RATES). At the full rate alone, where steps are rare, a clock that moves rarely but far would lose to a
+    constant one."""
     stay = grid.log_transition.shape[1] - 1 - grid.up
     known = grid.log_transition - grid.log_prior
     constants = np.logaddexp.reduce(likelihood.sum(axis=0)) - np.log(likelihood.shape[1]) + known[1:, stay].sum()

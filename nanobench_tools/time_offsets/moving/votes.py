@@ -51,7 +51,7 @@ def evidence_of(flights: Iterable[Flight]) -> list[str]:
 
 
 def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
-    """What a row says it was given of ``clock``; ``evidence``: the kinds of streams that had a vote in it; moving:
+    """What a row says it was given of ``clock``; ``evidence``: the kinds of streams that had a vote in it; ``moving``:
     whether any of its flights had a moving error taken out."""
     heard = list(evidence)
     if clock == AS_RECORDED:

@@ -21,8 +21,8 @@ Sizes = Mapping[str, tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Body:
-    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it
-    flew at; swing: a periodic force that the flights show, or None; absent: causes that the user knows it is not."""
+    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it flew at;
+    ``swing``: a periodic force that the flights show, or None; ``absent``: causes that the user knows it is not."""
 
     motors: np.ndarray
     mass_kg: float
@@ -42,10 +42,10 @@ class Size:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One way a cause may act: at ``motors``, with sizes drawn from their ranges. gains (n, 4): change of the ln
-    thrust that the commands ask for; push (n, 2) m/s^2 of horizontal force over mass. spread: instead of draws,
-    {quantity: sd} of Gaussian changes without further shape. share: of the cause's prior. seen: how likely it makes it
-    that the flights show as much of a swing as they do."""
+    """One way a cause may act: at ``motors``, with sizes drawn from their ranges. ``gains`` (n, 4): change of the ln
+    thrust that the commands ask for; ``push`` (n, 2) m/s^2 of horizontal force over mass. ``spread``: instead of
+    draws, {quantity: sd} of Gaussian changes without further shape. ``share``: of the cause's prior. ``seen``: how
+    likely it makes it that the flights show as much of a swing as they do."""
 
     cause: str
     motors: tuple[int, ...]
