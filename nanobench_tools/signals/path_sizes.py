@@ -15,12 +15,11 @@ from ..settings import number
 from ..units import GRAVITY_M_S2
 from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, pull_of, spans
 from .context import Context
-from .flown_axes import BAND_HZ
 from .held_poses import POSITION, ROTATION
-from .mocap_derivatives import derivatives_of
-from .paired_signals import FEWEST_ROWS, band_limited, flying_rows
+from .paired_signals import FEWEST_ROWS
 from .plausible_ranges import WrongUnit
 from .pose_frame import posed
+from .tilt_heading import FOLLOWS, tilt_and_acceleration
 from .usable_rows import typical_step_s, usable_streams
 
 PATHS = {"mocap": POSITION, "estimator": ("x", "y", "z")}
@@ -34,10 +33,8 @@ MOVES_M = number("audit.path_sizes.moves_m")
 """A path of this extent is no hover: the vehicle accelerated."""
 LEAST_M_S2 = number("audit.path_sizes.least_m_s2")
 """Such a path has accelerations above this in a hundredth of its rows."""
-FOLLOWS = number("audit.path_sizes.follows")
-"""Correlation of tilt and acceleration along one axis from which on their ratio is compared with gravity."""
 TILT_APART = number("audit.path_sizes.tilt_apart")
-"""And by which factor it then differs, at least."""
+"""Where tilt and acceleration along one axis correlate, a unit mistake makes them differ by this factor, at least."""
 SHORTEST_STEP_S = number("audit.path_sizes.shortest_step_s")
 """Accelerations are taken over rows at least this far apart, so that noise of the poses does not decide."""
 LEAST_TURN = number("audit.path_sizes.least_turn")
@@ -67,14 +64,12 @@ def wrong_paths(context: Context) -> list[WrongUnit]:
 
 def _tilted(context: Context) -> WrongUnit | None:
     """Axes of the tracked position whose acceleration is not what the tilt gives."""
-    truth, use = context.once(derivatives_of), context.once(flying_rows)
-    if truth is None or use.sum() < FEWEST_ROWS:
+    both = context.once(tilt_and_acceleration)
+    if both is None:
         return None
-    thrust = GRAVITY_M_S2 * so3.rotate(truth.quaternion, np.array([0.0, 0.0, 1.0]))[:, :2]
-    both = band_limited(np.stack([truth.acceleration_m_s2[:, :2], thrust]), (BAND_HZ[0], BAND_HZ[1]))[:, use]
-    moved, tilt = np.sqrt(np.mean(both**2, axis=1))
+    size = np.sqrt(np.mean(both[:2] ** 2, axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
-        follows, ratio = np.mean(both[0] * both[1], axis=0) / (moved * tilt), moved / tilt
+        follows, ratio = np.mean(both[0] * both[1], axis=0) / (size[0] * size[1]), size[0] / size[1]
     wrong = [k for k in range(2) if follows[k] > FOLLOWS and abs(np.log(ratio[k])) > np.log(TILT_APART)]
     if not wrong:
         return None

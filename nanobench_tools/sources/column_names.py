@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Container, Iterable, Sequence
 
@@ -122,8 +123,17 @@ def is_wanted(column: str) -> bool:
 
 
 def bare(column: str) -> str:
-    """A name without the unit in brackets behind it and without ``field.`` before it."""
-    return _UNIT.sub("", column).strip().removeprefix("field.") or column
+    """A name without the unit in brackets behind it and without ``field.`` before it, with the points of its
+    ecosystem: ``stateEstimate_pitch`` is ``stateEstimate.pitch``."""
+    name = _UNIT.sub("", column).strip().removeprefix("field.") or column
+    return _pointed().get(name.replace("/", "_"), name)
+
+
+@functools.cache
+def _pointed() -> dict[str, str]:
+    """Names of which only one ecosystem has them, by their spelling without points."""
+    return {k.name.replace(".", "_"): k.name for key in keys() for k in ecosystem(key).names
+            if "." in k.name and not k.plain}
 
 
 def topic_in(stem: str) -> str:
@@ -147,7 +157,8 @@ def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
             system = Ecosystem(key, f"{system.title} {topic}".strip(), system.origin, names)
         own = {k.name for k in system.names if not k.plain}
         all_names = {k.name for k in system.names}
-        if there & own or (2 * len(there & all_names) >= len(there) and len(there & all_names) > 2):
+        stated = key == "px4" and topic and there & {k.name for k in system.names if k.topic}
+        if stated or there & own or (2 * len(there & all_names) >= len(there) and len(there & all_names) > 2):
             found.append(system)
     return found
 

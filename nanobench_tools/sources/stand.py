@@ -29,7 +29,7 @@ _NAMES = {
     "pwm": ("pwm", "pwm16"),
     "rpm": ("rpm", "rpm"),
     "vbat": ("vbat", "V"), "voltage": ("vbat", "V"), "battery_voltage": ("vbat", "V"),
-    "weight": ("thrust", "gram_force"), "thrust": ("thrust", "gram_force"),
+    "weight": ("thrust", "gram_force"), "thrust": ("thrust", ""),
     "i": ("current", "A"), "current": ("current", "A"),
     "esc": ("esc", ""), "esc_signal": ("esc", ""), "throttle": ("esc", ""),
     "motor_optical_speed": ("one_rpm", "rpm"), "motor_speed": ("one_rpm", "rpm"),
@@ -173,6 +173,9 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         stream, quantity = _PLACES[head.base]
         allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
         if not head.unit:
+            if head.base == "thrust":
+                raise InputError(f"{place}: column {head.column}", "a thrust without a unit: g or N?",
+                                 f"write it behind the name: {head.column} (g), (N) or (kgf)")
             head = replace(head, unit=_share(grid.columns[head.column], head.column, place))
         if head.unit in LARGEST_COMMAND and stream == "motor":
             _check_command(grid.columns[head.column], head, place)

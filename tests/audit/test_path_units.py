@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.tilt_heading import wrong_heading
 from nanobench_tools.signals.unit_sign_errors import wrong_units
 
 STEP_S = 1 / 30
@@ -73,3 +75,33 @@ def test_a_quaternion_whose_scalar_is_scaled():
     values[:, 3:] = camera / np.linalg.norm(camera) * [1, 1, 1, 0.001]
     poses = replace(flight["mocap"], values=values)
     assert ("mocap", "qw") in reported(flight.with_streams(mocap=poses))
+
+
+@pytest.mark.parametrize("turn_deg", [90.0, 180.0, -90.0])
+def test_an_attitude_in_a_world_of_another_heading(turn_deg):
+    flight = multirotor(noise_m=2e-4)
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    values = flight["mocap"].values.copy()
+    values[:, :2] = values[:, :2] @ np.array([[c, s], [-s, c]])
+    found = wrong_heading(Context(flight.with_streams(mocap=replace(flight["mocap"], values=values))))
+    assert wrong_heading(Context(flight)) is None
+    assert found is not None
+    assert found[0] == pytest.approx(abs(np.radians(turn_deg)), abs=0.1)
+
+
+def test_inverted_quaternions():
+    found = wrong_heading(Context(turning_about_z(inverted=True)))
+    assert wrong_heading(Context(turning_about_z())) is None
+    assert found is not None
+    assert "inverted" in found[1]
+
+
+def turning_about_z(inverted=False):
+    """The flight of ``multirotor`` with a heading that goes round in 9 s."""
+    flight = multirotor(noise_m=2e-4)
+    poses = flight["mocap"]
+    tilt = Rotation.from_quat(poses[POSES[3:]])
+    turn = tilt * Rotation.from_euler("z", 2 * np.pi * poses.time_s[:, None] / 9.0)
+    values = poses.values.copy()
+    values[:, 3:] = (turn.inv() if inverted else turn).as_quat()
+    return flight.with_streams(mocap=replace(poses, values=values))

@@ -208,3 +208,19 @@ def test_dates_are_times_and_other_text_is_none(tmp_path, nanobench):
     code, _, err = nanobench("columns", path)
     assert code == 2
     assert "of text: 'datetime'" in err
+
+
+@pytest.mark.parametrize(("name", "columns", "key", "sign", "frame"), [
+    ("log", ("stateEstimate_x", "stateEstimate_pitch"), ("attitude", "pitch"), "sign = -1", ""),
+    ("log", ("stateEstimate/x", "stateEstimate/pitch"), ("attitude", "pitch"), "sign = -1", ""),
+    ("log_sensor_gyro_0", ("timestamp", "x", "y", "z", "temperature", "samples"), ("imu", "gyro_x"), "", "FRD"),
+    ("log_vehicle_attitude_groundtruth_0", ("timestamp", "q[0]", "q[1]", "q[2]", "q[3]"), ("mocap", "qw"), "",
+     "NED/FRD")])
+def test_names_of_an_ecosystem_in_other_spellings_and_topics(tmp_path, name, columns, key, sign, frame):
+    path = tmp_path / f"{name}.csv"
+    columns = {c: np.full(50, 0.5) for c in columns} | {"timestamp": np.arange(50) * 10_000.0}
+    write(path, columns)
+    draft = draft_columns(path)
+    assert key in draft.mapped
+    assert sign in draft.text
+    assert not frame or f'frame = "{frame}"' in draft.text

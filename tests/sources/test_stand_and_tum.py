@@ -11,6 +11,12 @@ from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.stand import heading
 
 
+def test_a_thrust_without_a_unit_is_asked_about(tmp_path):
+    (tmp_path / "a.csv").write_text("throttle,thrust,voltage\n0.1,0.4,16\n0.9,7.5,15.5\n")
+    (failure,) = load_recordings([tmp_path], cache=False).failed
+    assert "column thrust: a thrust without a unit: g or N?" in failure["error"]
+
+
 def load(folder):
     return load_recordings([folder], cache=False)
 

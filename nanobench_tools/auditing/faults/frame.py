@@ -1,7 +1,8 @@
 """frame: a stream is in other axes than it should be, turned as a whole (FRD for FLU, NED for z up, y up).
 
 Found by what the vehicle does. The tracked poses: a multirotor speeds up towards the side to which it tilts, and flies
-above the ground on which it stood (``signals.flown_axes``). The other streams: their correlation with what the motion
+above the ground on which it stood (``signals.flown_axes``); inverted quaternions and an attitude in a world of another
+heading tilt to another side (``signals.tilt_heading``). The other streams: their correlation with what the motion
 capture predicts, and gravity, for each of the 24 rotations by quarter and half turns (``signals.stream_frames``). Gyro
 and accelerometer turn together, poses and attitude together, and an axis that does not move turns with the others. One
 negated column is ``sign``, two that changed places ``axis_swap``.
@@ -23,6 +24,7 @@ from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
 from ...signals.stream_frames import StreamTurn, assignments, how, in_words, pose_turn, stream_turns
+from ...signals.tilt_heading import wrong_heading
 from ...sources.axes import name_of
 from .kind import FaultKind
 from .making import SINCE, over_stream
@@ -55,6 +57,10 @@ def _poses(context: Context) -> list[Fault]:
     frame = context.once(pose_frame)
     world, body, why = context.once(pose_turn)
     alone = set(context.flight.streams) == {"mocap"}
+    if not why and (heading := context.once(wrong_heading)) is not None:
+        return [over_stream(KIND, context.flight, "mocap", ROTATION, heading[0], "rad",
+                            f"the vehicle does not speed up towards the side to which it tilts: {heading[1]}",
+                            math.pi / 2)]
     if not why or frame.foreign_rad or (alone and np.array_equal(world, np.eye(3))):
         return []
     stream = context.flight["mocap"]

@@ -1,0 +1,60 @@
+"""Whether the tracked attitude tilts where the path accelerates: it does not if the quaternions are inverted, or if
+attitude and position are given in worlds that are turned about the vertical."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .. import so3
+from ..settings import number
+from ..units import GRAVITY_M_S2
+from .context import Context
+from .flown_axes import BAND_HZ
+from .mocap_derivatives import derivatives_of
+from .paired_signals import FEWEST_ROWS, band_limited, flying_rows
+
+FOLLOWS = number("audit.tilt_heading.follows")
+"""Correlation of tilt and acceleration from which on they are compared."""
+TURNED_RAD = number("audit.tilt_heading.turned_rad")
+"""Angle between tilt and acceleration from which on the attitude is in another frame."""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def tilt_and_acceleration(context: Context) -> np.ndarray | None:
+    """(3, n, 2) m/s^2, world, band-limited, in the air: horizontal acceleration of the tracked path, that which the
+    tilt gives, and that which the tilt of the inverted quaternions would give. None with less than three seconds."""
+    truth, use = context.once(derivatives_of), context.once(flying_rows)
+    if truth is None or use.sum() < FEWEST_ROWS:
+        return None
+    tilts = [GRAVITY_M_S2 * turn(truth.quaternion, UP)[:, :2] for turn in (so3.rotate, so3.rotate_inverse)]
+    return band_limited(np.stack([truth.acceleration_m_s2[:, :2], *tilts]), (BAND_HZ[0], BAND_HZ[1]))[:, use]
+
+
+def wrong_heading(context: Context) -> tuple[float, str] | None:
+    """Angle [rad] of the turn between attitude and path, and what to do about it in words; None where they agree or
+    nothing shows it."""
+    both = context.once(tilt_and_acceleration)
+    if both is None:
+        return None
+    path, tilt, inverted = (v[:, 0] + 1j * v[:, 1] for v in both)
+    angle, follows = _turn(tilt, path)
+    if follows < FOLLOWS or abs(angle) < TURNED_RAD:
+        back, better = _turn(inverted, path)
+        if follows >= FOLLOWS or better < FOLLOWS or abs(back) > TURNED_RAD:
+            return None
+        return math.pi, f"the quaternions are inverted (world to body): negate x, y, z (correlation {better:.2f})"
+    back, better = _turn(inverted, path)
+    if better > follows and abs(back) < TURNED_RAD:
+        return math.pi, (f"the quaternions are inverted (world to body): negate x, y, z (correlation {better:.2f}; a "
+                         f"world turned by {math.degrees(angle):.0f} deg gives {follows:.2f})")
+    return abs(angle), (f"the attitude is in a world turned by {math.degrees(angle):.0f} deg about z against that of "
+                        f"the position (correlation {follows:.2f})")
+
+
+def _turn(tilt: np.ndarray, path: np.ndarray) -> tuple[float, float]:
+    """Angle by which ``tilt`` (n,) complex has to be turned to follow ``path``, and their correlation then."""
+    product = complex(np.vdot(tilt, path))
+    size = float(np.linalg.norm(tilt) * np.linalg.norm(path))
+    return math.atan2(product.imag, product.real), abs(product) / size if size > 0.0 else 0.0
