@@ -20,18 +20,15 @@ from nanobench_tools.settings import number, setting
 from .gains import Gain, around, whole
 
 THRUST_SCALE = number("control.geometric.thrust_scale")
-"""What the recorded vehicle's motors give of what the firmware's curve promises: recordings, 0.943 +- 0.033."""
 POSITION_1_S2 = setting("control.geometric.position_1_s2")
 VELOCITY_1_S = setting("control.geometric.velocity_1_s")
 INTEGRAL_1_S3 = setting("control.geometric.integral_1_s3")
 DRAG_1_S = setting("control.geometric.drag_1_s")
-"""Drag per mass (recordings: k/m of lateral and vertical velocity)."""
 ROTATION_1_S2 = setting("control.geometric.rotation_1_s2")
 RATE_1_S = setting("control.geometric.rate_1_s")
 TURN_INTEGRAL_1_S3 = setting("control.geometric.turn_integral_1_s3")
 """Per unit of inertia. Motors of 45 ms leave a rate loop about 20 rad/s."""
 ERROR_LIMITS = setting("control.geometric.error_limits")
-"""m and m/s: an error beyond is answered as if it were this, so that a jump of the reference tilts and does not tip."""
 
 
 TUNABLE = {

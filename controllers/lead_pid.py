@@ -11,7 +11,6 @@ from nanobench_tools.settings import number
 from .gains import Gain, around, whole
 
 LEAD_S = number("control.lead_pid.lead_s")
-"""Median lag of PID behind its setpoints over the 14 training flights it flew (recordings, Task 2)."""
 
 
 TUNABLE = {"lead_s": Gain(LEAD_S, 0.2, 1.0, "s"), "position": around(2.0, "1/s", 2.5),

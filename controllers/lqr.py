@@ -26,16 +26,12 @@ from .geometric import DRAG_1_S, THRUST_SCALE
 
 PERIOD_S = 0.002
 MOTOR_TAU_S = number("control.lqr.motor_tau_s")
-"""Lag of thrust behind the command (recordings: PWM differences to angular acceleration)."""
 INTEGRAL, POSITION, VELOCITY, TURN, RATE = (slice(3 * k, 3 * k + 3) for k in range(5))
 STATES, INPUTS = 19, 4
 
 TOLERATED = setting("control.lqr.tolerated")
-"""Errors that cost as much as each other (Bryson): m s, m, m/s, rad, rad/s; the last four are not judged."""
 EFFORT = setting("control.lqr.effort")
-"""Thrust [N] and moments [N m] that cost as much as those."""
 LIMITS = setting("control.lqr.limits")
-"""m, m/s, m s: larger errors are answered as these."""
 LEAST_LIFT = 0.1
 """Of g: no less thrust is asked along the vertical, so that none is upside down."""
 

@@ -61,11 +61,8 @@ class Compared(Result):
 
 LOST_M = 4.0
 STEP = number("control.tuning.step")
-"""First spread of the search, of the range of a gain."""
 WORST = number("control.tuning.worst")
-"""Share of the flights that count twice: gains that win a bit everywhere and lose a vehicle in a corner are worse."""
 SHORT = count("control.tuning.short")
-"""Found gains that fly on other plants."""
 DRAWN = 4000
 SHARE = 0.95
 

@@ -11,7 +11,6 @@ from nanobench_tools.settings import number
 from .report_times import densest_stamps
 
 SLOPE_S = number("imu.constant_velocity.slope_s")
-"""The velocity is the slope of the poses over this time: 11 poses at 100 Hz give it to about 1 mm/s."""
 
 
 class ConstantVelocity:

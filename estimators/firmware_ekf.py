@@ -17,9 +17,7 @@ IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 HOLE_S = number("imu.firmware_ekf.hole_s")
-"""Between rows of the IMU further apart no samples are drawn: the filter goes on with its last average."""
 END_S = number("imu.firmware_ekf.end_s")
-"""A hole after which nothing is estimated."""
 FLYING_S = 2.0
 """The supervisor believes in a flight for so long after a motor last turned (supervisor.c)."""
 _FIRST_MS = 1000

@@ -28,17 +28,14 @@ POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 MOTORS = ("m1", "m2", "m3", "m4")
 
 HOLE_S = number("estimators.inertial.hole_s")
-"""No filter reckons over a longer hole in the IMU: what happened in it is not known."""
 LEAST_S = number("estimators.inertial.least_s")
 LEAST_POSES = count("estimators.inertial.least_poses")
 BACK_S = number("estimators.inertial.back_s")
-"""Stamps that jump back by more are no jitter."""
 
 COMPARED_S = number("estimators.inertial.compared_s")
 LEAST_TURN_RAD = number("estimators.inertial.least_turn_rad")
 """Gyro and poses are compared by how far they turn in COMPARED_S, if that is more than this (RMS)."""
 LEAST_ALIKE = number("estimators.inertial.least_alike")
-"""Minimum correlation of the two for a judgement on unit and sign."""
 LEAST_ROWS = count("estimators.inertial.least_rows")
 SETTLED_S = number("estimators.inertial.settled_s")
 COMPARED_EVERY_S = number("estimators.inertial.compared_every_s")
@@ -47,8 +44,6 @@ TURN_RATIO: tuple[float, float] = setting("estimators.inertial.turn_ratio")
 DEGREES_RATIO = number("estimators.inertial.degrees_ratio")
 
 STAMP_LEFT = number("estimators.inertial.stamp_left")
-"""Remaining fraction of the clock wander after its correction (``Stream.time_sd_s`` is set), found on re-timed circles
-and trefoils. Missing packets add no information there."""
 
 LIFT_RATIO = number("estimators.inertial.lift_ratio")
 OFF_RATIO = number("estimators.inertial.off_ratio")

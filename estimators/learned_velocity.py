@@ -36,16 +36,11 @@ EVERY = "every"
 
 FADES_S = setting("imu.learned_velocity.fades_s")
 HOVER_V = number("imu.learned_velocity.hover_v")
-"""Sum of the four motors' voltages in hover."""
 
 RIDGE = number("imu.learned_velocity.ridge")
-"""Of the variance of every feature."""
 
 SD_FACTOR = number("imu.learned_velocity.sd_factor")
-"""Ratio of a row's SD to that of the regression. Its errors are correlated over some tenths of a second, while the
-filter treats rows as independent. Set on circles and trefoils, as the row's other numbers."""
 OWN = setting("imu.learned_velocity.own")
-"""Differences from the noise of ``drag_ekf``: air that changes slowly, and drag with little weight."""
 
 
 @dataclass(frozen=True)

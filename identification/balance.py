@@ -34,16 +34,12 @@ from nanobench_tools.settings import count, number
 CUTOFF_HZ = number("motors.balance.cutoff_hz")
 GRID_S = 0.01
 EDGE_S = number("motors.balance.edge_s")
-"""Left out at the ends of a flight: ground, take-off and landing."""
 SHORTEST_S = number("motors.balance.shortest_s")
 LAG_S = number("motors.balance.lag_s")
-"""Of the motors: PWM differences to angular acceleration (79 NanoBench flights, test flights among them; both on the
-vehicle's clock)."""
 YAW_INERTIA = 1.7
 """Inertia about z over that about x and y (firmware, Lee controller: 2.93e-5 over 1.66e-5 and 1.67e-5 kg m^2)."""
 DRAWS = 200
 CUT = count("motors.balance.cut")
-"""Rows at the ends of a span that the filter spoils."""
 MOTORS = ("m1", "m2", "m3", "m4")
 SMALLEST_KG_M2 = 1e-6
 BALANCES, WIDTH = 5, 3

@@ -32,10 +32,8 @@ OBSERVED, STATE = 14, 10
 NEEDED = {"mocap": MOCAP, "estimator": ("vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw"),
           "setpoint": ("x", "y", "z"), "motor": MOTORS, "battery": ("vbat",)}
 SHORTEST = count("control.demonstrations.shortest")
-"""Rows: 5 s."""
 TEACHER = "pid"
 HELD_OUT = number("control.demonstrations.held_out")
-"""Of the flights for validation, and as many for test, beside those of the published reference."""
 
 
 @dataclass(frozen=True)

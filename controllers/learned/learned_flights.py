@@ -95,7 +95,6 @@ class Corrected:
 
 
 NEAR_M = number("control.learned_flights.near_m")
-"""Further from the setpoint nobody can teach: the vehicle is lost."""
 
 
 def corrected(kind: str, shown: Shown, network: Network, specs: Sequence[PathSpec], simulator: str, rounds: int,

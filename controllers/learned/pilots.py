@@ -27,7 +27,6 @@ from .policies import SEEN, Network, restored
 
 PERIOD_S = 0.01
 FAR: dict[str, Any] = setting("control.pilots.far")
-"""Settings of MPPI half a second ahead."""
 
 
 class ClonedPolicy:

@@ -29,7 +29,6 @@ SEEN = 20
 """Observations that the recurrent policy looks at."""
 COMMAND_NOISE = setting("control.policies.command_noise")
 TRAINING: dict[str, Any] = setting("control.policies.training")
-"""Epochs, batch and share of the rows of an epoch, by network."""
 SETTINGS = {kind: Settings(**entry) for kind, entry in TRAINING.items()}
 
 

@@ -34,9 +34,7 @@ YAW_ARM_M = 0.006993
 LEAST_LIFT = 0.2
 """Of g: no target asks for less thrust along the vertical, so that none is upside down."""
 LAG_S = number("control.prediction_model.lag_s")
-"""Lag of the thrust of practice flights' vehicle."""
 AIR_MOMENT_N_S = number("control.prediction_model.air_moment_n_s")
-"""Moment of lateral air velocity on that vehicle."""
 
 
 def default_model() -> Model:

@@ -20,7 +20,6 @@ from .senses import Sensing
 
 DELAY_S = (0.010, 0.040)
 HOVER_V = setting("control.ensemble.hover_v")
-"""Voltage of the cell while it carries the hovering vehicle; the recordings saw 2.94 to 3.8 V in the air."""
 PAYLOAD = 0.10
 DRAG = 0.20
 """Drag and its moment are between 1 - DRAG and 1 + DRAG of the identified, beside what the draws say."""

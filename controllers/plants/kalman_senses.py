@@ -27,12 +27,9 @@ POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
 again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
 (``benchmarks/studies/onboard_velocity.py``)."""
 LEAD_S = number("control.kalman_senses.lead_s")
-"""The estimated position is so much less late than the poses: a pose corrects the last prediction, the
-next carries it on."""
 QUEUE = 64
 """Poses that can wait for the radio; later ones are lost."""
 START_SD = setting("control.kalman_senses.start_sd")
-"""A filter that has run for a while."""
 FIRST_MS = 1000
 IMU_SIGMA = np.array([VEHICLE[name].value for name in ("acc_noise_m_s2", "acc_vibration_m_s2", "gyro_noise_rad_s",
                                                      "gyro_vibration_rad_s")])

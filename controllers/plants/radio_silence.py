@@ -18,7 +18,6 @@ from .senses import TICK_S
 
 SHORTEST_S = number("control.radio_silence.shortest_s")
 LONGER_S = number("control.radio_silence.longer_s")
-"""A gap lasts so long at least and so much longer on average: 50 ms, as recorded."""
 
 
 def silence(rngs: Sequence[np.random.Generator], ticks: int, share: float) -> np.ndarray:

@@ -47,7 +47,6 @@ DRIFT_M_S = number("control.senses.drift_m_s")
 """Spread of the acceleration error and of the velocity error with which an estimate goes on without poses. With these
 0.05 m are lost in a second (recordings, dead reckoning over 1 s: median 0.04-0.05 m)."""
 BACK_S = number("control.senses.back_s")
-"""Time constant with which poses pull it back."""
 
 
 @nb.njit(cache=True, nogil=True)

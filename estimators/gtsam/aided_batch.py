@@ -49,14 +49,10 @@ THRUST_NOISE_M_S2 = number("estimators.aided_batch.thrust_noise_m_s2")
 white of 0.3 m/s^2 it made the height after 10 s worse on circles and trefoils."""
 
 ODD = number("estimators.aided_batch.odd")
-"""Drag further off than so many times its noise counts less (Huber): at touch-down legs push, and a graph carries that
-back into the flight."""
 
 LAG_S = number("estimators.aided_batch.lag_s")
-"""From a PWM to its thrust."""
 
 FLYING = number("estimators.aided_batch.flying")
-"""Share of the weight that the thrust must carry for these laws to hold: not on the ground."""
 
 
 STRUCK_M_S2 = number("estimators.aided_batch.struck_m_s2")

@@ -40,24 +40,18 @@ of the IMU's stamps, whose errors hang together, times the velocity of each axis
 
 ATTITUDE_SD_RAD = number("smoothers.batch.attitude_sd_rad")
 UNKNOWN_SD_M = number("smoothers.batch.unknown_sd_m")
-"""Of a pose's attitude, short of what changes slowly; of its position, where nobody told."""
 
 MOUNT_SD_RAD = number("smoothers.batch.mount_sd_rad")
 LATE_SD_S = number("smoothers.batch.late_sd_s")
 ATTITUDE_LATE_SD_S = number("smoothers.batch.attitude_late_sd_s")
 VELOCITY_SD_M_S = number("smoothers.batch.velocity_sd_m_s")
-"""Prior uncertainty. The rotation to the tracked body, the delay of the IMU's timestamps, and the delay of the poses'
-attitude against their position are slow quantities; the tracked tilt and gravity's part are known to half a degree."""
 
 WALKS = setting("smoothers.batch.walks")
-"""Of the slow quantities: rad x3, s, s per root second."""
 WALK = np.array(WALKS)
 
 TAIL_S = number("smoothers.batch.tail_s")
-"""Maximum stretch after the last measurement; a longer one is integrated alone, with unknown uncertainty (nan)."""
 
 CONTRADICTED_M = number("smoothers.batch.contradicted_m")
-"""Median distance of the poses from the smoothed path, beyond which poses and IMU are no record of one flight."""
 
 
 class GtsamBatch:

@@ -33,7 +33,6 @@ INTEGRATION_SD_M = 1e-3
 """Per root second: keeps the covariance of an interval of one row regular."""
 
 LEAST_PACKETS = number("smoothers.factor_graph.least_packets")
-"""Packets an interval without any counts as: what happened there is known to about 10 times the usual noise."""
 
 LIFT_SD_M_S2 = TUNED["lift_bias_sd"]
 """By how much the accelerometer's biases jump when the motors begin to shake it, as of ``drag_ekf``."""

@@ -22,10 +22,8 @@ ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 STEP_S = number("smoothers.smoother_rows.step_s")
-"""Between states; poses that come faster count together at the nearest one."""
 
 NEAR_S = number("smoothers.smoother_rows.near_s")
-"""A pose starts a new state if the last one is at least so old."""
 
 WARMS_M_S3 = TUNED["slope_mean"]
 """By how much the bias of the vertical accelerometer rises as the board warms."""
@@ -33,7 +31,6 @@ WARMS_M_S3 = TUNED["slope_mean"]
 LEAST_POSES = count("smoothers.smoother_rows.least_poses")
 LEAST_S = number("smoothers.smoother_rows.least_s")
 GAP_S = number("smoothers.smoother_rows.gap_s")
-"""A hole in the IMU that no integral bridges."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ VOLTS = number("greybox.balance_features.volts")
 MIX = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
 """Of motors 1..4: left against right, back against front, one spin against the other, all."""
 BEFORE = setting("greybox.balance_features.before")
-"""Rows before the start over which inputs are averaged, the newest first."""
 
 
 def balance(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.ndarray,

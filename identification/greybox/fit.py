@@ -36,7 +36,6 @@ from .window_gains import learn_gains
 
 ADAPTS = ("none", "inputs", "past")
 INDEPENDENT_S = number("greybox.fit.independent_s")
-"""Errors of windows nearer than this are one observation."""
 EVERY_S = 0.1
 """Windows of Task 1 start this far apart."""
 

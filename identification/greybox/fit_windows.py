@@ -25,10 +25,7 @@ from .fitted_predictor import past_inputs, start_of
 T = TypeVar("T", Windows, Past, Prediction)
 
 STILL = number("greybox.fit_windows.still")
-"""PWM ratios that vary by less (standard deviation over all windows) are constant."""
 MOST_WINDOWS = count("greybox.fit_windows.most_windows")
-"""A fit takes every k-th window of every flight, so that there are about this many; more move no parameter by a tenth
-of its interval."""
 
 
 @dataclass(frozen=True)

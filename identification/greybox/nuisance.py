@@ -22,15 +22,10 @@ def _rotors(*weights: float) -> dict[str, float]:
 
 
 THRUST_SD = number("greybox.nuisance.thrust_sd")
-"""Spread of thrust over what the map says, between flights."""
 MOTOR_SD = number("greybox.nuisance.motor_sd")
-"""Spread of a motor's gain."""
 TILT_SD_RAD = number("greybox.nuisance.tilt_sd_rad")
-"""Spread of the thrust axis against the attitude: about a degree."""
 RATE_SD_RAD_S = number("greybox.nuisance.rate_sd_rad_s")
-"""Spread of the rate at the start: a gyro row differs by 0.03 rad/s from its smoothed neighbours."""
 ROTOR_SD_N = number("greybox.nuisance.rotor_sd_n")
-"""Spread of a rotor's thrust at the start: a tenth of it."""
 SCALE = Nuisance("thrust", {"thrust_scale.s": 1.0}, THRUST_SD, "1", "thrust over what the map says", "thrust")
 TRIMS = (
     Nuisance("trim_roll", _motors(-1.0, -1.0, 1.0, 1.0), MOTOR_SD, "1", "motors left against right", "roll"),

@@ -23,17 +23,12 @@ from .solve import Nuisance
 from .symmetry import Features
 
 STEP = count("greybox.observer.step")
-"""Rows between the starts of pieces."""
 PIECES = count("greybox.observer.pieces")
 WARM = count("greybox.observer.warm")
 MEMORIES = setting("greybox.observer.memories")
-"""(pieces, longest horizon) that a set of nuisances is found from."""
 SHARE = number("greybox.observer.share")
-"""What a piece counts for beside the spread of the nuisances."""
 LAST = setting("greybox.observer.last")
-"""(piece, horizons) of which the errors themselves are features: the newest."""
 GYRO_ROWS = setting("greybox.observer.gyro_rows")
-"""Before the start."""
 CHUNK = 1024
 
 

@@ -20,11 +20,8 @@ from .solve import Problem, Solution, solve
 
 DRAWS = 1000
 FEWEST_FLIGHTS = count("greybox.parameter_intervals.fewest_flights")
-"""Fewer whole flights give no interval between flights."""
 WEAK = number("greybox.parameter_intervals.weak")
-"""Correlation of two estimates from which on a pair is called not identifiable by itself."""
 SHARE_OF_RANGE = number("greybox.parameter_intervals.share_of_range")
-"""An interval wider than this share of the physical range says nothing."""
 
 
 def reduced(solution: Solution) -> tuple[np.ndarray, np.ndarray]:

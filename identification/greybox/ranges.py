@@ -16,7 +16,6 @@ from nanobench_tools.settings import number
 from .solve import Prior
 
 MEAN_SD = number("greybox.ranges.mean_sd")
-"""Sum of the motors' gains, which only counts that their mean is 1."""
 
 
 def bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:

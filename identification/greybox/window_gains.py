@@ -20,11 +20,9 @@ from .solve import Nuisance, Problem, flown_errors
 from .symmetry import Features
 
 RIDGES = setting("greybox.window_gains.ridges")
-"""Of the mean curvature."""
 REWEIGHTED = 3
 FOLDS = count("greybox.window_gains.folds")
 FEWEST_FLIGHTS = count("greybox.window_gains.fewest_flights")
-"""Fewer flights cannot be left out in turn: no gains are learnt from them."""
 LEAST = 1e-9
 """Features smaller than this are nothing."""
 

@@ -22,7 +22,6 @@ from .own import GROUPS, SETTINGS, Flown, train_own
 from .training import Settings
 
 QUICK_EPOCHS = count("learned.bound.quick_epochs")
-"""Epochs of the bound, which only says how much is left."""
 QUICK = replace(SETTINGS, epochs=QUICK_EPOCHS)
 
 

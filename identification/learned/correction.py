@@ -21,7 +21,6 @@ from .libraries import Array, libraries
 
 WIDTH = count("learned.correction.width")
 UNITS = setting("learned.correction.units")
-"""rad/s^2 and m/s^2 that a unit of output means."""
 SIZES = np.array(UNITS)
 
 

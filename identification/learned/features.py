@@ -23,7 +23,6 @@ POSITIONS = 8
 BACK = 50
 """Rows before the start that class ``past`` looks at."""
 HOVER = number("learned.features.hover")
-"""Mean PWM ratio of hover; features are deviations from it."""
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,9 @@ from .training import Settings, Task, Trained, filled, train
 
 GROUPS = 5
 PHASES = count("learned.own.phases")
-"""Windows to learn from start this many times as often as those that are scored."""
 SHARES = np.linspace(0.0, 1.0, 11)
 ONSETS = setting("learned.own.onsets")
-"""Steps over which a share is reached: share (1 - exp(-(h - 1) / onset)), nothing after the first step."""
 SETTINGS = Settings(**setting("learned.own.training"))
-"""Epochs, windows of a step, learning rate, share of the windows of an epoch, decay of weights."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,6 @@ from .space import reduced, space_around
 from .wrench import Wrench
 
 START: dict[str, dict[str, Any]] = setting("mismatch.believe.start")
-"""Where the search begins, of a quadrotor of 40 g; every term here is fitted, whatever it turns out to be."""
 START_ROTORS = 4
 LAG = "motor_lag"
 """Fitted once thrusts are about right: beside others its first step may lead to nothing, where it has no slope and

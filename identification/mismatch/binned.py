@@ -10,9 +10,7 @@ from scipy.stats import t as student
 from nanobench_tools.settings import count, number
 
 BLOCK_S = number("mismatch.binned.block_s")
-"""Samples within a stretch of this length count as one where the width of a bar is asked for."""
 LEAST_BLOCKS = count("mismatch.binned.least_blocks")
-"""A bin with fewer stretches has no bar, and is not shown."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ WHY = "cannot be asked: no motor commands"
 WHY_STILL = "cannot be asked: the simulator gives no angular acceleration"
 QUATERNION = ("qx", "qy", "qz", "qw")
 TURNING_S = number("mismatch.commanded.turning_s")
-"""Smoothing of the rate that an attitude says, where no gyro does."""
 
 
 def unit_of(flight: Flight) -> str:

@@ -32,31 +32,21 @@ from .tolerance import feigned, impossible
 from .wrench import CHANNELS
 
 LEAST_ALONE = number("mismatch.decide.least_alone")
-"""Squared standard deviations that are left and nothing names."""
 LEAST_TURNING = number("mismatch.decide.least_turning")
-"""Structure that is left is a finding from this share of the turning, or from LEAST_FORCE_M_S2, on."""
 WIDER = number("mismatch.decide.wider")
 SYSTEMATIC = number("mismatch.decide.systematic")
-"""Intervals: variance of a moment where nothing is wrong, and what filtering and re-timing leave of any change."""
 HEIGHT = 'com_offset.r_m[2]'
 HEIGHT_SD_M = number("mismatch.decide.height_sd_m")
-"""The height of the centre of mass follows from sideways forces of the air, which other effects turn as well."""
 INERTIA = 'inertia.inertia_kg_m2'
 INERTIA_SD = number("mismatch.decide.inertia_sd")
-"""Of the value: rows of commands miss what was sent between them."""
 TOGETHER = (*MAPS, *IN_PRODUCTS)
 NORMAL95 = 1.96
 MOST_SURE = number("mismatch.decide.most_sure")
 UNSURE = number("mismatch.decide.unsure")
-"""Stated confidence. 18 of 21 effects with much support were right in blind cases. Confidence is lower when other
-candidates were rejected or flights differ from each other."""
 UNPROVED = "it does not predict flights better that were left out of the fit"
 BESIDE = number("mismatch.decide.beside")
-"""Minimum fraction of all structure at which the residual of an effect is reported."""
 ACTS_SHARE = number("mismatch.decide.acts_share")
-"""A name acts in a channel from this share of what it explains on."""
 DOUBT = number("mismatch.decide.doubt")
-"""Confidence that a full doubt takes from the most."""
 
 
 @dataclass(frozen=True)

@@ -35,15 +35,11 @@ from .verdict import Verdict, data_faults
 from .wrench import CHANNELS, Wrench
 
 ANOTHER = setting("mismatch.diagnosis.another")
-"""A simulator that lifts so many times more, or less, than what flew is of another vehicle."""
 GAINS = terms_that(lambda term: any(p.implausible is not None for p in term.parameters))
 MUCH = setting("mismatch.diagnosis.much")
-"""Terms that may be right only within a factor, and the minimum squared length, above the plain level, at which
-remaining rotation is reported."""
 PASSES = 2
 """Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
 AXIS_SHARE = setting("mismatch.diagnosis.axis_share")
-"""Minimum fraction of all rotation for an axis to be reported as different."""
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,

@@ -31,25 +31,17 @@ from .wrench import CHANNELS, TORQUE_ROWS, Wrench
 NEVER = terms_that(lambda term: term.level or term.is_limit or term.is_map)
 """Terms that are not fitted: only seen in products with the thrust map, or without a slope where they rest."""
 TOLERANCE = setting("mismatch.equivalent.tolerance")
-"""m/s^2 and rad/s^2 RMS below which more terms are not looked for; a fifth of the air's and a tenth of the gyro's."""
 LEAST_GAIN = number("mismatch.equivalent.least_gain")
-"""A term has to take away this share of what is left."""
 IDLE = number("mismatch.equivalent.idle")
-"""Squared tolerances: a term that takes away less goes out again."""
 MOST = count("mismatch.equivalent.most")
 BLOCK_S = number("mismatch.equivalent.block_s")
 MOST_S = number("mismatch.equivalent.most_s")
-"""Of long recordings blocks of this length are fitted, evenly taken, so many seconds in all."""
 LAG_S = number("mismatch.equivalent.lag_s")
-"""Rotors that lag by less do not lag."""
 RIDGE = number("mismatch.equivalent.ridge")
 ALIKE = setting("mismatch.equivalent.alike")
-"""RMS of what is not reproduced, as a share of how force and torque move: above it nothing is named."""
 LIFTS = number("mismatch.equivalent.lifts")
 TURNS = setting("mismatch.equivalent.turns")
 AGAINST = number("mismatch.equivalent.against")
-"""A simulator whose lift is off by this factor, that turns so many times as much as what flew, or against it, is not
-judged. On real flights commands shake ten times as much as the vehicle turns."""
 PROBED_V = 0.4
 
 

@@ -19,30 +19,19 @@ from .wrench import Wrench
 
 TIMING = "command_delay.delay_s"
 TIMING_SD_S = number("mismatch.fitting.timing_sd_s")
-"""A logged command stands for some moment of its row: half a row either way is no physics."""
 SPEED_LAG = number("mismatch.fitting.speed_lag")
-"""A simulator's time constant does not show whether thrust or rotor speed lags. This fraction of the difference is a
-nuisance."""
 AT_ROTORS = number("mismatch.fitting.at_rotors")
-"""Nor is it where drag acts, at the centre of the rotors or more at those that turn faster."""
 STEP = 1e-3
 """Of a parameter's scale: difference quotients."""
 STEPS = 4
 SETTLED = number("mismatch.fitting.settled")
-"""A step that takes away what it promised, within this share, needs no other: the hypothesis acts linearly."""
 MISSED = number("mismatch.fitting.missed")
-"""Squared standard deviations: maximum error, so that chance does not rank hypotheses that explain much."""
 PRIOR_SD = number("mismatch.fitting.prior_sd")
-"""Scales: keep directions that the flights do not show at their values."""
 OWN_SD = number("mismatch.fitting.own_sd")
-"""Scales: how far flights may differ."""
 DRAWS = 200
 LEAST_FLIGHTS = count("mismatch.fitting.least_flights")
-"""Of flights, for the intervals; fewer flights say nothing about how flights scatter."""
 SHORTER = number("mismatch.fitting.shorter")
-"""A step that lowers nothing is made shorter by this."""
 LITTLE = number("mismatch.fitting.little")
-"""Squared standard deviations: a step that gains less ends the fit."""
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,9 @@ from .track import ROW_S
 from .wrench import FORCE_ROWS, Wrench
 
 PLACES = count("mismatch.leftover.places")
-"""Blobs that cover where the flights went."""
 LEAST_FORCE_M_S2 = number("mismatch.leftover.least_force_m_s2")
-"""Structure below this RMS is no finding: rows of a filtered path differ by as much from what acted."""
 LEAST_GAIN = number("mismatch.leftover.least_gain")
 ONE_PATH = number("mismatch.leftover.one_path")
-"""Minimum fraction of the squared velocity that the place does not determine; below it, flights share one path."""
 PERIODS_HZ = setting("mismatch.leftover.periods_hz")
 FAST_HZ = setting("mismatch.leftover.fast_hz")
 STRONG_M_S2 = number("mismatch.leftover.strong_m_s2")
@@ -36,23 +33,15 @@ LATE_S = ROW_S
 BURST_SD = number("mismatch.leftover.burst_sd")
 BURSTS = count("mismatch.leftover.bursts")
 BURST_ROWS = count("mismatch.leftover.burst_rows")
-"""What a short event turns, and the controller turns back, lies within so many rows of it."""
 
 
 RESTLESS_M_S2 = number("mismatch.leftover.restless_m_s2")
 SLOW_S = number("mismatch.leftover.slow_s")
-"""Minimum RMS over all axes of a force slower than this for air more restless than indoors; 0.14 to 0.16 on quiet real
-flights."""
 MOST_FLIGHTS = number("mismatch.leftover.most_flights")
-"""Share of the flights in which a structure has to show."""
 AT_PLACE = number("mismatch.leftover.at_place")
-"""Weight of a blob from which on a row is at its place."""
 PERIOD_STEP_HZ = number("mismatch.leftover.period_step_hz")
-"""Step of the frequencies that are tried."""
 BURST_SHARE = number("mismatch.leftover.burst_share")
-"""Share of what is left that bursts have to hold."""
 GUST_AXIS = number("mismatch.leftover.gust_axis")
-"""Minimum fraction of the whole for an axis to be reported as restless."""
 
 
 @dataclass(frozen=True)

@@ -30,15 +30,10 @@ vehicle."""
 TRIED, ROUNDS = (0.0, *np.geomspace(1e-3, 3.0, 48)), 4
 """Standard deviations that are tried, per scale, and how often."""
 SIGNIFICANT = number("mismatch.levels.significant")
-"""Minimum of twice the log likelihood ratio at which flights are reported to scatter."""
 LOWER = number("mismatch.levels.lower")
-"""Few flights may lie close by chance: the standard deviation is that of this quantile."""
 A_FEW = number("mismatch.levels.a_few")
-"""Flights that scatter by less than this share of the whole without the odd ones were changed, not scattered."""
 PLAIN = number("mismatch.levels.plain")
-"""Squared length of a moment where nothing is wrong, see ``decide``."""
 LEAST_FREE = number("mismatch.levels.least_free")
-"""Moments of a channel that are left to judge a spread by."""
 
 
 def with_levels(moments: Moments, space: Space, other: Space | None = None) -> Moments:

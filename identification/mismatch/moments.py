@@ -25,7 +25,6 @@ from .memory import Memory, fit_memory, runs_of
 from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
 
 LAST_ASKED = count("mismatch.moments.last_asked")
-"""Rows before the one judged up to which set-points are instruments: 0.44 s."""
 ASKED_LAGS = range(0, LAST_ASKED, 4)
 """Rows before the one judged at which what set-points asked for is an instrument: to 0.44 s, as late as vehicles
 follow."""
@@ -34,11 +33,9 @@ RATE_LAGS = range(3, 10)
 MEMORY = ("rate", "turning")
 """Groups of covariates that carry the disturbances of the past themselves."""
 ORDERS = setting("mismatch.moments.orders")
-"""Samples of force and of torque before that a disturbance is remembered by: 120 and 160 ms."""
 RANK = 1e-6
 """Covariates that others explain to this share are left out."""
 LOWEST_M = number("mismatch.moments.lowest_m")
-"""Lower heights count as this in 1 / height^2."""
 
 
 @dataclass(frozen=True)

@@ -19,38 +19,22 @@ from .tolerance import ANSWERED, feigned, impossible
 from .track import ROW_S
 
 LEAST_GAIN = number("mismatch.naming.least_gain")
-"""Squared standard deviations a hypothesis has to explain. 23 terms of up to 4 parameters are tried a few times, and
-the moments are known only to some tens of per cent."""
 PER_PARAMETER = number("mismatch.naming.per_parameter")
-"""More parameters have to take away so much more each (log N of the Bayesian information criterion)."""
 ALIKE_SD2 = number("mismatch.naming.alike_sd2")
 ALIKE_LEFT = number("mismatch.naming.alike_left")
-"""Hypotheses that take away as much as the best, but for ALIKE_SD2 or this share of what the best leaves unexplained,
-are not told apart."""
 REDUNDANT = number("mismatch.naming.redundant")
-"""Another explanation is equivalent to the best if the best leaves it less than this fraction."""
 MOST = count("mismatch.naming.most")
 SLOPPY = number("mismatch.naming.sloppy")
-"""Fraction of what is already explained in the channels where a further effect acts. Gains are known to a few per cent,
-and their error is not an effect."""
 ELSEWHERE = number("mismatch.naming.elsewhere")
 AT_MOST = number("mismatch.naming.at_most")
-"""Fraction of what is already explained in any channel. A mass that is wrong by a tenth changes the effect of rotors,
-drag and flapping by a few per cent."""
 REST = number("mismatch.naming.rest")
-"""The residual of an identified effect is not assigned to an almost indistinguishable one, up to this fraction."""
 CHANGING = terms_that(lambda term: term.changes)
 """What may have been changed between two flights."""
 CHANGED = number("mismatch.naming.changed")
-"""That flights differ has to explain more than one value for all by this share."""
 PUSHES = terms_that(lambda term: term.of_air)
 ALONE = number("mismatch.naming.alone")
-"""Forces of the air. A steady moment alone is a trim, and there is no wind indoors. If most of what such a term
-explains is rotation, its share of the force alone must be this many times the threshold."""
 TRIED = count("mismatch.naming.tried")
-"""Hypotheses that are fitted to the end; the others are far behind already when linear."""
 MOSTLY = number("mismatch.naming.mostly")
-"""Share of what a force of the air takes away that turns, beyond which it has to lift as well."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +68,6 @@ class Named:
 
 
 HIGH = number("mismatch.naming.high")
-"""Quantile of what is commanded where the fit of a saturation begins."""
 LIMITS = terms_that(lambda term: term.is_limit)
 """What has no slope where it rests."""
 FAR = terms_that(lambda term: term.far)

@@ -24,11 +24,9 @@ from .track import ROW_S, Track
 
 HORIZONS = setting("mismatch.proof.horizons")
 EVERY = count("mismatch.proof.every")
-"""Rows between the starts of windows."""
 WARM = count("mismatch.proof.warm")
 FOLDS = count("mismatch.proof.folds")
 CLIP = setting("mismatch.proof.clip")
-"""Errors count up to here, in their unit: a prediction that left the room says no more than that."""
 THIRD, MEDIAN_OF_CHI2 = 20.0, 0.455
 """Variance of a third difference of unit white noise; median of the square of a unit normal."""
 SCALE = "thrust_scale.s"

@@ -24,9 +24,7 @@ from .track import ROW_S, Track, check_motors, missing, tracks_of
 from .tracked_point import Arm, arm_of, centred
 
 LEAST_S = setting("mismatch.recordings.least_s")
-"""Minimum clean flight for an answer on physics, s."""
 LATE_S = setting("mismatch.recordings.late_s")
-"""Time errors below this are as small as other delays of the logging."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,6 @@ STEP = 1e-3
 GROUPS = 4 * len(REFIT_HORIZONS)
 EVALUATIONS = 12
 LEAST = setting("mismatch.refit.least")
-"""Of the error: for less no other value is worth having."""
 
 
 @dataclass(frozen=True)

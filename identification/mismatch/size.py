@@ -16,10 +16,7 @@ from nanobench_tools.settings import number
 SET_ON = Vehicle()
 ALIKE = number("mismatch.size.alike")
 K_F = number("mismatch.size.k_f")
-"""N s^2/rad^2, of a 46 mm propeller (RotorPy's Crazyflie): where a simulator says nothing, it only gives the unit in
-which the drag of turning rotors is measured."""
 SCALE_SHARE = number("mismatch.size.scale_share")
-"""Scale of a parameter that rests at 0 and says none: this share of its range."""
 
 
 def _beside(size: float, usual: float) -> float:

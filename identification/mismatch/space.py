@@ -23,7 +23,6 @@ LEVEL = terms_that(lambda term: term.level)
 """What a thrust curve contains. Only their ratio pushes; both at once are a gain from command to torque, which has
 other names."""
 LEAST_SAG_V = number("mismatch.space.least_sag_v")
-"""A voltage that changes by less tells nothing about its influence."""
 
 
 @dataclass(frozen=True)

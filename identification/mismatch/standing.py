@@ -17,37 +17,20 @@ from .space import LEVEL, MAPS, Space
 from .wrench import CHANNELS
 
 PLAIN = number("mismatch.standing.plain")
-"""Squared length of a channel's projection, per covariate, under a right simulator. Moments are not quite of unit
-variance, since no autoregression describes every disturbance."""
 UNEXPLAINED = number("mismatch.standing.unexplained")
-"""Maximum ratio of the residual to the explained part. Real flights have shown a false wind at 0.6."""
 PREVAILS = number("mismatch.standing.prevails")
-"""The same for forces, after other effects were rejected."""
 FOREIGN = number("mismatch.standing.foreign")
-"""Minimum force of place, time or period, as a fraction of a term's effect, at which the term only replaces it."""
 IN_BURSTS = number("mismatch.standing.in_bursts")
-"""Maximum rotation that an effect explains above what equally many rows have; above it, it only replaces short
-losses."""
 AGAINST = number("mismatch.standing.against")
-"""Two names whose sum turns the vehicle by this share of either are made for each other."""
 ACTS = number("mismatch.standing.acts")
-"""A name that turns the vehicle by this share of what is left turns it at all."""
 OVERSHADOWED = number("mismatch.standing.overshadowed")
-"""The same after other effects were rejected."""
 LEAST_LEFT = number("mismatch.standing.least_left")
-"""Squared standard deviations of the residual of an effect."""
 LEAST_FORCE_M_S2 = number("mismatch.standing.least_force_m_s2")
-"""Smaller forces are no finding."""
 UPRIGHT = number("mismatch.standing.upright")
-"""A force in the world that is so many times larger along z than across."""
 ABOUT_Z = number("mismatch.standing.about_z")
-"""Share of what an inertia explains, about z, from which it is that of z."""
 ACTS_SHARE = number("mismatch.standing.acts_share")
-"""A name acts in a channel from this share of what it explains on."""
 MOSTLY = number("mismatch.standing.mostly")
-"""A name mostly pushes, or turns, from this share of what it explains on."""
 ALONG = number("mismatch.standing.along")
-"""A force lies along an axis from this share of its size on."""
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:

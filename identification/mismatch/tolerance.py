@@ -21,26 +21,15 @@ from .size import growth, usual
 
 MOST_GAIN = number("mismatch.tolerance.most_gain")
 MOST_DAMPING_1_S = number("mismatch.tolerance.most_damping_1_s")
-"""Upper limit of the noise floor, however noisy the gyro."""
 ASKED = number("mismatch.tolerance.asked")
-"""Fraction of it where set-points were logged and the vehicle leans after them (about x and y), and where the commands
-explain some of the rotation. Gyro noise does not reach set-points. Commands explain no rotation if the lag is
-unknown."""
 ASKED_DAMPING = number("mismatch.tolerance.asked_damping")
-"""The same for damping, which slow rotation shows. Cases without an effect reach 0.7 1/s; 3.7 1/s is detected."""
 ANSWERED = terms_that(lambda term: term.answered)
 ANSWER = number("mismatch.tolerance.answer")
-"""Slopes of thrust. The vehicle answers an upward gust with less thrust, so the apparent slope drops by some 5 % at 0.1
-m/s^2 of gusts. Such terms have to change the force by this fraction of the scatter of the vertical force."""
 LEAST_FORCE_M_S2 = number("mismatch.tolerance.least_force_m_s2")
 LEAST_TURNING_SHARE = number("mismatch.tolerance.least_turning_share")
-"""An effect has to change force by this RMS, or torque by this share of the RMS of what no covariate explains."""
 APART_SD = number("mismatch.tolerance.apart_sd")
-"""Two groups of flights differ from so many standard deviations on."""
 APART_FEW_SD = number("mismatch.tolerance.apart_few_sd")
-"""More, over the flights less two, where they are few."""
 LEAST_SHAKING = number("mismatch.tolerance.least_shaking")
-"""Share of the turning that commands do not explain, at least."""
 
 
 def impossible(term: str, fit: Fit, before: Model) -> str:

@@ -29,38 +29,24 @@ from . import commanded
 
 ROW_S = 0.01
 BEFORE_S = number("mismatch.track.before_s")
-"""Inputs this long before a span warm the rotors up."""
 EDGE_S = number("mismatch.track.edge_s")
-"""Rows nearer than this to an end, or to a lost frame, are not judged: the smoothing reaches across."""
 PACKET_S = number("mismatch.track.packet_s")
 STEADY_S = number("mismatch.track.steady_s")
-"""How far apart packets of the battery come, and how slowly it moves under a steady load."""
 MOST_SAG_V = number("mismatch.track.most_sag_v")
-"""Volts per unit of load and cell: 0.12 ohm and 1.7 A/V give 0.2."""
 FULL_V = number("mismatch.track.full_v")
-"""Of one cell."""
 NO_BATTERY_V = number("mismatch.track.no_battery_v")
-"""Stands for a battery nobody logged, where the simulator does not ask for its voltage."""
 CONTACT_M = number("mismatch.track.contact_m")
-"""Above where it rested: lower, the legs may touch."""
 CONTACT_S = number("mismatch.track.contact_s")
-"""Rows this long around a touch are not judged."""
 BOUNCE_M = number("mismatch.track.bounce_m")
-"""A vehicle that touched and does not rise higher again has landed."""
 LONGEST_GAP_S = number("mismatch.track.longest_gap_s")
-"""A hole in the motion capture up to this long is bridged by a cubic."""
 MOST_FRAMES = number("mismatch.track.most_frames")
-"""Share of the frames around a row that has to be there: between many short holes a cubic follows the noise."""
 SHORTEST_S = number("mismatch.track.shortest_s")
 ASKED_S = number("mismatch.track.asked_s")
 MOST_ASKED_RAD_S2 = number("mismatch.track.most_asked_rad_s2")
-"""Set-points are smoothed over so long; where they jump, no vehicle follows."""
 REACH = 8.0
 """Standard deviations: a Gaussian that is cut earlier gives slow paths a fourth derivative."""
 MOST_LATE = number("mismatch.track.most_late")
 SMOOTHER = number("mismatch.track.smoother")
-"""Of a period: packets that come later may be of another frame. Of the roughness of a path: stamps are moved only where
-that makes it smoother by more."""
 
 
 @dataclass(frozen=True)

@@ -21,16 +21,10 @@ from .track import ROW_S, Track
 from .wrench import SMOOTH_S, Wrench, kernel
 
 USUAL_M = setting("mismatch.tracked_point.usual_m")
-"""Standard deviation of an arm before anything is seen: keeps what slow turning does not show where it is."""
 MOST_M = setting("mismatch.tracked_point.most_m")
-"""Longer is no marker on a vehicle of the size these terms are for."""
 LEAST_M_S2 = setting("mismatch.tracked_point.least_m_s2")
-"""RMS of the horizontal force that an arm has to explain, on flights it was not read from. Below, the tolerances of
-names hold with it: they were set on flights of a vehicle whose markers sit 15 mm above its middle."""
 FEWEST = count("mismatch.tracked_point.fewest")
-"""Flights without which nothing is held out of enough."""
 HUBER_SD = setting("mismatch.tracked_point.huber_sd")
-"""Residuals beyond so many standard deviations count less (Huber)."""
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,6 @@ UNASKED = {
                "thrust follows the voltage could not be asked"}
 """What a missing stream keeps from being asked."""
 ODD_SHARE = number("mismatch.verdict.odd_share")
-"""Minimum distance from the other flights at which a flight is reported as different, as a fraction of the farthest
-one's."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -30,12 +30,8 @@ from .commanded import UNASKED, WHY, WHY_STILL
 from .track import ROW_S, Track, joined
 
 SMOOTH_S = number("mismatch.wrench.smooth_s")
-"""Standard deviation of the smoothing of accelerations."""
 FORCE_ROWS = count("mismatch.wrench.force_rows")
-"""Rows between samples of the force: 40 ms, beyond which the smoothed noise is nearly independent."""
 TORQUE_ROWS = count("mismatch.wrench.torque_rows")
-"""Rows of a stretch whose mean angular acceleration is compared. No smoothing: it would let the controller's answer to
-a disturbance look like its cause."""
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 """Of a residual, as accelerations of the body: m/s^2 and rad/s^2."""
 

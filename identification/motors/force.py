@@ -19,7 +19,6 @@ from .rotor_rows import Log
 
 AVERAGE_S = number("motors.force.average_s")
 ONE_VEHICLE = number("motors.force.one_vehicle")
-"""k_f / m of flights of one vehicle agrees within a few per cent; another propeller or load is further away."""
 
 
 @dataclass(frozen=True)

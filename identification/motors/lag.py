@@ -31,7 +31,6 @@ from .rotor_rows import Log
 
 WINDOW_S = setting("motors.lag.window_s")
 BEFORE_S = setting("motors.lag.before_s")
-"""Length of a window and of the commands before it that the rotors are warmed up on (six time constants)."""
 
 UP, DOWN, DELAY = "motor_lag.tau_up_s", "motor_lag.tau_down_s", "command_delay.delay_s"
 LOWER, UPPER = 0.001, 0.25
@@ -44,7 +43,6 @@ CANDIDATES: Mapping[str, tuple[str, ...]] = {
 """What is fitted, the simplest first; the rest is zero, or the same up and down."""
 
 NO_WORSE = setting("motors.lag.no_worse")
-"""A simpler candidate is preferred to one that is better on held-out flights by less than this factor."""
 
 
 @dataclass(frozen=True)

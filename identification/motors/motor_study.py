@@ -25,7 +25,6 @@ from .rotor_rows import Log, read_logs
 
 MOST_FOLDS = count("motors.motor_study.most_folds")
 AGREES = setting("motors.motor_study.agrees")
-"""Slopes of the map from slow and from fast changes that differ by less are one map."""
 
 
 @dataclass(frozen=True)

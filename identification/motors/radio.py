@@ -16,7 +16,6 @@ from nanobench_tools.settings import number
 from .rotor_rows import Log
 
 RADIO_HZ = number("motors.radio.radio_hz")
-"""Packets a second that arrive on average."""
 
 CHAIN = LoggingChain()
 

@@ -29,13 +29,10 @@ from .rotor_rows import Log
 
 FIT_ROWS = count("motors.rotation.fit_rows")
 SCORED_ROWS = count("motors.rotation.scored_rows")
-"""Rows of 10 ms that are fitted to (100 ms) and predicted."""
 MOST_WINDOWS = count("motors.rotation.most_windows")
-"""For a fit; more change parameters by less than their intervals."""
 LOSS_RAD_S = setting("motors.rotation.loss_rad_s")
 
 TRIM_S = setting("motors.rotation.trim_s")
-"""Of the past from which a window's constant moment is learnt; 0.04 to 0.3 s were tried on the public logs."""
 
 FREE = ("inertia.inertia_kg_m2[0]", "inertia.inertia_kg_m2[1]", "yaw_torque.k_m", "rotor_reaction.J_r", "drag_torque.c",
         "angular_damping.d_r[0]", "angular_damping.d_r[1]", "angular_damping.d_r[2]", "command_delay.delay_s")

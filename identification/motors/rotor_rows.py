@@ -25,25 +25,18 @@ GYRO = ("gyro_x", "gyro_y", "gyro_z")
 STATE = {"estimator": ("x", "y", "z", "vx", "vy", "vz"), "attitude_qw": ("qx", "qy", "qz", "qw")}
 
 SLOWEST_HZ = number("motors.rotor_rows.slowest_hz")
-"""Below this the log is no faster than a radio and shows little of a lag of tens of milliseconds."""
 
 GAP = number("motors.rotor_rows.gap")
-"""Steps longer than this many typical ones end a stretch."""
 SHORTEST_S = number("motors.rotor_rows.shortest_s")
 SPINNING_RAD_S = number("motors.rotor_rows.spinning_rad_s")
 SHARE_OF_FLYING = number("motors.rotor_rows.share_of_flying")
-"""A rotor below this share of its usual speed is idling or not measured."""
 NOT_MEASURED_SHARE = number("motors.rotor_rows.not_measured_share")
 SMOOTH_S = number("motors.rotor_rows.smooth_s")
 STANDING = setting("motors.rotor_rows.standing")
-"""Body rate rad/s and speed m/s below which a vehicle with running motors is on the ground (95th percentile); hover has
-0.05."""
 STEADY_PWM = 200.0 / PWM_FULL_SCALE
 STEADY_V = number("motors.rotor_rows.steady_v")
 SAME_RATE = number("motors.rotor_rows.same_rate")
-"""Logs whose rates differ by more are of two loggers."""
 USUAL = number("motors.rotor_rows.usual")
-"""Quantile of the squared speeds that is the usual one in flight."""
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,7 @@ from .rotor_rows import Log
 BAND_HZ = setting("motors.torque.band_hz")
 SHIFTS_S = np.arange(-0.004, 0.0161, 0.0005)
 SHORTEST_S = number("motors.torque.shortest_s")
-"""Shorter stretches are mostly the band-pass's own ends."""
 EDGE_S = number("motors.torque.edge_s")
-"""Ends of a stretch that the filter spoils."""
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,8 @@ from .maps import Map
 from .stand_fit import AT_BOUND
 
 DOUBT_S = number("thrust.balanced.doubt_s")
-"""Seconds in the air that the map itself counts for beside what was remembered (training flights held out in turn)."""
 
 LEAST_BALANCE = number("thrust.balanced.least_balance")
-"""Inputs that carry less than half of the weight carry nothing that flies."""
 
 FIT_ROWS = count("thrust.balanced.fit_rows")
 

@@ -13,11 +13,8 @@ from nanobench_tools.settings import number
 from .maps import Map
 
 NO_WORSE = number("thrust.choose.no_worse")
-"""A map of lower rank or with fewer numbers is preferred to one that is better by less than this factor: held-out
-errors of a few files are no more certain than that."""
 
 NO_WORSE_ONE_FILE = number("thrust.choose.no_worse_one_file")
-"""The same for a single file: its own bands of PWM cannot show what another battery or motor does."""
 
 
 @dataclass(frozen=True)

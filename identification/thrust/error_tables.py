@@ -20,7 +20,6 @@ from .stand_series import Stand
 from .thrust_study import AnyFit, File, Study, errors, is_flown, predicted, study
 
 SAME_PROPELLER = number("thrust.error_tables.same_propeller")
-"""Thrust per squared rotor speed of one type of propeller is the same within this factor; types differ by 1.4."""
 
 POINTS = 300
 """Rows of a file kept for pictures."""

@@ -37,7 +37,6 @@ CORRELATION_S = number("thrust.flight_fit.correlation_s")
 """Spread [m/s^2] of the mean error between flights, and within them, and over how long errors within one hold."""
 
 SHAPE_ROWS = count("thrust.flight_fit.shape_rows")
-"""Rows a shape is searched on; a flight has some 700 at 20 Hz, of which one a second is independent."""
 
 DELAYS_S = tuple(np.round(np.arange(0.0, 0.1201, 0.01), 3))
 

@@ -21,10 +21,8 @@ from .prediction_intervals import half_width
 from .thrust_study import Study
 
 FIRST_S = number("thrust.flight_levels.first_s")
-"""Seconds of the flight, from its first row, whose accelerometer is given."""
 
 CORRELATION_S = number("thrust.flight_levels.correlation_s")
-"""Errors within one hold about this long."""
 
 GIVEN_FIRST = f"the plain row's and the accelerometer of the flight's first {FIRST_S:.0f} s in the air"
 GIVEN_TRUE = "the mean error of the flight itself: a bound, no prediction"

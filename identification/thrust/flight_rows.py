@@ -27,26 +27,18 @@ CUT_HZ = number("thrust.flight_rows.cut_hz")
 SETTLED_S = number("thrust.flight_rows.settled_s")
 ABOVE_M = number("thrust.flight_rows.above_m")
 EDGE_S = number("thrust.flight_rows.edge_s")
-"""Cut from both ends of a span where no height is known."""
 
 TRIM_S = number("thrust.flight_rows.trim_s")
 HEAT_S = number("thrust.flight_rows.heat_s")
-"""Time constants of what is remembered of the inputs: how unevenly the motors are driven, how warm they are. Smallest
-error of whole training flights held out in turn (5 folds of the Task 1 training flights; trim 5 to 40 s, heat 2.5 to
-30 s); test flights had no say."""
 
 LIFT_S = number("thrust.flight_rows.lift_s")
-"""Time constant of the memory of what carried the vehicle. Training flights held out in turn: 3 to 10 s do as well."""
 
 CLIMB_OFF_S = number("thrust.flight_rows.climb_off_s")
-"""After the start of the air that is left out of that memory: it leaves the ground."""
 
 FEWEST_ROWS = count("thrust.flight_rows.fewest_rows")
-"""Three seconds at 20 Hz."""
 
 _FILTER = butter(2, CUT_HZ, fs=RATE_HZ, output="sos")
 LEAST_MEAN = number("thrust.flight_rows.least_mean")
-"""Mean PWM ratio by which unevenness is divided, at least."""
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,8 @@ DEGREE = 3
 
 GRID = 41
 LEAST_CUBES = setting("thrust.map_export.least_cubes")
-"""Smallest c_3 [N/V^3] tried in turn, until the firmware's single precision solves the cubic."""
 
 SOLVED_WITHIN = number("thrust.map_export.solved_within")
-"""Error of that solution, as a share of the largest thrust."""
 
 LEAST_SHARE = 7000.0 / 65535.0
 """Commands below it stop the motors: the firmware's THRUST_MIN is this share of its THRUST_MAX, to 0.01 %."""

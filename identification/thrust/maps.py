@@ -150,8 +150,6 @@ def firmware_map(propellers: PropellerSet) -> Map:
 
 
 DROP_PRIOR_V = setting("thrust.maps.drop_prior_v")
-"""Mean and SD of what is known of ``s`` before any data: a diode's 0.3 to 0.6 V, and 4 to 8 A through 0.1 to 0.2 ohm
-of a small cell. One discharge of one battery ties the voltage to the PWM and says little of its own."""
 
 FROM_ELSEWHERE = 2
 """Rank of maps whose law of the voltage was measured on other motors."""

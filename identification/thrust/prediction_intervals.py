@@ -22,10 +22,8 @@ from .flight_rows import Flown
 PROBABILITY = 0.95
 
 FEWEST_SESSIONS = count("thrust.prediction_intervals.fewest_sessions")
-"""Fewer say nothing about a spread; they count as so many."""
 
 FEW_ROWS = count("thrust.prediction_intervals.few_rows")
-"""Rows of a flight that the spread of refits is taken from."""
 
 
 def sessions(epochs_s: Sequence[float]) -> int:

@@ -20,14 +20,11 @@ from .maps import FROM_ELSEWHERE, Map, Numbers
 from .stand_series import STEADY_V, Stand
 
 AT_BOUND = number("thrust.stand_fit.at_bound")
-"""Share of the allowed range within which a value counts as on its bound."""
 
 STARTS = (0.0, -0.25, 0.25)
 """Where a search starts, as shares of the allowed range away from the map's own start."""
 
 EFFECTIVE_ROWS = number("thrust.stand_fit.effective_rows")
-"""How many independent rows a file counts as against a prior: its errors are systematic (creep of the load cell, a warm
-motor), so that more rows of the same run do not know more."""
 
 TINY = 1e-16
 """N^2; keeps the logarithm of an exact fit finite."""

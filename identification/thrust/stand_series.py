@@ -14,19 +14,14 @@ from nanobench_tools.settings import count, number, setting
 MOTORS = 4
 FEWEST_ROWS = count("thrust.stand_series.fewest_rows")
 SPINNING_RAD_S = number("thrust.stand_series.spinning_rad_s")
-"""A rotor slower than this (500 rpm) stands, or is coasting down."""
 
 NOISE_FACTOR = number("thrust.stand_series.noise_factor")
 SHARE_OF_LARGEST = number("thrust.stand_series.share_of_largest")
-"""Without rotor speeds a row spins where its thrust sticks out of the noise of the rows at PWM 0, or where there are
-none, above this share of the largest thrust."""
 
 THRUST_PER_VOLT_N = setting("thrust.stand_series.thrust_per_volt_n")
-"""Peak thrust per motor and volt of anything between a 1-cell toy and a 6-cell racer: outside a unit is wrong."""
 
 BATTERY_V = setting("thrust.stand_series.battery_v")
 STEADY_V = number("thrust.stand_series.steady_v")
-"""A voltage that varies less tells nothing about itself."""
 
 
 @dataclass(frozen=True)

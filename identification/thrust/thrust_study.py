@@ -30,19 +30,13 @@ File = Stand | Flown
 AnyFit = Fit | FlightFit
 
 BANDS = count("thrust.thrust_study.bands")
-"""Number of bands of PWM (of a stand series) or stretches of time (of a flight) into which a single training file is
-cut. Each is predicted from the others, the outer ones by extrapolation, as a map for other recordings must be able
-to."""
 
 MOST_FOLDS = count("thrust.thrust_study.most_folds")
-"""Folds of whole flights; stand series are few and are held out one by one."""
 
 BLOCKS = 20
 """Pieces of the only file of a training set that a bootstrap draws from."""
 
 ONE_FILE_SHARE = number("thrust.thrust_study.one_file_share")
-"""SD of the mean error on another series, as a fraction of the largest thrust, assumed for a single series, which
-cannot show any. Motors and stands of one type differ by this (public stand series: 2 to 4 %)."""
 
 DRAWS = 100
 DRAWN_ROWS = 3000

@@ -32,15 +32,12 @@ SLOW_HZ = number("vehicle.motion_sums.slow_hz")
 BAND_HZ = setting("vehicle.motion_sums.band_hz")
 """Below it the moment of the air is most of the moment and its delay passes for inertia; above it noise is."""
 EDGE_S = number("vehicle.motion_sums.edge_s")
-"""Left out at the ends of a flight: ground, take-off and landing."""
 EDGE_SHARE = number("vehicle.motion_sums.edge_share")
 SHORTEST_S = number("vehicle.motion_sums.shortest_s")
 GROUND_S = number("vehicle.motion_sums.ground_s")
 HOVER_M_S = number("vehicle.motion_sums.hover_m_s")
 IDLE = number("vehicle.motion_sums.idle")
-"""Minimum thrust as a fraction of the median command; rows below are on the ground or fall."""
 CUT = count("vehicle.motion_sums.cut")
-"""Rows at the ends of a span that the filters spoil."""
 MOTORS = ("m1", "m2", "m3", "m4")
 FORCE = ("acc_x", "acc_y", "acc_z")
 

@@ -17,7 +17,6 @@ from .alignment import checked_pair
 from .trajectory import rms
 
 MINIMUM_SPEED_M_S = number("tasks.timing.minimum_speed_m_s")
-"""Below this the direction of the track is noise, and rows are left out of along and across."""
 
 
 @dataclass(frozen=True)

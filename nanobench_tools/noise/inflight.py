@@ -20,7 +20,6 @@ from .rest import ACC, GYRO
 
 OVER_S = setting("noise.inflight.over_s")
 EVERY_S = number("noise.inflight.every_s")
-"""Windows start so often and overlap: about EVERY_S / T of them are independent."""
 
 PWM_STEP = number("noise.inflight.pwm_step")
 WINDOW_S = number("noise.inflight.window_s")

@@ -15,12 +15,10 @@ ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 TAUS_S = setting("noise.rest.taus_s")
 DENSITY_S = setting("noise.rest.density_s")
-"""White noise is read off between these: longer than what a resampler and a sensor's own filter smooth."""
 
 OFF = number("noise.rest.off")
 LEAST_S = number("noise.rest.least_s")
 QUIET_RAD_S = number("noise.rest.quiet_rad_s")
-"""Rest: motors below OFF and the gyro within QUIET_RAD_S of its median, for at least LEAST_S."""
 
 INSTABILITY = 0.664
 """Floor of the Allan deviation over bias instability (IEEE Std 952, sqrt(2 ln 2 / pi))."""

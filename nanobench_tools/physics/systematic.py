@@ -25,11 +25,7 @@ class Systematic:
 
 NOTHING = Systematic(0.0)
 AIR = Systematic(number("physics.systematic.air"), "value")
-"""Of what is believed of drag and flapping: their laws are simple, and rotor speed and thrust change what is true by a
-tenth."""
 LEVEL = Systematic(number("physics.systematic.level"), "value")
-"""Of thrust as a whole, and of mass."""
 DAMPING = Systematic(number("physics.systematic.damping_1_s"), "damping")
-"""Of angular damping over inertia."""
 UNDECLARED = AIR.size
 """Of a parameter's usual size, where its term declares nothing: no law is better known than those of drag."""

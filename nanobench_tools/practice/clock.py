@@ -9,13 +9,9 @@ import numpy as np
 from ..settings import number
 
 WANDER_EVERY_S = number("practice.clock.wander_every_s")
-"""Mean time between jumps; the recordings show 0.4 s."""
 WANDER_RISE_S = number("practice.clock.wander_rise_s")
-"""A jump takes this long: the packets in it come slower, those after it faster."""
 WANDER_DECAY_S = number("practice.clock.wander_decay_s")
-"""Time constant with which a jump decays; gives the measured correlation of 0.2 after 0.3 s."""
 SMALLEST_STEP_S = number("practice.clock.smallest_step_s")
-"""Two packets never get the same stamp."""
 
 
 @dataclass(frozen=True)

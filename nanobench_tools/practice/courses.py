@@ -17,7 +17,6 @@ from .curves import PathPoint
 POINTS = 8000
 """Of a lap on which its speed is found."""
 RISE_S = number("practice.courses.rise_s")
-"""Standard deviation of the time over which a change of the acceleration is drawn out, so that the jerk is finite."""
 
 
 def _lemniscate(angle: np.ndarray) -> np.ndarray:

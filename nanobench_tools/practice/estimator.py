@@ -20,13 +20,9 @@ POSITION_LAG_S = number("practice.estimator.position_lag_s")
 ATTITUDE_LAG_S = number("practice.estimator.attitude_lag_s")
 VELOCITY_LAG_S = number("practice.estimator.velocity_lag_s")
 POSITION_M_S = setting("practice.estimator.position_m_s")
-"""Standard deviation [m] and correlation time [s] of the position's error."""
 VELOCITY_M_S_S = setting("practice.estimator.velocity_m_s_s")
-"""The same of the velocity [m/s], [s]."""
 TILT_RAD_S = setting("practice.estimator.tilt_rad_s")
-"""The same of roll and pitch [rad], [s]."""
 YAW_RAD_S = setting("practice.estimator.yaw_rad_s")
-"""The same of yaw [rad], [s]."""
 ERRORS = (  # channels, standard deviation, correlation time
     (slice(0, 3), *POSITION_M_S),
     (slice(3, 6), *VELOCITY_M_S_S),

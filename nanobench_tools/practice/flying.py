@@ -38,9 +38,7 @@ NOISE_TICKS = 50
 BATTERY_NOISE_V = number("practice.flying.battery_noise_v")
 GUST_S = number("practice.flying.gust_s")
 FLICKER_S = number("practice.flying.flicker_s")
-"""Correlation times of the air's force and of the flicker of each motor's thrust."""
 GROUND_HEIGHT_M = setting("practice.flying.ground_height_m")
-"""Where the tracked point of the resting vehicle is, lowest and highest of the recordings."""
 
 
 @dataclass(frozen=True)

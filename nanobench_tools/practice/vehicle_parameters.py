@@ -20,7 +20,6 @@ class Parameter(NamedTuple):
 
 
 NUMBERS: dict[str, tuple[float, float, str, str]] = setting("practice.vehicle_parameters.numbers")
-"""Value, spread, unit and source of every parameter; keys carry the unit."""
 VEHICLE: dict[str, Parameter] = {name: Parameter(*entry) for name, entry in NUMBERS.items()}
 """The only place with numbers of the vehicle. Keys carry the unit."""
 

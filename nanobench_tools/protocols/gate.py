@@ -42,7 +42,6 @@ BY_REPORTED_NAME = {**{name: name for name in FLOWN}, "onboard_pid": "pid", "onb
 """Who flew, as the audit finds it or ``nanobench fly`` writes it -> the firmware's controller."""
 MINIMUM_S = number("tasks.gate.minimum_s")
 ROSE_M = number("tasks.gate.rose_m")
-"""A vehicle that never rose so far above where it began stayed in its own ground effect, which the plant has not."""
 AVERAGED = ("lag_diff_s", "lag_real_s", "lag_sim_s", "path_gap_m", "rmse_real_m", "rmse_sim_m")
 TICK_S = 0.01
 MOST_LAG_S = 1.0
@@ -54,9 +53,7 @@ LEVEL_TICKS = count("tasks.gate.level_ticks")
 """PWM is compared where both vehicles are at one height, if that is so for so long."""
 SHOWN_S = 0.1
 STILL_M = number("tasks.gate.still_m")
-"""Per 10 ms: a setpoint that moves less stands still."""
 PLANNED_M_S = number("tasks.gate.planned_m_s")
-"""A planner climbs and sinks slower (2.19 m/s per m/s of mean speed); faster is a jump."""
 
 
 @dataclass(frozen=True, repr=False)

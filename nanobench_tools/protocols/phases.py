@@ -17,12 +17,8 @@ MOVING_M_S = number("tasks.phases.moving_m_s")
 PAUSE_S = number("tasks.phases.pause_s")
 LANDING_JUMP_S = number("tasks.phases.landing_jump_s")
 SHORTEST_S = number("tasks.phases.shortest_s")
-"""A streamed path moves faster than MOVING_M_S (slowest known: 0.1 m/s), its radio gaps are shorter than PAUSE_S, it
-lasts SHORTEST_S or more; its last LANDING_JUMP_S hold the jump to the landing place, smeared over a radio gap."""
 
 JUMP_FACTOR = number("tasks.phases.jump_factor")
-"""The setpoint jumps from hover to the start of the path: first steps this much faster than the median of the path are
-that jump, which is no velocity to be followed."""
 
 
 def motors_on(flight: Flight) -> np.ndarray:

@@ -17,10 +17,6 @@ from ..results.result import OPTIONAL, Result, to_json
 from ..settings import number
 
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")
-"""Minimum time between the starts of two recordings of different sessions. The only dated recordings begin up to 1.2 h
-apart within their four sessions, and 4.9 h and more between them. Any limit between these finds the same four. Other
-sources (CrazyPAD, USD logs, stands) cannot confirm it, since their clocks start with the vehicle. The widest gap in
-sorted log-gaps splits at 64 h instead, since one night is no break."""
 
 DATED_S = 946_684_800.0
 """Unix time of the year 2000: a smaller stamp is of a clock that started with the vehicle, and no date."""

@@ -26,7 +26,6 @@ PAST = 50
 PAST_ALL = 250
 """Rows of all streams before the start for class ``past``: the last 2 s, and half a second of inputs before those."""
 LOST_FRAME = number("tasks.windows.lost_frame")
-"""Rows further apart than this many steps have a frame missing between them: windows end there."""
 
 STARTS = ("centred", "past")
 """As published: what is stored at the start, which knows some of the 50 ms after it; and with the past alone."""

@@ -18,31 +18,20 @@ from .step_removal import levelled
 from .usable_rows import runs, usable_streams
 
 HEIGHT_M = number("audit.airborne.height_m")
-"""Above the resting height; a vehicle of 40 g stands within 1 mm and rebounds by 2-14 cm after touch-down."""
 CARRIES = number("audit.airborne.carries")
-"""Of the median command of motors that run: less may not lift the vehicle off."""
 RUNS = number("audit.airborne.runs")
-"""Mean command of motors that run."""
 ALWAYS = number("audit.airborne.always")
-"""Share of rows in which they run, of a log without the ground."""
 HELD_S = number("audit.airborne.held_s")
-"""A vehicle at rest whose motors carry it has left the 5 cm within this time."""
 MOVED_M = number("audit.airborne.moved_m")
-"""Range of a position that no vehicle at rest has: the tracker's noise is 1 mm."""
 RESTS_S = number("audit.airborne.rests_s")
-"""A vehicle that stands still on the ground for so long has landed; what follows is another flight."""
 RESTS_M = number("audit.airborne.rests_m")
 """A vehicle at rest moves by less in that time, plus RESTS_NOISE standard deviations of its tracker's noise."""
 RESTS_NOISE = number("audit.airborne.rests_noise")
 NOISE_OF_BENDS = 0.6745 * np.sqrt(6.0)  # median |second difference| of white noise over its standard deviation
 FALLS_S = number("audit.airborne.falls_s")
-"""So long after its motors stopped a vehicle may still be falling."""
 ENDS_ROWS = count("audit.airborne.ends_rows")
-"""Rows at both ends whose median height may be the resting one."""
 ABOVE_LOW_M = number("audit.airborne.above_low_m")
-"""A vehicle rests at most so far above that quantile."""
 LOW = number("audit.airborne.low")
-"""Quantile of the heights that is near the resting one."""
 
 
 def resting_height_m(z: np.ndarray) -> float:

@@ -34,12 +34,8 @@ from .pairs import (
 
 ORDERS = tuple(permutations(range(3)))
 CLEAR = number("audit.axis_unit_matching.clear")
-"""Correlation with its opposite or with another axis that counts as clear. The motion capture's noise and the
-wandering clock of the real flights lower a true one to 0.3-1.0 but cannot turn it."""
 CERTAIN_T = number("audit.axis_unit_matching.certain_t")
-"""Mean over its standard error of the contributions of single seconds; by chance less than once in 10^4."""
 FACTOR = number("audit.axis_unit_matching.factor")
-"""Amplitudes that differ by less are noise, jitter or calibration; unit mistakes start at pi (mrad of a turn aside)."""
 KNOWN_FACTORS = {
     "deg for rad": 180.0 / np.pi,
     "rad for deg": np.pi / 180.0,
@@ -51,9 +47,7 @@ KNOWN_FACTORS = {
     "hundreds": 0.01,
 }
 NEAR_KNOWN = number("audit.axis_unit_matching.near_known")
-"""A factor this near to that of a known mistake is called that one."""
 CLEARLY = number("audit.axis_unit_matching.clearly")
-"""Another order of axes has to raise the sum of correlations by this."""
 
 
 @dataclass(frozen=True)

@@ -11,27 +11,18 @@ from scipy.signal import savgol_filter
 from ..settings import number, setting
 
 AGREES = number("audit.column_evidence.agrees")
-"""Correlation from which on two signals are the same up to a factor."""
 SAME = number("audit.column_evidence.same")
-"""Factor within which two amplitudes are the same."""
 SMALLEST_FLIGHT_M = number("audit.column_evidence.smallest_flight_m")
-"""A flight spans at least this much along one axis."""
 LARGEST_FLIGHT_M = number("audit.column_evidence.largest_flight_m")
 """And at most this much."""
 FASTEST_RAD_S = number("audit.column_evidence.fastest_rad_s")
-"""Full scale of the gyros that small vehicles carry (2000 deg/s)."""
 SLOWEST_PEAK_RAD_S = number("audit.column_evidence.slowest_peak_rad_s")
-"""A vehicle in flight turns faster than this at times."""
 MOST_M_S2 = number("audit.column_evidence.most_m_s2")
-"""Largest acceleration of a path that a vehicle flies for long."""
 CELLS_V = setting("audit.column_evidence.cells_v")
-"""Batteries from one cell under load to six cells."""
 FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
-"""Rows of a table are at least this far apart: the fastest gyros give 32 kHz."""
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""
 SENSOR_NOISE_APART = number("audit.column_evidence.sensor_noise_apart")
-"""Axes of a sensor or of a tracker differ less in their noise."""
 WINDOW = 5
 """Rows a derivative is taken over."""
 

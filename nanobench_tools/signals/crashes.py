@@ -18,9 +18,7 @@ FALL_M_S = number("audit.crashes.fall_m_s")
 FALL_OVER_S = number("audit.crashes.fall_over_s")
 LOOK_BACK_S = number("audit.crashes.look_back_s")
 FALL_M = number("audit.crashes.fall_m")
-"""A fall is at least so deep."""
 AFTER_S = number("audit.crashes.after_s")
-"""Motors may stop so long after it began."""
 
 
 @dataclass(frozen=True)

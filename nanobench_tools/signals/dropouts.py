@@ -19,16 +19,12 @@ from .packet_rows import Packets, packets_of
 from .usable_rows import usable_streams
 
 PACKETS = number("audit.dropouts.packets")
-"""And from so many packets on."""
 SHORTEST_S = number("audit.dropouts.shortest_s")
-"""A straight end is called dead from this length on, or 5 packets if they come slower than 50 Hz: fewer rows can be
-lost to the radio by chance."""
 
 STRAIGHT_ROWS = count("audit.dropouts.straight_rows")
 NO_SENSORS = ("extra", "stand")
 """Columns nobody knows and benches on which nothing need change."""
 BATTERY_HOLDS_S = number("audit.dropouts.battery_holds_s")
-"""So long may one voltage be repeated: 30 packets with the same reading."""
 
 
 @dataclass(frozen=True)

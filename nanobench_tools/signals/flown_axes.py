@@ -32,25 +32,18 @@ ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
 
 STEP_S = number("audit.flown_axes.step_s")
 BAND_HZ = setting("audit.flown_axes.band_hz")
-"""Tilt and acceleration are compared between these."""
 SHORTEST_S = number("audit.flown_axes.shortest_s")
-"""Shorter recordings decide nothing."""
 SLOWEST_STEP_S = number("audit.flown_axes.slowest_step_s")
-"""Poses rarer than that show no accelerations."""
 UPRIGHT = number("audit.flown_axes.upright")
-"""Mean cosine between the world's up and the body axis that points up in flight, at least."""
 FOLLOWS = number("audit.flown_axes.follows")
 """Correlation of tilt with acceleration that counts as clear."""
 SLOPE = setting("audit.flown_axes.slope")
-"""Tilt over acceleration, in 1/g, at least and at most."""
 STANDS_S = number("audit.flown_axes.stands_s")
-"""Length of the rest at either end of a recording that shows the ground."""
 STILL_M = number("audit.flown_axes.still_m")
 """A vehicle that rests moves by less."""
 NEAR_M = number("audit.flown_axes.near_m")
 """It rests so near to the lowest place of the recording."""
 CLIMBS_M = number("audit.flown_axes.climbs_m")
-"""A flight leaves the ground, or goes below it in a wrong frame, by more."""
 
 
 @dataclass(frozen=True)

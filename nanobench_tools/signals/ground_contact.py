@@ -12,11 +12,8 @@ from .mocap_derivatives import widened
 from .usable_rows import usable_streams
 
 NEAR_M = number("audit.ground_contact.near_m")
-"""Above the ground; rebounds and slides happen below."""
 BEFORE_S = number("audit.ground_contact.before_s")
-"""So long before it flies a vehicle may touch the ground."""
 AROUND_ROWS = count("audit.ground_contact.around_rows")
-"""Rows around low ones in which it may touch."""
 
 
 def contact_likely(context: Context, at_s: np.ndarray) -> np.ndarray:

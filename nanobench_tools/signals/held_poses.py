@@ -12,9 +12,7 @@ from .packet_rows import PRINT_RESOLUTION
 from .usable_rows import runs, typical_step_s, usable_streams
 
 LEAST_STEP_M = number("audit.held_poses.least_step_m")
-"""A slower line cannot be distinguished from a tracker that rests and rounds."""
 CATCHES_UP = number("audit.held_poses.catches_up")
-"""A position that was held goes on by so many usual steps at once."""
 CAUGHT_UP_M = number("audit.held_poses.caught_up_m")
 """And by so much more."""
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")

@@ -16,17 +16,12 @@ from .plausible_ranges import tracker_scale
 from .pose_frame import posed
 
 STEP_S = number("audit.mocap_derivatives.step_s")
-"""Of the grid; the recordings' own frame time, and ten times finer than what is compared (8 Hz)."""
 
 SLOWEST_STEP_S = number("audit.mocap_derivatives.slowest_step_s")
-"""Poses rarer than 5 Hz tell no rates, and stamps in milliseconds are 10 "s" apart."""
 
 BRIDGED_S = number("audit.mocap_derivatives.bridged_s")
-"""Frames missing for longer are not bridged: the grid is marked bad there."""
 BEND_M = number("audit.mocap_derivatives.bend_m")
-"""A pose that bends by more between frames is a jump: 300 m/s^2."""
 BEND_QUATERNION = number("audit.mocap_derivatives.bend_quaternion")
-"""The same of the quaternion: 0.1 rad."""
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,8 @@ from .usable_rows import typical_step_s, usable_streams
 PRINT_RESOLUTION = 2e-9
 """Two last digits of a table with nine decimals, in the units of this package; below any sensor's own step."""
 ENDED = number("audit.packet_rows.ended")
-"""Bends that end before this share of the rows: a long straight end, which has inflated the ranges."""
 BENT = number("audit.packet_rows.bent")
-"""And share of the rows that bend, below which they are."""
 APART = number("audit.packet_rows.apart")
-"""Share of the steps between bends that are longer than a row, from which on rows are drawn between packets."""
 
 
 @dataclass(frozen=True)

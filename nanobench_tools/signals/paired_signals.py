@@ -26,21 +26,13 @@ from .pose_frame import posed
 from .usable_rows import runs, usable_streams
 
 RATE_BAND_HZ = setting("audit.paired_signals.rate_band_hz")
-"""For rates and forces: below, slow turns hide a frame rotation as a delay; above, noise of the poses."""
 POSE_BAND_HZ = setting("audit.paired_signals.pose_band_hz")
-"""For positions and velocities, which carry their signal below 1 Hz and whose frames agree."""
 FORCE_BAND_HZ = setting("audit.paired_signals.force_band_hz")
-"""For forces across the thrust axis (air drag, 0.2 m/s^2), which drown in the noise of twice differentiated poses
-above."""
 STILL_ROWS = count("audit.paired_signals.still_rows")
-"""So many equal rows in a row are no values of a moving vehicle."""
 BEFORE_LANDING_S = number("audit.paired_signals.before_landing_s")
-"""The end of a flight is left out: shocks of the landing are not rigid motion."""
 REACH_S = number("audit.paired_signals.reach_s")
 FEWEST_ROWS = count("audit.paired_signals.fewest_rows")
-"""Fewer rows in the air are not compared."""
 BRIDGED_S = number("audit.paired_signals.bridged_s")
-"""Stamps further apart than this are not interpolated between."""
 
 
 @dataclass(frozen=True)

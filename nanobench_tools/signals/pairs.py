@@ -17,11 +17,8 @@ from .paired_signals import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, 
 from .quaternions import quaternion_orders
 
 SHORT_REACH_S = number("audit.pairs.short_reach_s")
-"""Columns of the motion capture itself are compared this far either way."""
 COMMANDED_BAND_HZ = setting("audit.pairs.commanded_band_hz")
-"""Set-points are compared with what was reached between these."""
 EULER_BAND_HZ = setting("audit.pairs.euler_band_hz")
-"""Euler angles are compared between these."""
 
 
 def _rate_of_euler(angles: np.ndarray) -> np.ndarray:

@@ -24,21 +24,14 @@ from .usable_rows import typical_step_s, usable_streams
 
 PATHS = {"mocap": POSITION, "estimator": ("x", "y", "z")}
 FINEST_M = number("audit.path_sizes.finest_m")
-"""A path that varies by less along an axis is constant there, up to rounding."""
 THINNEST_M = number("audit.path_sizes.thinnest_m")
-"""A flight leaves the origin by more along every axis on which it moves at all."""
 THINNER = number("audit.path_sizes.thinner")
-"""Largest over smallest extent of a flight's axes, at most."""
 MOVES_M = number("audit.path_sizes.moves_m")
-"""A path of this extent is no hover: the vehicle accelerated."""
 LEAST_M_S2 = number("audit.path_sizes.least_m_s2")
-"""Such a path has accelerations above this in a hundredth of its rows."""
 TILT_APART = number("audit.path_sizes.tilt_apart")
 """Where tilt and acceleration along one axis correlate, a unit mistake makes them differ by this factor, at least."""
 SHORTEST_STEP_S = number("audit.path_sizes.shortest_step_s")
-"""Accelerations are taken over rows at least this far apart, so that noise of the poses does not decide."""
 LEAST_TURN = number("audit.path_sizes.least_turn")
-"""An attitude turns by at least this share of the tilt that the accelerations of its path need."""
 
 
 def wrong_paths(context: Context) -> list[WrongUnit]:

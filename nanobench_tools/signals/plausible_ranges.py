@@ -21,15 +21,11 @@ from .quaternion_lengths import other_length, scaled_part
 from .usable_rows import typical_step_s, usable_streams
 
 ROOM_M = number("audit.plausible_ranges.room_m")
-"""Wider than any room with a motion capture system; a metre read as millimetre is 1000."""
 FACTOR = number("audit.plausible_ranges.factor")
 SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
-"""Between samples of a gyro or tracker; 10 ms read as seconds are 10."""
 BATTERY_V = setting("audit.plausible_ranges.battery_v")
-"""One cell under load to fourteen cells."""
 POSITION = ("px", "py", "pz")
 NEAR_KNOWN = number("audit.plausible_ranges.near_known")
-"""A factor this near to that of a known mistake is called that one."""
 
 
 @dataclass(frozen=True)

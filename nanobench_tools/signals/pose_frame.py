@@ -25,9 +25,7 @@ WORLDS = {(2, 1): "ENU", (2, -1): "NED", (1, 1): "EUS", (1, -1): "EDN", (0, 1): 
 BODIES = {(2, 1): "FLU", (2, -1): "FRD", (1, 1): "FUR", (1, -1): "FDL", (0, 1): "ULB", (0, -1): "DLF"}
 """The same of a body; its heading stays that of the tracker."""
 FOREIGN_RAD = number("audit.pose_frame.foreign_rad")
-"""A body that is tilted by more from the first moment on has axes that are not the vehicle's."""
 CLEARLY = number("audit.pose_frame.clearly")
-"""Other axes explain the flight better by this difference of correlations, at least."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,7 @@ from .usable_rows import tables, usable_streams
 LIMIT_RAD = number("audit.pose_jumps.limit_rad")
 BEND_RAD_S2 = number("audit.pose_jumps.bend_rad_s2")
 LONGEST_S = number("audit.pose_jumps.longest_s")
-"""Over longer holes no jump is looked for."""
 BROKEN_S = number("audit.pose_jumps.broken_s")
-"""Rows this near to a broken stamp are not judged."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ PART_OFF = number("audit.quaternion_lengths.part_off")
 PART_FITS = number("audit.quaternion_lengths.part_fits")
 
 LENGTH_OFF = number("audit.quaternion_lengths.length_off")
-"""Lengths this far from 1 are no rounding."""
 
 
 def scaled_part(quaternion: np.ndarray) -> tuple[int, float] | None:

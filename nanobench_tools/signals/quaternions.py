@@ -20,14 +20,10 @@ from .quaternion_lengths import STREAMS
 from .usable_rows import usable_streams
 
 UPRIGHT = number("audit.quaternions.upright")
-"""Mean of cos(tilt) of a flight; real ones have 0.97-1.00."""
 AGREES_RAD = number("audit.quaternions.agrees_rad")
 FIRST_S = number("audit.quaternions.first_s")
-"""Before anything can have gone wrong."""
 SWAPPED = number("audit.quaternions.swapped")
-"""Mean of cos(tilt) in the other order of elements, from which on it is the right one."""
 UNIT_WITHIN = number("audit.quaternions.unit_within")
-"""Lengths further from 1 are no quaternion."""
 
 
 @dataclass(frozen=True)

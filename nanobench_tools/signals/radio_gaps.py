@@ -13,9 +13,7 @@ from ..settings import number, setting
 from ..sources.interpolation import carries_no_packet
 
 RESOLUTION = setting("audit.radio_gaps.resolution")
-"""A row is drawn if it is on the chord within this, m/s^2, rad/s, PWM ratio; fixed, so that nothing later counts."""
 LONGER = number("audit.radio_gaps.longer")
-"""A gap is so many times as long as packets are apart (median), or longer."""
 
 
 def drawn(flight: Flight) -> np.ndarray:

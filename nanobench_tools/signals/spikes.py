@@ -23,13 +23,9 @@ TIMES_LOCAL = number("audit.spikes.times_local")
 WIDTH = count("audit.spikes.width")
 WIDEST = count("audit.spikes.widest")
 AROUND = count("audit.spikes.around")
-"""Rows on either side from which the local noise is taken."""
 STAYS = number("audit.spikes.stays")
-"""A step that keeps this share of its size is no spike."""
 AROUND_QUANTILE = number("audit.spikes.around_quantile")
-"""Readings around a spike are as far off as this quantile: all but what the spike itself reaches."""
 BOUNCE = number("audit.spikes.bounce")
-"""Share of the limit within which rows on both straight lines are a bounce."""
 
 
 class Spike(NamedTuple):

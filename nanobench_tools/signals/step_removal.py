@@ -11,7 +11,6 @@ LIMIT_M = number("audit.step_removal.limit_m")
 BEND_M_S2 = number("audit.step_removal.bend_m_s2")
 """Between two frames a vehicle bends its path by less (``faults.mocap_jump``)."""
 SIDE = count("audit.step_removal.side")
-"""Frames on either side that give the velocity."""
 
 
 def steps(time_s: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

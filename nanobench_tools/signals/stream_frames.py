@@ -27,9 +27,7 @@ ROTATIONS = tuple(turn for order in permutations(range(3)) for signs in product(
                   for turn in [np.eye(3)[list(order)] * np.array(signs)[:, None]] if np.linalg.det(turn) > 0.0)
 """The 24 rotations (3, 3) of quarter and half turns, the identity first."""
 GRAVITY_WEIGHT = number("audit.stream_frames.gravity_weight")
-"""Of the direction of the mean specific force, against one correlation of an axis."""
 ALONE = number("audit.stream_frames.alone")
-"""Two rotations that explain a stream alike to within this are not distinguished."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from .plausible_ranges import WrongUnit, wrong_ranges
 from .usable_rows import usable_streams
 
 GRAVITY_SHARE = number("audit.unit_sign_errors.gravity_share")
-"""The mean specific force of a flight lies along body z up to its tilt: at least this share of it."""
 ACC = ("acc_x", "acc_y", "acc_z")
 
 

@@ -30,20 +30,14 @@ from .trim_words import paragraph, unknown_of
 from .weigh import LOADS, NONE, Normal, Weighed, normal_of, quantiles, weigh
 
 TURNED = number("mismatch.comparison.turned")
-"""Standard deviations of the yaw balance beyond which it is no load: that turns nothing about z."""
 YAW = np.array([-1.0, 1.0, -1.0, 1.0]) / 2.0
 SUREST = number("mismatch.comparison.surest")
-"""No statement of a few flights is surer."""
 ODD = number("mismatch.comparison.odd")
-"""A normal flight that is rather changed than not, judged by the others, does not say what is normal."""
 MENTIONED = number("mismatch.comparison.mentioned")
-"""Minimum probability for a cause to be listed."""
 FEWEST = 2
 """Normal flights, and flights of a folder, without which nothing is named."""
 ASKEW = number("mismatch.comparison.askew")
-"""Chance below which the angle between thrust and sensors is another one."""
 STRANGE = number("mismatch.comparison.strange")
-"""Chance below which a flight does not belong to the others of its folder."""
 
 
 @dataclass(frozen=True)

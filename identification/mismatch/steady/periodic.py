@@ -26,21 +26,14 @@ from .reconstruct import ORDER, SMOOTH_ROWS, States
 LOWEST_HZ = number("mismatch.periodic.lowest_hz")
 HIGHEST_HZ = number("mismatch.periodic.highest_hz")
 BROAD_HZ = number("mismatch.periodic.broad_hz")
-"""Upper frequency for the level of the residual outside the mode."""
 DRAG_1_S = number("mismatch.periodic.drag_1_s")
-"""Drag over mass of a vehicle of this size: 0.3 to 0.45 on four of them."""
 FREQUENCIES = count("mismatch.periodic.frequencies")
 NEIGHBOURS = count("mismatch.periodic.neighbours")
 BINS = count("mismatch.periodic.bins")
-"""Number of neighbouring bins, 0.5 Hz wide, in the mean level of the normal flights at a frequency: the independent
-bins of a run of eight seconds."""
 RESOLUTION_HZ = number("mismatch.periodic.resolution_hz")
-"""Half a bin of a run of eight seconds: how well a frequency is known."""
 BESIDE = count("mismatch.periodic.beside")
 HALF = number("mismatch.periodic.half")
-"""Neighbours of a mode, 0.2 Hz or two bins of a run of eight seconds away, where it has lost half of its power."""
 RISK = number("mismatch.periodic.risk")
-"""Of a swing in flights without one, over all frequencies and both axes."""
 LEAST_S = number("mismatch.periodic.least_s")
 
 

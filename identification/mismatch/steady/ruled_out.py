@@ -16,9 +16,7 @@ BALANCES = (("lift", (1, 1, 1, 1)), ("the balance left to right", (-1, -1, 1, 1)
             ("the balance front to back", (-1, 1, 1, -1)), ("the yaw balance", (-1, 1, -1, 1)))
 """What the commands of motors 1..4 add up to, and their signs."""
 LEFT = number("mismatch.ruled_out.left")
-"""Standard deviations that a cause has to leave unexplained to be ruled out by a balance alone."""
 UNLIKELY = number("mismatch.ruled_out.unlikely")
-"""Odds below which the chance is said."""
 
 
 def against(found: Weighed, best: str, named: Collection[str]) -> list[dict[str, Any]]:

@@ -24,7 +24,6 @@ FOUND = number("mismatch.smallest_swing.found")
 SIZES_M_S2 = np.geomspace(0.005, 5.0, 70)
 PHASES = 64
 LEAN_DEG = number("mismatch.smallest_swing.lean_deg")
-"""Lean at which the mass of an equally strong load is reported."""
 
 
 def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: float) -> dict[str, Any]:

@@ -24,34 +24,22 @@ from nanobench_tools.units import GRAVITY_M_S2
 from .reconstruct import States, states_of
 
 IDLE = number("mismatch.trim.idle")
-"""A motor below this share of full command does not carry."""
 AFTER_START_S = number("mismatch.trim.after_start_s")
 BEFORE_STOP_S = number("mismatch.trim.before_stop_s")
-"""Take-off and landing are left out."""
 LEAST_S = number("mismatch.trim.least_s")
-"""Seconds of flight without which there is no trim."""
 SHORTEST_S = number("mismatch.trim.shortest_s")
-"""Of one run of the motors that counts."""
 BLOCK_S = number("mismatch.trim.block_s")
-"""Rows are averaged over this long, longer than the motors' lag and shorter than the manoeuvres."""
 STUCK_V = number("mismatch.trim.stuck_v")
-"""A battery that moves by less than a step of its converter while the motors run was not measured."""
 SLOPES = setting("mismatch.trim.slopes")
-"""Standard deviation, per m/s, of the dependence on velocity (drag); the trim is the value at rest."""
 HEIGHTS = (("estimator", "z"), ("mocap", "pz"))
 PLACES = (("estimator", "x", "y"), ("mocap", "px", "py"))
 COURSE_S = number("mismatch.trim.course_s")
 FULL = number("mismatch.trim.full")
 MOST_SATURATED = number("mismatch.trim.most_saturated")
-"""Share of rows at full command beyond which the command no longer says what was needed."""
 TYPICAL_V = number("mismatch.trim.typical_v")
-"""Stands for a battery that nobody logged."""
 WHOLE = number("mismatch.trim.whole")
-"""Blocks with fewer rows than this share of the usual are no whole ones."""
 LEAST_LIFT = number("mismatch.trim.least_lift")
-"""Lift over weight, at least: keeps logarithms finite."""
 MOST_ALIKE = number("mismatch.trim.most_alike")
-"""Correlation of neighbouring blocks, at most."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,7 @@ from .trim import Trim
 from .weigh import GROUPS, NONE, Normal, Weighed, hypotheses_of, weigh, weigh_change
 
 SURE = number("mismatch.trim_proof.sure")
-"""Probability from which a cause, or a motor, is named."""
 ALIKE = number("mismatch.trim_proof.alike")
-"""Nats of marginal likelihood within which two causes explain a trim alike."""
 
 
 def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:

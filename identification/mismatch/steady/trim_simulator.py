@@ -18,7 +18,6 @@ from .causes.other_vehicle import GAINS
 from .weigh import PRIOR, Normal
 
 K_M_M = number("mismatch.trim_simulator.k_m_m")
-"""Yaw torque over thrust of a Crazyflie, where a log says nothing of it."""
 
 
 def simulator_of(normal: Normal, body: Body) -> Model | None:

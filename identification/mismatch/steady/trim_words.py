@@ -17,12 +17,9 @@ from .trim import Trim
 from .weigh import NONE, Normal, Weighed
 
 MOST = number("mismatch.trim_words.most")
-"""Upper limit of a reported probability."""
 ALL = "several motors that changed each by itself, as on another vehicle"
 RATHER = number("mismatch.trim_words.rather")
-"""Maximum probability of no change at which possible causes are reported."""
 WORTH = number("mismatch.trim_words.worth")
-"""Probability from which on a cause is worth a word."""
 
 
 def unknown_of(found: Weighed, swing: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -22,16 +22,10 @@ from .causes import CAUSES, Body, Hypothesis
 from .trim import Trim
 
 PRIOR = setting("mismatch.weigh.prior")
-"""Standard deviation between flights of one vehicle, and its degrees of freedom. ``benchmarks/studies/trim_spread.py``
-measures it on 64 flights of another vehicle: ln thrust of a motor 0.023, level 0.019 and push 0.017 m/s^2 from flight
-to flight, 0.065 and 0.03 where steps at which the vehicle was handled count too; for these two a value between is
-taken."""
 SAME_DAY_SD = number("mismatch.weigh.same_day_sd")
-"""Of the ln thrust of a motor between flights of one day."""
 LOADS = frozenset({"weight", "slung", "mass"})
 """Causes that there are not where nothing was added to the vehicle."""
 SWINGS_BY_CHANCE = number("mismatch.weigh.swings_by_chance")
-"""How much likelier a load on a string makes it that a swing was found, than anything else does."""
 GROUPS = tuple(PRIOR)
 NONE = "none"
 

@@ -23,7 +23,6 @@ KIND = "clock_offset"
 
 SMALLEST_S = number("audit.clock_offset.smallest_s")
 HALVES = number("audit.clock_offset.halves")
-"""An offset is surely found that is so many half intervals larger than the smallest."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -31,16 +31,12 @@ ALONG_M = number("audit.estimator_reset.along_m")
 ALONG_S = number("audit.estimator_reset.along_s")
 ACROSS_M = number("audit.estimator_reset.across_m")
 ALONE_M = number("audit.estimator_reset.alone_m")
-"""Without motion capture, both ways: filters are pulled by 0.16 m in 0.1 s by position systems of less precision."""
 SURELY = number("audit.estimator_reset.surely")
-"""Times the limit, a jump is found whatever it does in the five rows after it."""
 ROWS = count("audit.estimator_reset.rows")
 LONGEST_S = number("audit.estimator_reset.longest_s")
 POSITION, VELOCITY = ("x", "y", "z"), ("vx", "vy", "vz")
 TIMES_USUAL = number("audit.estimator_reset.times_usual")
-"""A reset is at least so many times the usual step."""
 AROUND_S = number("audit.estimator_reset.around_s")
-"""Around a spike no reset is looked for."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -31,7 +31,6 @@ NEVER_STILL = ("imu", "estimator", "estimator_acc")
 """Streams in which no single column stands still either."""
 OTHERS = ("attitude", "attitude_qw", "motor", "motor_request", "rpm", "pid", "command", "battery")
 PACKETS = number("audit.frozen_stream.packets")
-"""A standstill is at least so many packets long."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -33,16 +33,11 @@ SHORTEST_S = number("audit.gap.shortest_s")
 SHORTEST_MOCAP_S = number("audit.gap.shortest_mocap_s")
 SHORTEST_SETPOINT_S = number("audit.gap.shortest_setpoint_s")
 PACKETS = number("audit.gap.packets")
-"""A gap is at least so many packets long."""
 SLOW_PACKETS = number("audit.gap.slow_packets")
-"""The same of streams whose packets come rarer than SLOW_S."""
 SLOW_S = number("audit.gap.slow_s")
-"""Packets further apart are of a slow stream."""
 KINK = number("audit.gap.kink")
 USUAL_STEPS = number("audit.gap.usual_steps")
-"""Where poses came irregularly a gap is longer than so many times the step that 95 % of them keep to."""
 DRAWN = number("audit.gap.drawn")
-"""Minimum fraction of interpolated rows next to a straight line at which it is not a gap."""
 
 
 def shortest_s(name: str, interval_s: float) -> float:

@@ -22,7 +22,6 @@ KIND = "mocap_occlusion"
 
 SHORTEST_S = number("audit.mocap_occlusion.shortest_s")
 USUAL_STEPS = number("audit.mocap_occlusion.usual_steps")
-"""An occlusion is longer than so many usual steps."""
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

@@ -22,11 +22,9 @@ from .kind import FaultKind
 KIND = "wrong_speed"
 
 FEWEST = count("audit.wrong_speed.fewest")
-"""Motors that say what is usual."""
 LESS = number("audit.wrong_speed.less")
 ALIKE = number("audit.wrong_speed.alike")
 RUNS = number("audit.wrong_speed.runs")
-"""Of full command: below, a motor may stand."""
 MEAN_S = number("audit.wrong_speed.mean_s")
 LEAST_S = number("audit.wrong_speed.least_s")
 

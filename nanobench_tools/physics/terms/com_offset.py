@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, cross, subtract
 
 SYSTEMATIC_M = number("physics.com_offset.systematic")
-"""Changes up to this can come of the logging alone."""
 DIFFERS_M = number("physics.com_offset.differs")
 """Flights that differ by less need not differ in this."""
 

@@ -10,13 +10,9 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components
 
 TYPICAL_S = number("physics.command_delay.typical_s")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 SYSTEMATIC_S = number("physics.command_delay.systematic")
-"""Changes up to this can come of the logging alone."""
 SEARCH_START_S = number("physics.command_delay.search_start")
-"""It acts far from linearly where it rests."""
 FITTED: tuple[float, float, str] = setting("physics.command_delay.fitted")
-"""Lowest and highest value of a fit, and why."""
 
 
 def delayed(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:

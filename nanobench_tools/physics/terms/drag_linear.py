@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components
 
 TYPICAL_N_S_M = setting("physics.drag_linear.typical_n_s_m")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 
 
 def force(body_force: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:

@@ -10,9 +10,7 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components
 
 TYPICAL_N_S = number("physics.drag_torque.typical_n_s")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 FITTED: tuple[float, float, str] = setting("physics.drag_torque.fitted")
-"""Lowest and highest value of a fit, and why."""
 
 
 def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:

@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import add
 
 DIFFERS_N = number("physics.force_world.differs")
-"""Flights that differ by less need not differ in this; of a vehicle of 40 g."""
 
 
 def force(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:

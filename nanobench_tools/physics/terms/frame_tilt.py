@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components
 
 SYSTEMATIC_RAD = number("physics.frame_tilt.systematic")
-"""Changes up to this can come of the logging alone."""
 DIFFERS_RAD = number("physics.frame_tilt.differs")
 """Flights that differ by less need not differ in this."""
 

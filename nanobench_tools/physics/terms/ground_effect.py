@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, scale
 
 SEARCH_START = number("physics.ground_effect.search_start")
-"""It acts far from linearly where it rests."""
 LOWEST = 0.5
 """Heights below this many radii count as this: Cheeseman and Bennett's law is not meant for less and has a pole."""
 

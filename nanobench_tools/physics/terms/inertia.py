@@ -10,13 +10,9 @@ from ..term import Belief, Parameter, Situation, Stage, Term
 from ..vehicle import Vehicle
 
 SYSTEMATIC = number("physics.inertia.systematic")
-"""Of the value before, times the share of the turning that the commands do not explain."""
 IMPLAUSIBLE = number("physics.inertia.implausible")
-"""A gain that is off by this factor is no vehicle."""
 BELIEVED_SD = number("physics.inertia.believed_sd")
-"""Of the firmware's inertia, scaled with the mass: standard deviation of what is believed."""
 LEAST = number("physics.inertia.least")
-"""Of the inertia that the vehicle would have with all its mass at the motors, which is the most it can have."""
 FIRMWARE_MASS_KG, FIRMWARE_INERTIA = 0.027, (1.66e-5, 1.67e-5, 2.93e-5)
 """Crazyflie 2.1 without load: crazyflie-firmware, controller_lee.c. A load near the centre adds inertia about in
 proportion to mass."""

@@ -10,9 +10,7 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, scale
 
 TYPICAL_S_M = number("physics.inflow.typical_s_m")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 FITTED_K_Z: tuple[float, float, str] = setting("physics.inflow.fitted_k_z")
-"""Lowest and highest value of a fit, and why."""
 FITTED_K_H: tuple[float, float, str] = setting("physics.inflow.fitted_k_h")
 """The same of k_h."""
 

@@ -11,7 +11,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components
 
 SYSTEMATIC = number("physics.motor_imbalance.systematic")
-"""Changes up to this can come of the logging alone."""
 DIFFERS = number("physics.motor_imbalance.differs")
 """Flights that differ by less need not differ in this."""
 MEAN_WITHIN = 0.005

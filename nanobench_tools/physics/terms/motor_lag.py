@@ -9,20 +9,13 @@ from ..systematic import Systematic
 from ..term import Belief, Parameter, Situation, Stage, Term
 
 TYPICAL_UP_S = number("physics.motor_lag.typical_up_s")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 TYPICAL_DOWN_S = number("physics.motor_lag.typical_down_s")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 
 SYSTEMATIC_S = number("physics.motor_lag.systematic")
-"""Changes up to this can come of the logging alone."""
 SEARCH_START_S = number("physics.motor_lag.search_start")
-"""It acts far from linearly where it rests."""
 FITTED: tuple[float, float, str] = setting("physics.motor_lag.fitted")
-"""Lowest and highest value of a fit, and why."""
 BELIEVED_UP_S: tuple[float, float] = setting("physics.motor_lag.believed_up_s")
-"""Mean and standard deviation of what is believed of the lag up before any flight."""
 BELIEVED_DOWN_S: tuple[float, float] = setting("physics.motor_lag.believed_down_s")
-"""The same of the lag down."""
 
 
 def time_constants(value: Any, p: SimpleNamespace, at: Situation, ops: Ops) -> tuple[Any, Any]:

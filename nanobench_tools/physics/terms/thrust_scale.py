@@ -10,7 +10,6 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, scale
 
 TYPICAL = number("physics.thrust_scale.typical")
-"""Typical of a 40 g quadrotor; where a fit begins."""
 DIFFERS = number("physics.thrust_scale.differs")
 """As a share: flights that differ by less need not differ in this."""
 

@@ -10,11 +10,8 @@ from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, total
 
 SYSTEMATIC = number("physics.yaw_torque.systematic")
-"""Of the value before, times the share of the turning that the commands do not explain."""
 IMPLAUSIBLE = number("physics.yaw_torque.implausible")
-"""A gain that is off by this factor is no vehicle."""
 FITTED: tuple[float, float, str] = setting("physics.yaw_torque.fitted")
-"""Lowest and highest value of a fit, and why."""
 
 
 def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:

@@ -28,7 +28,6 @@ from .pilot import PERIOD_S, PID
 LEAD_S = number("flying.motor_commands.lead_s")
 MOST_RATE_RAD_S = 8.0
 THRUST_SCALE = number("flying.motor_commands.thrust_scale")
-"""What the motors give of what the firmware's curve promises (recordings)."""
 
 
 class MotorPilot:

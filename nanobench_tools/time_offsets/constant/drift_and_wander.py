@@ -24,10 +24,8 @@ from ..mathematics.track_error import TrackError, track_error
 from .measured_lags import Measured, measured_lags
 
 OWN_LAG_S = setting("audit.drift_and_wander.own_lag_s")
-"""Delay of an estimator's output behind the gyro that is its own: measured 5-22 ms (firmware Kalman filter)."""
 JUDGED = ("imu", "attitude", "attitude_qw", "estimator")
 CONFIRMED = number("audit.drift_and_wander.confirmed")
-"""Chance below which the gyro's windows are said to move with the track."""
 
 
 @dataclass(frozen=True)

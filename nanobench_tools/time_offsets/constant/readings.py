@@ -25,10 +25,7 @@ from .measured_lags import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
 
 SMALLEST_RATE_RAD_S = number("audit.readings.smallest_rate_rad_s")
-"""Less rotation (RMS of the gyro in 0.3-8 Hz) drowns in the noise of differentiated poses, measured 0.1 rad/s in
-flight."""
 WIDEST_S = number("audit.readings.widest_s")
-"""An offset that is not known better than this is not identifiable."""
 UNSEEN = {
     "motor": "cameras do not see motor commands",
     "motor_request": "cameras do not see motor commands",

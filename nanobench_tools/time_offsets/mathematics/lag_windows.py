@@ -19,10 +19,7 @@ from .lags import Lag, LagSums, best
 from .steadiness import CHANCE, SMALLEST_WANDER_S, Steadiness
 
 REACH_S = number("audit.lag_windows.reach_s")
-"""Lags of windows are looked for this far around that of the whole flight."""
 KEPT = number("audit.lag_windows.kept")
-"""Standard deviation of the means of half seconds as a share of the whole, for an error as fast as that of the
-published recordings: tau = 0.19 s (correlation 0.2 after 0.3 s), 2 tau/T (1 - tau/T (1 - exp(-T/tau))) = 0.49."""
 
 
 @dataclass(frozen=True, kw_only=True)

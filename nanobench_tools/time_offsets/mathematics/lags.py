@@ -17,21 +17,14 @@ from scipy.stats import t as student
 from ...settings import number, setting
 
 FINE_S = number("audit.lags.fine_s")
-"""Step of the search between grid points, before a parabola; the signals end at 8 Hz, where a cubic spline is exact
-to 1e-4."""
 
 GROUPS_S = setting("audit.lags.groups_s")
-"""Lengths of the groups left out; the largest scatter counts, so that slow changes widen the interval."""
 
 BLOCK_S = number("audit.lags.block_s")
 GRID_S = number("audit.lags.grid_s")
-"""Half width that is left when nothing scatters: rows interpolated linearly between packets."""
 LOCAL_S = number("audit.lags.local_s")
-"""The jackknife looks this far around the best lag."""
 REACH_S = number("audit.lags.reach_s")
-"""A constant lag is looked for this far either way."""
 LEAST_S = number("audit.lags.least_s")
-"""Less common time says nothing of a lag."""
 
 
 @dataclass(frozen=True)

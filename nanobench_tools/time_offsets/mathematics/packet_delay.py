@@ -16,7 +16,6 @@ CELL_S = 0.0025
 """Grid of the delay; a quarter of a row, and half the finest structure that 100 Hz rows can show."""
 
 LARGEST_FALL_S = number("retiming.packet_delay.largest_fall_s")
-"""Within one row; larger ones are taken in two rows."""
 
 SHARE_HANG, SHARE_BURST = number("retiming.packet_delay.share_hang"), number("retiming.packet_delay.share_burst")
 SHARE_RESIDUAL = 1.0 - SHARE_HANG - SHARE_BURST

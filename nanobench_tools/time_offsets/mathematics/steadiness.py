@@ -10,12 +10,9 @@ from scipy.stats import t as student
 from ...settings import number
 
 CHANCE = number("audit.steadiness.chance")
-"""Drift and wander are called real below this probability of arising from noise; 200 clean flights give none."""
 SMALLEST_DRIFT_S = number("audit.steadiness.smallest_drift_s")
 SMALLEST_WANDER_S = number("audit.steadiness.smallest_wander_s")
-"""Smaller movements (over the flight; standard deviation) may be the model's and are not called the clock's."""
 SURELY_SD = number("audit.steadiness.surely_sd")
-"""Standard deviations beyond a threshold at which 99.9 % pass it."""
 
 
 @dataclass(frozen=True, kw_only=True)

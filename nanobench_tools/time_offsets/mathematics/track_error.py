@@ -15,15 +15,10 @@ from ...settings import count, number
 from .steadiness import CHANCE, SMALLEST_WANDER_S, SURELY_SD, Steadiness
 
 SLOWEST_M_S = number("audit.track_error.slowest_m_s")
-"""Below this speed a millimetre is more than 5 ms."""
 OFF_TRACK = number("audit.track_error.off_track")
-"""Rows that err across by more than this many medians (and 5 mm) are jumps of the estimate and say nothing of time."""
 BLOCK_S = number("audit.track_error.block_s")
-"""Errors of an estimator keep for half a second; blocks of one are nearly independent."""
 OFF_TRACK_M = number("audit.track_error.off_track_m")
-"""And by more than this across."""
 FULL_ROWS = count("audit.track_error.full_rows")
-"""Blocks of a second with fewer rows are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)

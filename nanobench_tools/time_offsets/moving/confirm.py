@@ -19,7 +19,6 @@ from .sender_timestamps import time_offset_from_ticks
 from .time_offset import TimeOffset
 
 BLOCK_S = number("retiming.confirm.block_s")
-"""The time error and the noise of the streams have forgotten their past after a second: blocks are independent."""
 
 ESTIMATED, SENSED = ("attitude", "velocity", "position"), ("gyro", "acceleration")
 

@@ -25,30 +25,19 @@ from ...signals.usable_rows import usable_streams
 from ..mathematics.packet_delay import CELL_S
 
 MARGIN_S = number("retiming.evidence.margin_s")
-"""The truth is held so far beyond its ends, so that shifted stamps stay on the grid."""
 
 DETREND_S = number("retiming.evidence.detrend_s")
-"""Slow differences that are not time (drag, tilt of the frames, yaw drift) are removed below 1 / DETREND_S. The time
-error itself loses its memory after 0.5 s."""
 
 LAGS_S = number("retiming.evidence.lags_s")
-"""A stream's constant lag is sought within +-LAGS_S of the delay believed so far."""
 
 ENOUGH = count("retiming.evidence.enough")
-"""Samples that are enough to find a lag."""
 
 ALIKE_S = number("retiming.evidence.alike_s")
-"""Errors slower than this shift whole stretches alike and do not count against the weight of a row."""
 FARTHEST_SD = number("retiming.evidence.farthest_sd")
-"""Limit of errors, in standard deviations, in the correlation of neighbours."""
 LEAST_WEIGHT = number("retiming.evidence.least_weight")
-"""Weight of a row, at least."""
 ALIKE = number("retiming.evidence.alike")
-"""Correlation of errors above which rows are alike."""
 START_WEIGHT = number("retiming.evidence.start_weight")
-"""Weight of a kind before it is learned."""
 FEWEST = count("retiming.evidence.fewest")
-"""Fewer samples give no evidence."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +60,7 @@ class Kind:
 
 
 START: dict[str, tuple[float, float]] = setting("retiming.evidence.start")
-"""First and smallest noise that is believed of a kind, SI."""
 TYPICAL: dict[str, tuple[float, float, float]] = setting("retiming.evidence.typical")
-"""Lag behind the gyro [s], noise [SI] and weight of a kind, for a causal clock, which cannot learn them."""
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (
     Kind("gyro", "imu", ("gyro_x", "gyro_y", "gyro_z"), *START["gyro"], False, "inertial", *TYPICAL["gyro"]),
     Kind("acceleration", "imu", ("acc_x", "acc_y", "acc_z"), *START["acceleration"], True, "inertial",

@@ -36,14 +36,10 @@ ANCHORS = ("gyro", "attitude", "velocity", "position", "acceleration")
 """Delay and lags are known up to a constant: the first of these that is present has its typical lag."""
 
 SLOWEST_M_S = number("retiming.infer.slowest_m_s")
-"""Slower than this a vehicle shows no time error through its position."""
 
 INFLATION = number("retiming.infer.inflation")
-"""The posterior of a clock without the position is too sure by this factor."""
 
 RATES: tuple[float, ...] = setting("retiming.infer.rates")
-"""Even odds that a link delivers as ``delivery`` describes or moves the delay ten times as rarely. Used only to compare
-a moving clock with constants."""
 
 PASSES = count("retiming.infer.passes")
 BESIDE_S = number("retiming.infer.beside_s")

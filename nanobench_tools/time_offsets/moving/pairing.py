@@ -29,21 +29,13 @@ from .time_offset import TimeOffset, wander_of
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 BAND_HZ = number("retiming.pairing.band_hz")
 SLOW_S = number("retiming.pairing.slow_s")
-"""Rates are compared between 1 / SLOW_S and BAND_HZ. Above is vibration; below is only the difference between air and
-ground, which any two flights share."""
 
 LEAST_CORRELATION = number("retiming.pairing.least_correlation")
-"""Minimum correlation of the rates, with aligned frames, for two recordings of one flight: 0.60-0.93 for the same
-flight, at most 0.46 otherwise (18 real flights)."""
 
 RIVAL_S = number("retiming.pairing.rival_s")
 RIVAL_SHARE = number("retiming.pairing.rival_share")
-"""A second offset, further than RIVAL_S away, whose magnitudes fit RIVAL_SHARE as well makes the first ambiguous, as on
-a repeated path; 0.19-0.57 on the 18."""
 
 SQUARE_RAD = number("retiming.pairing.square_rad")
-"""Minimum angle between a tracker's body frame and the gyro's axes for a correction; noise alone gives up to 12
-degrees."""
 
 NOWHERE = number("retiming.pairing.nowhere")
 FEWEST_KNOWN, FEWEST = count("retiming.pairing.fewest_known"), count("retiming.pairing.fewest")

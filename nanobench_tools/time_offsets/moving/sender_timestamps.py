@@ -23,10 +23,8 @@ WRAP_S = 2.0**24 / 1000.0
 
 FEWEST = count("retiming.sender_timestamps.fewest")
 MOVES_S = number("retiming.sender_timestamps.moves_s")
-"""A delay that scatters less is no wander: ticks are whole milliseconds."""
 
 LAG_SD_S = number("retiming.sender_timestamps.lag_sd_s")
-"""Of the constant that the gyro adds."""
 
 
 def unwrapped(tick_s: np.ndarray) -> np.ndarray:

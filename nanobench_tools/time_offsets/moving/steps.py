@@ -24,7 +24,6 @@ from .evidence import KINDS
 
 FEWEST_ROWS = count("retiming.steps.fewest_rows")
 GAP_S = number("retiming.steps.gap_s")
-"""Rows drawn across a hole this long tell nothing of time."""
 
 Pair = tuple[np.ndarray, np.ndarray]
 """Increments over each interval (n - 1, 3) and rates in it (n - 1, 3), in the same unit but for the second."""

@@ -197,13 +197,13 @@ def test_on_real_flights_two_kinds_of_fit_come_back_from_plain_values(real_data)
     from nanobench_tools.protocols.task1 import score
     from nanobench_tools.sources.discover import load_recordings
 
-    names = ("B2_circle_medium_rep1", "B8_star_slow_rep1", "B5_helix_slow_rep1")
+    names = ("B2_circle_medium_rep1", "B7_oval_medium_rep2", "B8_star_slow_rep1", "B5_helix_slow_rep1")
     paths = [next(real_data.glob(f"nanobench/**/{name}.csv*")) for name in names]
     cases = cases_of(load_recordings(paths).flights)
     at_50 = {}
     for rung in (r for r in LADDER if r.adapt != "none" and not r.physical):
-        predictor = predictor_of(fit_item(cases[:2], rung, 0, Vehicle()))
-        found = score(cases[2], predictor, "onboard")
+        predictor = predictor_of(fit_item(cases[:3], rung, 0, Vehicle()))
+        found = score(cases[3], predictor, "onboard")
         at_50[rung.adapt] = {name: sums[-1] / found.windows for name, sums in found.sums.items()}
     assert at_50["inputs"]["position_mae_m"] < 0.15
     assert at_50["past"]["position_mae_m"] < 0.08

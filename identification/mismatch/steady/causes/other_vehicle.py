@@ -10,8 +10,6 @@ from .cause import Body, Cause, Hypothesis, Sizes
 
 GAINS = number("mismatch.other_vehicle.gains")
 LEVEL_M_S2 = number("mismatch.other_vehicle.level_m_s2")
-"""Standard deviation between vehicles of one type: thrust of a motor and propeller, and the mounting of the sensors
-(1.2 degrees)."""
 
 
 def make(body: Body) -> list[Hypothesis]:
@@ -23,5 +21,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 
 PRIOR = number("mismatch.other_vehicle.prior")
-"""Probability before anything is seen."""
 CAUSE = Cause("vehicle", None, PRIOR, make, say, "another vehicle")

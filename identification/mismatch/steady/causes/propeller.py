@@ -16,9 +16,7 @@ from nanobench_tools.settings import number
 from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval, motor_words
 
 MOST_LOSS = number("mismatch.propeller.most_loss")
-"""Share of its thrust beyond which one motor cannot be made up for."""
 ONE = number("mismatch.propeller.one")
-"""Share of cases in which a single one is damaged: a crash often takes two."""
 
 
 def make(body: Body) -> list[Hypothesis]:
@@ -40,5 +38,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 
 PRIOR = number("mismatch.propeller.prior")
-"""Probability before anything is seen."""
 CAUSE = Cause("propeller", "motor_imbalance", PRIOR, make, say, "a damaged propeller")

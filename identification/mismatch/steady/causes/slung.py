@@ -15,7 +15,6 @@ from .cause import Body, Cause, Hypothesis, Sizes, interval
 from .weight import loads, where
 
 UNSEEN = number("mismatch.slung.unseen")
-"""Share of slung loads whose swing a flight of half a minute would not show: damped, or touching the ground."""
 
 
 def make(body: Body) -> list[Hypothesis]:
@@ -31,5 +30,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 
 PRIOR = number("mismatch.slung.prior")
-"""Probability before anything is seen."""
 CAUSE = Cause("slung", "slung_load", PRIOR, make, say, "a load on a string")

@@ -14,7 +14,6 @@ from nanobench_tools.settings import number
 from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval, motor_words
 
 LOSS = number("mismatch.tape.loss")
-"""Most that a strip of a tenth of a millimetre does to the lift of a blade; more is damage, whatever did it."""
 
 
 def make(body: Body) -> list[Hypothesis]:
@@ -33,5 +32,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 
 PRIOR = number("mismatch.tape.prior")
-"""Probability before anything is seen."""
 CAUSE = Cause("tape", "motor_imbalance", PRIOR, make, say, "tape on a propeller", special_of="propeller")

@@ -18,9 +18,7 @@ from nanobench_tools.settings import number
 from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval
 
 MOST = number("mismatch.weight.most")
-"""Of the vehicle's mass: more it does not lift."""
 REACH = number("mismatch.weight.reach")
-"""Times the distance of the motors from the middle, per axis: the tips of the propellers."""
 
 
 def loads(body: Body) -> tuple[tuple[Size, ...], np.ndarray]:
@@ -50,5 +48,4 @@ def say(sizes: Sizes, motors: Sequence[int]) -> str:
 
 
 PRIOR = number("mismatch.weight.prior")
-"""Probability before anything is seen."""
 CAUSE = Cause("weight", "mass", PRIOR, make, say, "an added weight")

@@ -11,7 +11,6 @@ from nanobench_tools.settings import number
 from .cause import Body, Cause, Hypothesis, Size, Sizes, draws, interval
 
 MOST_M_S2 = number("mismatch.wind.most_m_s2")
-"""Horizontal force over mass: 17 degrees of tilt."""
 
 
 def make(body: Body) -> list[Hypothesis]:
