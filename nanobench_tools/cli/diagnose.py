@@ -186,7 +186,10 @@ def _from_trim(options: Options, model: Model) -> int | None:
     from .diagnose_normal import diagnose_trim
 
     rotors = model.vehicle.rotors
-    if rotors != QUADROTOR or not any(missing(flight, rotors=rotors) for flight in options.flights):
+    lacking = [missing(flight, rotors=rotors) for flight in options.flights]
+    if "thrust_voltage" in model and all(lacks == ["battery"] for lacks in lacking):
+        return None  # commands at an unknown voltage are no thrust to compare
+    if rotors != QUADROTOR or not any(lacking):
         return None  # the trim of four motors is all that is known
     return diagnose_trim(options, model)
 

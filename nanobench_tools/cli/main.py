@@ -55,6 +55,9 @@ VERBS: dict[str, tuple[str, str]] = {
 }
 """Verb -> one line of help, an example. Help is printed from here, so that no verb is loaded for it."""
 
+FIRST = ("run", "audit", "diagnose")
+"""Verbs whose example the help of all verbs shows; each verb's help shows its own."""
+
 LISTED = ("audit", "control", "convert", "diagnose", "estimate", "fly", "prove", "simulate", "sysid", "tune")
 """Verbs with --list, see ``listing.LISTS``."""
 
@@ -90,8 +93,8 @@ class Verbs(click.Group):
         with formatter.section("Verbs"):
             formatter.write_dl([(name, text) for name, (text, _) in VERBS.items()])
         with formatter.section("Examples"), formatter.indentation():
-            for _, example in VERBS.values():
-                formatter.write_text(example)
+            for verb in FIRST:
+                formatter.write_text(VERBS[verb][1])
 
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

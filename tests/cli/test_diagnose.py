@@ -64,6 +64,22 @@ def test_what_recordings_lack_is_said(nanobench, changed, simulator, tmp_path, c
     assert words in found["paragraph"]
 
 
+def test_without_voltage_trims_are_not_compared(nanobench, recordings, simulator, tmp_path):
+    """Commands at an unknown voltage are no thrust, so several flights show as little as one."""
+    folder = tmp_path / "unlogged"
+    folder.mkdir()
+    for source in sorted(recordings.glob("*.csv")):
+        with source.open() as file:
+            rows = list(csv.reader(file))
+        kept = [k for k, name in enumerate(rows[0]) if "vbat" not in name]
+        with (folder / source.name).open("w", newline="") as file:
+            csv.writer(file).writerows([[row[k] for k in kept] for row in rows])
+        shutil.copy(source.with_name(f"{source.stem}_metadata.yaml"), folder)
+    found = verdict(nanobench, tmp_path, "--data", folder, "--simulator", simulator)
+    assert found["outcome"] == "insufficient"
+    assert "Without battery (vbat)" in found["paragraph"]
+
+
 def test_cells_without_a_number_do_not_spread(changed):
     """Commands that were lost before a stretch begins are in no rotor of it."""
     def lose(table):
