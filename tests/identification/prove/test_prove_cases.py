@@ -50,6 +50,7 @@ def cases(short):
     return make_cases(SPECS)
 
 
+@pytest.mark.slow
 def test_a_case_is_the_same_alone_and_in_a_crowd(cases, short):
     alone = make_case(SPECS[1])
     assert alone.truth == cases[1].truth
