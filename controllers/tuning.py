@@ -1,9 +1,9 @@
-"""Search for gains on an ensemble of plants, and whether what was found is better on plants and paths not seen.
+"""Search for gains on an ensemble of plants, tested on unseen plants and paths.
 
 The covariance matrix adaptation evolution strategy (Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package
-``cma``) proposes, on the logarithms of the gains. What is made small is ``objective``; half of the plants have a radio
-that is later than controllers are told. The best few and the gains as they were fly on other plants, the same paths:
-the best there is taken, since the best of many on a few plants is partly the best for just these.
+``cma``) proposes the logarithms of the gains and minimises ``objective``. Half of the plants have a radio that is later
+than controllers assume. The best few and the original gains then fly on other plants, the same paths, and the best
+there is chosen: the best of many on a few plants partly fits just these.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from .plants.simulated_flights import flown, made
 
 @dataclass(frozen=True, repr=False)
 class Flown(Result):
-    """What a controller did on every path (outer) with every plant (inner): RMSE and RMSE across the path [m], None
-    where there is none, and whether the vehicle was lost."""
+    """Results of a controller on every path (outer) with every plant (inner): RMSE and RMSE across the path [m], None
+    without one, and whether the vehicle was lost."""
 
     rmse_m: Sequence[Sequence[float | None]]
     contour_m: Sequence[Sequence[float | None]]
@@ -69,7 +69,7 @@ SHARE = 0.95
 
 def plants_of(simulator: str, plants: int, seed: int, radio_s: float,
               draws: tuple[tuple[str, ...], np.ndarray] | None = None) -> Ensemble:
-    """Of ``draw``; every second one's radio is LATE_S later than is told."""
+    """Plants of ``draw``; the radio of every second one is LATE_S later than controllers assume."""
     crowd = draw(simulator, plants, seed, draws, radio_s)
     return replace(crowd, radio_s=radio_s + LATE_S * (np.arange(plants) % 2))
 

@@ -1,9 +1,9 @@
 """A right-invariant extended Kalman filter on the recorded IMU, with drag as velocity information.
 
-Error on SE_2(3) in the world frame: its propagation does not depend on the estimate but for the biases. After Barrau
-and Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE TAC 2017), and Hartley et al.,
-"Contact-aided invariant extended Kalman filtering for robot state estimation" (IJRR 2020), with biases appended and the
-small constant rotation from the IMU to the tracked frame, as the error-state filter has it.
+Error on SE_2(3) in the world frame, whose propagation depends on the estimate only through the biases. After Barrau and
+Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE TAC 2017), and Hartley et al.,
+"Contact-aided invariant extended Kalman filtering for robot state estimation" (IJRR 2020). Biases are appended, and the
+small constant rotation from the IMU to the tracked frame, as in the error-state filter.
 """
 
 from __future__ import annotations
@@ -27,14 +27,16 @@ ERROR = 18
 """Attitude, velocity, position (world), biases of gyro and accelerometer, rotation of the tracked frame."""
 
 LOST_M_S = 1000.0
-"""A vehicle is nowhere near as fast: what comes later (a log whose values went on along a line after the last packet)
-says nothing, and the estimate ends there."""
+"""Maximum plausible speed. Beyond it (as in a log whose values continue along a line after the last packet) the
+estimate ends."""
 
 
 class InvariantEkf:
-    """Right-invariant filter of poses, gyro, accelerometer and drag. States: attitude, velocity, position, biases and
-    the tracked frame; a late pose is used at the row of its arrival, moved on with the velocity and the rate that the
-    filter has. ``settings`` as of the other inertial rows, those it knows."""
+    """Right-invariant filter of poses, gyro, accelerometer and drag.
+
+    States: attitude, velocity, position, biases and the tracked frame. A late pose is used at the row of its arrival,
+    propagated with the filter's velocity and rate. ``settings``: as of the other inertial methods, if known here.
+    """
 
     name = "invariant_ekf"
     causal = True
@@ -79,8 +81,8 @@ def _crossed(v: np.ndarray, rot: np.ndarray, out: np.ndarray) -> None:
 @nb.njit(cache=True)
 def _transition(c: np.ndarray, out: np.ndarray, dt: float, rot: np.ndarray, v_rot: np.ndarray,
                 p_rot: np.ndarray) -> None:
-    """out = (F c)^T for the transition F of one step: gravity turns an error of attitude into one of velocity, biases
-    enter by the adjoint, of which rot, v x rot and p x rot (3, 3) are the parts."""
+    """out = (F c)^T for the transition F of one step: gravity turns an error of attitude into one of velocity, and
+    biases enter by the adjoint with the parts rot, v x rot and p x rot (3, 3)."""
     g = GRAVITY_M_S2 * dt
     for j in range(ERROR):
         for k in range(ERROR):
@@ -122,8 +124,8 @@ def _noise(cov: np.ndarray, turn: float, level: float, upright: float, rot: np.n
 def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.ndarray, arrived: np.ndarray,
             pose_s: np.ndarray, poses: np.ndarray, settings: np.ndarray, ps: np.ndarray, vs: np.ndarray,
             qs: np.ndarray, nis: np.ndarray, sds: np.ndarray) -> None:
-    """Fills position and velocity (n, 3), quaternion (n, 4), the squared innovation of the positions of a row's poses
-    (n,) (nan: none), and the covariance (n, 9, 9) of position and velocity (world) and attitude (body)."""
+    """Fill position and velocity (n, 3), quaternion (n, 4), the squared innovation of the positions of a row's poses
+    (n,) (nan without any), and the covariance (n, 9, 9) of position and velocity (world) and attitude (body)."""
     n = len(time_s)
     p, q, v = poses[0, :3].copy(), poses[0, 3:].copy(), np.zeros(3)
     bg, ba, mount = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -205,7 +207,8 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
 @nb.njit(cache=True)
 def _given_out(c: np.ndarray, out: np.ndarray, p: np.ndarray, v: np.ndarray, rot: np.ndarray) -> None:
     """out (9, 9) = (B c)^T, where B gives errors of position, velocity (world) and attitude (body) from the invariant
-    ones, to first order: a world rotation theta moves the position by theta x p. Twice gives the covariance."""
+    ones, to first order: a world rotation theta moves the position by theta x p. Applied twice, it gives the
+    covariance."""
     for j in range(9):
         x, y, z = c[0, j], c[1, j], c[2, j]
         out[j, 0] = c[6, j] + y * p[2] - z * p[1]

@@ -1,7 +1,7 @@
-"""The firmware's Kalman filter as the senses of the plant: simulated IMU and poses in, the vehicle's own belief out.
+"""The firmware's Kalman filter as the senses of the plant: simulated IMU and poses in, the vehicle's estimate out.
 
-The filter knows no drag and takes the pull of the air for a tilt, so its attitude is wrong by some degrees per m/s;
-this comes out of its equations (``nanobench_tools.firmware.kalman``), nothing is fitted.
+The filter has no drag and attributes the force of the air to a tilt, so its attitude is wrong by some degrees per m/s.
+This follows from its equations (``nanobench_tools.firmware.kalman``); there is no fit.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def _run_filters(sources: str) -> Callable[..., None]:
     @nb.njit(cache=True, nogil=True)
     def _run_filters(parameters: np.ndarray, task: np.ndarray, run: np.ndarray, measurement: np.ndarray,
                      arrived: np.ndarray, milliseconds: int) -> None:
-        """n filters through so many runs with the same sample of the IMU in run (n,) RUN; the first ``arrived`` (n,) of
-        measurement (n, QUEUE) MEASUREMENT are taken at the first of them."""
+        """Propagate n filters through several runs with the same sample of the IMU in run (n,) RUN. The first
+        ``arrived`` (n,) of measurement (n, QUEUE) MEASUREMENT are used at the first of them."""
         if not sources:
             return
         for i in range(len(task)):

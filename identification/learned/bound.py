@@ -1,9 +1,9 @@
-"""How much better could a simulator predict? A flexible model as the bound on what any named physics can improve.
+"""How much better could a simulator predict? A flexible model bounds the gain from any physics.
 
-The correcting network of ``own`` is trained on what a simulator says of flights, whole flights held out in turn, and
-corrects those held out. It knows no physics beyond kinematics and sees the state and the inputs only, so what it takes
-away of the error is there to be taken by equations of state and inputs; what it leaves is noise, moments nobody logged,
-or more than these flights teach. It bounds from one side: equations that generalise better can do more.
+The correcting network of ``own`` is trained on the simulator's predictions of flights, with whole flights held out in
+turn, and corrects those held out. It knows no physics beyond kinematics and uses only the state and the inputs. So
+equations of state and inputs could remove the same error. The rest is noise, unlogged moments, or beyond these flights.
+The bound is one-sided: equations that generalise better can do more.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ QUICK = replace(SETTINGS, epochs=QUICK_EPOCHS)
 
 @dataclass(frozen=True)
 class Bound:
-    """Mean errors {quantity: {"1", "10", "50", "sum"}} of flights held out: by the simulator, and by the simulator with
-    a flexible correction; never above the simulator's."""
+    """Mean errors {quantity: {"1", "10", "50", "sum"}} of flights held out: by the simulator, and with a flexible
+    correction; never above the simulator's."""
 
     simulator: dict[str, dict[str, float]]
     flexible: dict[str, dict[str, float]]
@@ -36,8 +36,8 @@ class Bound:
     windows: int
 
     def share(self, after: dict[str, dict[str, float]], horizon: str = "50") -> dict[str, float]:
-        """Of what the flexible model takes away after ``horizon`` steps, the share that ``after`` takes away too, by
-        quantity; nan where the flexible model takes nothing away."""
+        """Fraction of the flexible model's improvement after ``horizon`` steps that ``after`` also achieves, by
+        quantity; nan without an improvement."""
         found = {}
         for name, before in self.simulator.items():
             possible = before[horizon] - self.flexible[name][horizon]
@@ -48,8 +48,8 @@ class Bound:
 
 def flexible_bound(simulator: Predictor, flights: Sequence[tuple[str, Windows, Prediction]],
                    settings: Settings = QUICK, quiet: bool = True) -> Bound:
-    """The bound of a simulator as a predictor, from flights (name, windows, what came), which it was not fitted to (or
-    was: then the bound says what is left in them). Raises InputError for fewer than two flights, MissingExtraError
+    """The bound of a simulator as a predictor, from flights (name, windows, truth) that it was not fitted to (otherwise
+    the bound describes their remaining error). Raises InputError for fewer than two flights, MissingExtraError
     without JAX."""
     names = list(dict.fromkeys(name for name, _, _ in flights))
     if len(names) < 2:

@@ -1,4 +1,4 @@
-"""The first lines of a verdict: what was left out, what mending brings, what the simulator is good enough for."""
+"""The first lines of a verdict: missing effects, the gain from correcting them, and suitable uses of the simulator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HOVER_M = 0.125
 MPC_M = 0.0625
 """The same of 0.5 m/s^2: a prediction that is off by more is corrected late at every step."""
 LEARNING = 1.5
-"""Errors over those of the best model of the same flights: a learned policy uses whatever is wrong."""
+"""Errors over those of the best model of the same flights: a learned policy exploits any error."""
 RULES = {
     "hover": f"position error after 0.5 s below {100 * HOVER_M:.1f} cm (an acceleration error of 1 m/s^2)",
     "mpc": f"position error after 0.5 s below {100 * MPC_M:.2g} cm (an acceleration error of 0.5 m/s^2)",
@@ -64,5 +64,5 @@ def headline(body: Mapping[str, Any]) -> str:
 
 
 def uses(good: Mapping[str, Good]) -> str:
-    """What it is good enough for, in a line."""
+    """Suitable uses, in a line."""
     return "Good enough for: " + "; ".join(f"{USES[use]}: {answer}" for use, answer in good.items()) + "."

@@ -1,13 +1,13 @@
-"""What the residual has in common with anything it should have nothing in common with.
+"""Correlation of the residual with covariates that should not predict it.
 
 A right simulator leaves a residual that no covariate predicts. Residual and covariates are whitened (disturbances last
 a while), the covariates made orthonormal, and the residual projected onto them: K numbers a channel, of unit variance
-where nothing is wrong. A hypothesis is judged by how much of this projection it takes away.
+under a right simulator. A hypothesis is judged by how much of this projection it explains.
 
-Closed loop: controllers answer a disturbance within a few rows, so that commands and rates correlate with the residual
-without causing it. Torques are therefore compared over short stretches, and only with covariates that were fixed before
-the stretch began (predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8; the
-disturbance itself is whitened first), and with what the set-points asked for, which no disturbance moves.
+Closed loop: controllers answer a disturbance within a few rows, so commands and rates correlate with the residual
+without causing it. Torques are therefore compared over short stretches, with covariates fixed before the stretch began
+(predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8; the disturbance itself is
+whitened first), and with the set-points, which no disturbance moves.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
 
 @dataclass(frozen=True)
 class Channel:
-    """One axis: its memory, its covariates as an orthonormal basis (samples, K), and the standard deviation of the
-    innovations that they do not explain, widened where a moment has to stand out of more (``spread``: the square)."""
+    """One axis: its autoregression, its covariates as an orthonormal basis (samples, K), and the standard deviation of
+    the innovations that they leave, widened where a moment has to exceed more (``spread``: the square)."""
 
     name: str
     memory: Memory
@@ -155,8 +155,8 @@ def channel(name: str, at: np.ndarray, step: int, track: np.ndarray, covariates:
 
 @dataclass(frozen=True)
 class Levels:
-    """Parameters that every flight has another value of: names, index of each in ``model``, and the standard deviation
-    between flights, per scale of the parameter. Their effects are those at ``model``."""
+    """Per-flight parameters: names, index of each in ``model``, and the standard deviation between flights, per scale
+    of the parameter. Their effects are those at ``model``."""
 
     model: Model
     names: tuple[str, ...]
@@ -166,7 +166,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Moments:
-    """All six channels; levels: what scatters between flights, a nuisance of every fit."""
+    """All six channels. ``levels``: scatter between flights, a nuisance of every fit."""
 
     wrench: Wrench
     channels: tuple[Channel, ...]

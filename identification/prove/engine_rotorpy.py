@@ -42,10 +42,10 @@ EFFECTS_HERE = ("thrust_voltage", "thrust_scale", "mass", "motor_lag", "command_
 
 
 def on_rotorpy(spec: CaseSpec) -> CaseSpec | None:
-    """The case as RotorPy can fly it, at most four of its flights; None where an effect is not to be had there.
+    """The case as RotorPy can fly it, at most four of its flights; None if it lacks an effect.
 
-    The airframe loses the drag of its body and gets that of its rotors, which the simulator knows, with the damping it
-    implies, and one time constant up and down; parameters of effects are drawn anew for it.
+    The airframe loses the drag of its body and gets that of its rotors, which the simulator knows, with the implied
+    damping, and one time constant up and down. Parameters of effects are drawn again for it.
     """
     several = (*spec.concealed, *spec.known)
     if any(hidden.effect not in EFFECTS_HERE for hidden in several):

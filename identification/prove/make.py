@@ -43,8 +43,8 @@ AT_ONCE = 120
 
 @dataclass(frozen=True)
 class Case:
-    """flights and ``simulator`` are what a diagnosis is given; ``corrected`` is the simulator that knows all that terms
-    can say (of the flights an effect acts in), ``truth`` what it is to be compared with."""
+    """``flights`` and ``simulator``: input of a diagnosis. ``corrected``: the simulator with everything that terms can
+    describe (of the flights an effect acts in). ``truth``: the reference for the verdict."""
 
     name: str
     spec: CaseSpec
@@ -104,7 +104,7 @@ def true_airframes(spec: CaseSpec) -> list[Airframe]:
 
 
 def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
-    """All effects with hooks of cases whose flights stand one after the other in a batch, those of a kind joined."""
+    """All effects with hooks of cases whose flights follow each other in a batch, those of a kind joined."""
     parts: dict[str, list[tuple[int, Parameters]]] = {}
     row = 0
     for spec in specs:
@@ -119,8 +119,8 @@ def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
 
 
 def as_flown(spec: CaseSpec) -> CaseSpec:
-    """The case as its engine can fly it. One that RotorPy cannot, or without RotorPy, is flown by ``practice``, and the
-    truth says so (``engine`` beside ``engine_wanted``). Raises UsageError for an engine nobody knows."""
+    """The case as its engine can fly it. Without RotorPy, or if RotorPy cannot fly it, ``practice`` does, and the truth
+    records it (``engine`` and ``engine_wanted``). Raises UsageError for an unknown engine."""
     if spec.engine == "practice":
         return spec
     if spec.engine != "rotorpy":
@@ -165,7 +165,7 @@ def _chain(spec: CaseSpec) -> LoggingChain:
 
 
 def _case(spec: CaseSpec, flown: Flown, row: int) -> Case:
-    """The case whose flights stand in ``flown`` from ``row`` on."""
+    """The case whose flights are in ``flown`` from ``row`` on."""
     flights: list[Flight] = []
     volts, tumbled = [], []
     chain = _chain(spec)

@@ -214,9 +214,9 @@ def _by_kind(cases: Sequence[CaseScore]) -> KindRates:
 
 
 def confusion(cases: Sequence[CaseScore]) -> dict[str, dict[str, int]]:
-    """{what was there: {what was said: count}}. Rows: terms, ``nothing``, ``fault KIND``, ``foreign NAME``. Columns:
-    terms named, else the outcome. A missed effect is said to be what a false finding of its case says, if there is
-    one; false findings beyond that stand in the row ``nothing``."""
+    """{truth: {diagnosis: count}}. Rows: terms, ``nothing``, ``fault KIND``, ``foreign NAME``. Columns: identified
+    terms, else the outcome. A missed effect is paired with a false finding of its case, if there is one. Further
+    false findings are in the row ``nothing``."""
     table: dict[str, Counter[str]] = {}
 
     def count(there: str, answer: str) -> None:

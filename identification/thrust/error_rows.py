@@ -61,8 +61,8 @@ class FileError(Result):
 
 @dataclass(frozen=True, repr=False)
 class OwnBands(Result):
-    """A series of whose propeller there is no other, each of its PWM bands predicted from the rest of it: the map
-    chosen, its RMS, and that of the firmware's closer curve."""
+    """A series without another one of its propeller, each PWM band predicted from the rest: the chosen map, its RMS,
+    and that of the firmware's closer curve."""
 
     best: str | None
     rms_N: float | None
@@ -71,8 +71,8 @@ class OwnBands(Result):
 
 @dataclass(frozen=True, repr=False)
 class ChosenWithout(Result):
-    """What was fitted without a series: the map chosen, to which series, whether these have its propeller (None: cannot
-    be told)."""
+    """Fit without one series: the chosen map, its training series, and whether these have its propeller (None:
+    unknown)."""
 
     best: str | None
     fitted_to: tuple[str, ...]
@@ -82,8 +82,8 @@ class ChosenWithout(Result):
 
 @dataclass(frozen=True, repr=False)
 class Points(Result):
-    """Rows (m,) of a file for pictures: PWM ratio (mean of the motors), voltage, what was measured and what the fit
-    says, in N per motor of a stand series, m/s^2 of a flight."""
+    """Rows (m,) of a file for plots: PWM ratio (mean of the motors), voltage, measurement and fit, in N per motor of a
+    stand series, m/s^2 of a flight."""
 
     file: str
     split: str
@@ -105,9 +105,12 @@ class InverseTable(Result):
 
 @dataclass(frozen=True, repr=False)
 class AgainstFirmware(Result):
-    """RMS on one test file, N per motor or m/s^2, of the chosen map, of the better of the firmware's two cubics as
-    published, and of the better one given the same as the chosen map (a scale from the training files; the weight the
-    flight carried where that map has it); None without such a row."""
+    """RMS on one test file, N per motor or m/s^2.
+
+    Of the chosen map, of the better of the firmware's two published cubics, and of the better one with the same inputs
+    as the chosen map (a scale from the training files; the carried weight, if that map has it). None without such a
+    row.
+    """
 
     file: str
     rms: float

@@ -98,10 +98,10 @@ def uses(candidate: Any) -> str:
 
 
 def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, ChosenWithout]]:
-    """(every model on every series, fitted without it; what each was fitted to and which map was chosen).
+    """(every model on every series, fitted without it; the training series and the chosen map of each).
 
-    A series is predicted from the others of the same propeller (told by thrust per squared rotor speed, where that was
-    measured), from all others if there are none of the same, and from its own other PWM bands if it is alone.
+    A series is predicted from others of the same propeller (identified by thrust per squared rotor speed, if measured),
+    else from all others, and from its other PWM bands if it is the only one.
     """
     results: dict[str, Scored] = {}
     chosen: dict[str, ChosenWithout] = {}
@@ -132,7 +132,7 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
 
 
 def propeller_mates(stand: File, train: Sequence[File]) -> int:
-    """How many training series are of the propeller of ``stand``; 0 where that cannot be told."""
+    """Number of training series with the propeller of ``stand``; 0 if unknown."""
     return sum(isinstance(s, Stand) and isinstance(stand, Stand) and same_propeller(s, stand) for s in train)
 
 
@@ -178,7 +178,7 @@ def inverse_table(model: Any, voltages: Sequence[float], thrusts: Sequence[float
 
 
 def pair_with_firmware(entries: Sequence[FileError], best: str) -> list[AgainstFirmware]:
-    """The chosen map beside the firmware's on every test file."""
+    """The chosen map and the firmware's on every test file."""
     found = []
     kind = BALANCED if best.endswith(BALANCED) else ""
     tested = [e for e in entries if e.split == "test"]

@@ -63,7 +63,7 @@ class Estimates:
         return {method: found[flight] for method, found in self.trajectories.items() if flight in found}
 
     def plot(self, flight: str | None = None) -> Any:
-        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture; of
+        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture. For
         blackouts, which score windows, the error over the time since the last pose."""
         from .figures_of_results import end_errors_figure, paths_figure
 
@@ -88,7 +88,7 @@ class Estimates:
 
 
 def table_of(rows: Iterable[EstimateRow]) -> pd.DataFrame:
-    """``Estimates.table`` of rows; paired ratios to another method beside them where there are several methods."""
+    """``Estimates.table`` of rows, with paired ratios to another method if there are several."""
     import pandas as pd
 
     found = []

@@ -1,9 +1,9 @@
-"""What a controller is given when a measurement or a reference is no number, and what it may command.
+"""Guard of a controller: replaces inputs that are not finite and limits its commands.
 
-A vehicle whose measurement is not finite, or beyond anything a small quadrotor does, is flown on its last good one for
-HOLD_S; after that it is lost: its motors get SINK of the command that carried it, equally, until a measurement
-returns. A reference that is no number is replaced by the last good one at rest, or by where the vehicle is. Commands
-are finite and within 0..1. Everything replaced is counted.
+A vehicle whose measurement is not finite, or outside the range of small quadrotors, is flown on its last good one for
+HOLD_S. After that it is lost: its motors get SINK of its hover command, equally, until a measurement returns. A
+non-finite reference is replaced by the last good one at rest, or by the place of the vehicle. Commands are finite and
+within 0..1. All replacements are counted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..errors import InputError, NanobenchError, UsageError
 from ..methods import Controller, Reference, VehicleState
 
 HOLD_S = 0.1
-"""A last measurement may stand in for so long."""
+"""Maximum time for which the last measurement is reused, s."""
 SINK = 0.9
 """Share of the mean command of the last second that a lost vehicle gets: it comes down at a few metres per second."""
 SMOOTH_S = 1.0
@@ -34,10 +34,10 @@ SLACK = 1e-6
 
 
 def commanded(controller: Controller, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-    """PWM ratios (n, 4) in 0..1 from anybody's controller.
+    """PWM ratios (n, 4) in 0..1 from any controller.
 
-    Raises UsageError when it raises or returns another shape, InputError for a command that is no number or outside
-    0..1; errors of this package go through.
+    Raises UsageError if it raises or returns another shape, InputError for a non-finite command or one outside 0..1.
+    Errors of this package pass through.
     """
     n = len(state.position_m)
     try:
@@ -107,8 +107,8 @@ def _measured(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: 
 def _asked(goal: np.ndarray, yaw: np.ndarray, turn: np.ndarray, speed: np.ndarray, acceleration: np.ndarray,
            jerk: np.ndarray, place: np.ndarray, known: np.ndarray, kept_goal: np.ndarray, kept_yaw: np.ndarray,
            kept_turn: np.ndarray, kept_speed: np.ndarray, kept_acceleration: np.ndarray, kept_jerk: np.ndarray) -> int:
-    """Takes the good rows of a reference into what is kept; rows that are not rest where the last good one was, or at
-    ``place`` while there was none, which ``known`` (n,) says. Counts the bad."""
+    """Keep the good rows of a reference. Bad rows rest at the last good one, or at ``place`` without one (``known``
+    (n,) False). Counts the bad rows."""
     bad = 0
     for i in range(goal.shape[0]):
         if (_within(goal, i, LARGEST) and _within(yaw, i, LARGEST) and _within(turn, i, LARGEST)
@@ -162,9 +162,8 @@ def _table(values: np.ndarray, n: int) -> np.ndarray:
 
 
 class Guard:
-    """Stands before and behind a controller of n vehicles. ``counts``: vehicle-steps by what was replaced;
-    ``measured`` (n,) bool: those whose last measurement was a good one; ``hold_s``: for how long one that is not may be
-    bridged."""
+    """Guard around a controller of n vehicles. ``counts``: vehicle-steps by kind of replacement. ``measured`` (n,)
+    bool: the last measurement was good. ``hold_s``: maximum time to bridge a bad one."""
 
     def __init__(self, n: int, period_s: float, hold_s: float = HOLD_S) -> None:
         self.n, self.period_s, self.hold_s = n, period_s, hold_s

@@ -124,8 +124,8 @@ def _feed(digest: Any, value: Any) -> None:
 
 @functools.cache
 def _source_hash(module_name: str) -> str:
-    """Hash of what an outside method is made of: its module or package, the own modules it imports anywhere in its
-    text, and the names and versions of all installed distributions."""
+    """Hash of an outside method: its module or package, the modules of its own that it imports anywhere in its text,
+    and the names and versions of all installed distributions."""
     module_file = getattr(sys.modules.get(module_name), "__file__", None)
     if not module_file:
         return uuid.uuid4().hex

@@ -24,7 +24,7 @@ _TRAJECTORIES = {"figure8": "figure_eight", "battery_drain": "hover_until_landin
 FORMER_NAMES: dict[str, dict[str, str]] = {
     "--trajectory": _TRAJECTORIES, "--judge": _TRAJECTORIES, "--learned": {"learned": "all"},
     "--controller": {"pid": "onboard_pid", "mellinger": "onboard_mellinger"}}
-"""Option of today, whatever the verb -> {former name behind it: today's}."""
+"""Current option of any verb -> {former name after it: current one}."""
 
 
 def warn_renamed(former: str, today: str) -> None:
@@ -35,7 +35,7 @@ def warn_renamed(former: str, today: str) -> None:
 
 def todays_options(verb: str, words: Sequence[str]) -> list[str]:
     """``words`` of a command line with former options and names (``--old 3`` and ``--old=3``) replaced, and a warning
-    for each. What stands behind ``--`` is no option."""
+    for each. Words after ``--`` are not options."""
     former = FORMER_OPTIONS.get(verb, {})
     end = words.index("--") if "--" in words else len(words)
     found = list(words)

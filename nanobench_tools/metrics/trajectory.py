@@ -39,8 +39,8 @@ def rms(errors: np.ndarray) -> float:
 def ate(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique: bool = True) -> AbsoluteError:
     """Absolute trajectory error e_i = |R p_est_i + t - p_i| with (R, t) = ``align(..., mode, unique)``.
 
-    estimate_m, truth_m (n, 3) m. Raises AlignmentError where the alignment is not determined, but for
-    ``unique`` False: the least errors of a point or a straight line are known all the same.
+    estimate_m, truth_m (n, 3) m. Raises AlignmentError if the alignment is not determined, unless ``unique`` is False:
+    the least errors of a point or a straight line are known all the same.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
     alignment = align(estimate, truth, mode, unique)

@@ -16,7 +16,7 @@ from .vehicle import Vehicle
 BATTERY_V = 3.7
 """Nominal voltage of one lithium cell."""
 STEP = 1e-2
-"""Change of a motor, as a share of its hover command, that an authority is said for."""
+"""Change of a motor, as a fraction of its hover command, for which an authority is given."""
 UNITS = {"pwm": "PWM ratio", "rpm": "rad/s", "thrust": "N"}
 AXES = ("roll", "pitch", "yaw")
 
@@ -46,8 +46,8 @@ class Hover(Result):
 
 
 def doubts(model: Model) -> list[str]:
-    """Parameters of ``model`` that no such vehicle has, one line each: further from what stands and firmwares say than
-    the factor that their term calls implausible."""
+    """Implausible parameters of ``model``, one line each: further from the values of stands and firmwares than the
+    factor that their term calls implausible."""
     found = []
     arm = np.mean(np.hypot(*np.transpose(model.vehicle.motor_positions_m)))
     usual_arm = np.mean(np.hypot(*np.transpose(Vehicle().motor_positions_m)))
@@ -80,7 +80,7 @@ def state_of(model: Model, roll: float, pitch: float, thrust_N: np.ndarray) -> n
 
 def hover(model: Model, battery_V: float = BATTERY_V, height_m: float = 1.0) -> Hover:
     """The hover of ``model``, ``height_m`` above the ground: the least-norm motors and tilt at which no velocity and no
-    rate changes. UsageError where it cannot hover, with what is left over."""
+    rate changes. Raises UsageError with the remainder if it cannot hover."""
     from scipy.optimize import least_squares
 
     weight = model.vehicle.mass_kg * model.vehicle.gravity_m_s2

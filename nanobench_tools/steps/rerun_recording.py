@@ -98,7 +98,7 @@ def rerun() -> ModuleType:
 
 def measured(context: Context, verdict: Audit, name: str, quantities: Sequence[str],
              wanted: Sequence[Span] | None = None) -> Measured | None:
-    """The rows of stream ``name`` to be drawn, within ``wanted`` where given; None where there are none."""
+    """The rows of stream ``name`` to draw, within ``wanted`` if given; None without any."""
     stream = context.once(usable_streams).get(name)
     if stream is None or not quantities or not all(q in stream for q in quantities):
         return None
@@ -142,7 +142,7 @@ class _Writer:
         self.log()
 
     def properties(self) -> None:
-        """What is known of the recording as a whole."""
+        """Properties of the recording as a whole."""
         flight = self.flight
         known = {"verdict": self.verdict.sentence, "severity": self.verdict.severity, "advice": self.verdict.advice,
                  "controller": self.audit.controller, "trajectory": flight.metadata.get("family"),
@@ -175,7 +175,7 @@ class _Writer:
             self.axes(name, place)
 
     def asked_for(self) -> list[Span] | None:
-        """When the set-point is a place to be at: in the air, and not the zeros logged once nothing is asked for."""
+        """When the set-point is a position: in the air, and not the zeros logged without a command."""
         stream = self.context.once(usable_streams).get("setpoint")
         if stream is None or not all(q in stream for q in ("x", "y", "z")):
             return None

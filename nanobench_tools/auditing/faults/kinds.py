@@ -1,4 +1,4 @@
-"""All kinds of faults that are registered, ours and other people's, and the sets of them that are asked for."""
+"""All registered kinds of faults, ours and others', and their sets."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .kind import FaultKind
 
 @functools.cache
 def kinds() -> dict[str, FaultKind]:
-    """Name -> kind, sorted. An entry point of ``nanobench.faults`` is a FaultKind, or a module whose ``FAULT`` is one;
-    anything else is left out with a warning."""
+    """Name -> kind, sorted. An entry point of ``nanobench.faults`` is a FaultKind, or a module with a ``FAULT``. Others
+    are left out with a warning."""
     found = {}
     for name, entry in load_all("faults").items():
         kind = getattr(entry, "FAULT", None) if isinstance(entry, ModuleType) else entry
@@ -32,15 +32,14 @@ def those(chosen: Callable[[FaultKind], bool | None]) -> frozenset[str]:
 
 
 def cutting() -> frozenset[str]:
-    """Kinds whose span must not be used. The clock kinds are corrected rather than cut; a missing column takes no time
-    away (whoever needs it gets an InputError that names it); a copy is dropped as a whole by the protocols; the rest
-    is information."""
+    """Kinds whose span must not be used. The clock kinds are corrected instead. A missing column removes no time (its
+    users get an InputError that names it). The protocols drop a copy as a whole. The rest is information."""
     return those(lambda kind: kind.cuts)
 
 
 def cutting_logs() -> frozenset[str]:
-    """Faults of logging, cut from every protocol but the published one. Jumps and resets of an estimate are its own
-    errors and are scored; of the motion capture, which is the truth, every cutting fault is cut."""
+    """Faults of logging, cut from every protocol but the published one. Jumps and resets of an estimate are its errors
+    and are scored. Of the motion capture, which is the truth, every cutting fault is cut."""
     return those(lambda kind: kind.cuts if kind.cuts_logs is None else kind.cuts_logs)
 
 
@@ -55,6 +54,6 @@ def log_ended() -> frozenset[str]:
 
 
 def group_of(name: str) -> str:
-    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``, which is also that of a kind nobody knows."""
+    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``, which is also that of an unknown kind."""
     kind = kinds().get(name)
     return kind.group if kind else "information"

@@ -1,8 +1,8 @@
-"""What a flight is asked to do when: take-off, hover, approach, fade-in, path, fade-out, hover, landing.
+"""Phases of a flight: take-off, hover, approach, fade-in, path, fade-out, hover, landing.
 
-Take-off and landing are the vehicle's own planner; all between is streamed. A fade moves along the path itself, from
-rest to its speed or back: the path's own time runs as the firmware's polynomial between two standstills has its speed,
-so that position, velocity, acceleration and jerk stay continuous.
+Take-off and landing are the vehicle's planner; the rest is streamed. A fade moves along the path itself, from rest to
+its speed or back. The path's time follows the speed of the firmware's polynomial between two standstills, so that
+position, velocity, acceleration and jerk stay continuous.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ TAKEOFF_S, SETTLE_S, HOVER_S, FADE_S, END_S, LANDING_S = 2.0, 0.5, 2.0, 2.0, 1.0
 APPROACH_M_S, SHORTEST_APPROACH_S = 0.4, 1.5
 """Mean speed from the place of take-off to where the path begins."""
 LANDED_M = 0.03
-"""So near the ground a vehicle has landed. Landings are planned to the ground itself: motors that stop above it let the
-vehicle fall, and its supervisor may take the second bounce for a crash."""
+"""Height below which a vehicle has landed. Landings are planned to the ground itself: if motors stop above it, the
+vehicle falls, and its supervisor may take the second bounce for a crash."""
 SIZES = ("scale_m", "radius_m", "radius_x_m", "amplitude_x_m", "distance_m")
 SPEED_LABELS = ((0.6, "slow"), (0.85, "medium"), (np.inf, "fast"))
 
@@ -83,8 +83,8 @@ class Plan:
         return next((name for name, end in self.ends.items() if time_s < end), LANDING)
 
     def at(self, time_s: np.ndarray) -> Reference:
-        """What is asked for at times (k,): arrays of (k, 3) and (k,). Before the hover it is the hover, after the path
-        its end."""
+        """References at times (k,): arrays of (k, 3) and (k,). The hover before it begins, the end of the path after
+        it."""
         t = np.asarray(time_s, float)
         ends = self.ends
         first, last = self._path(np.array([0.0, self.spec.duration_s]), np.zeros((3, 2)))[0]

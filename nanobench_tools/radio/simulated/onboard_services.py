@@ -43,9 +43,9 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True)
 class Build:
-    """What is unusual about the firmware. positioning: a deck of its own tells the filter where the vehicle is, 100
-    times a second (else poses must come over the radio). protocol_version: what it says it speaks. without: log
-    variables, or whole groups, that it does not have."""
+    """Options of the firmware. ``positioning``: a deck gives the filter its position 100 times a second (else poses
+    must come over the radio). ``protocol_version``: the reported one. ``without``: missing log variables, or whole
+    groups."""
 
     positioning: bool = False
     protocol_version: int = PROTOCOL_VERSION
@@ -82,7 +82,7 @@ class Onboard:
         return int(self.vehicle.stabilizer.run["t_ms"][0])
 
     def receive(self, packet: Packet) -> list[Packet]:
-        """Takes one packet in at the present tick; what is answered at once."""
+        """Receive one packet at the present tick; returns the immediate answers."""
         self._heard_ms = self.tick_ms
         if packet.port in self._answers:
             return self._answers[Port(packet.port)](packet)

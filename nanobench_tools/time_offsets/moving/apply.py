@@ -75,8 +75,8 @@ def apply_time_offset(flight: Flight, time_offset: TimeOffset | None) -> Flight:
 
 
 def on_rows(flight: Flight) -> Flight:
-    """Every firmware stream interpolated linearly onto the stamps of the motion capture (quaternions along the great
-    circle); true sample counts are kept, so that these rows still do not count as measurements."""
+    """Interpolate every firmware stream linearly at the timestamps of the motion capture (quaternions along the great
+    circle). True sample counts are kept, so that these rows still do not count as measurements."""
     rows_s = flight["mocap"].time_s
     return replace(flight, streams={name: s if name == "mocap" or len(s) < 2 else _resampled(s, rows_s)
                                     for name, s in flight.streams.items()})
