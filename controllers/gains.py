@@ -1,7 +1,7 @@
-"""Gains and weights that may be searched: what a controller says of its own, and the TOML they are kept in.
+"""Tunable gains and weights: the declaration by a controller, and their TOML file.
 
-A controller that can be tuned has ``tunable`` (name -> ``Gain``) and takes ``gains`` (name -> value) when it is made;
-what is not named keeps its value. ``module:Class`` of one's own may do the same.
+A tunable controller has ``tunable`` (name -> ``Gain``) and takes ``gains`` (name -> value) when it is made; other gains
+keep their value. A user's ``module:Class`` may do the same.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def around(value: float, unit: str, factor: float = 3.0) -> Gain:
 
 
 def whole(tunable: Mapping[str, Gain], gains: Mapping[str, float] | None, who: str) -> dict[str, float]:
-    """Every gain's value. Raises UsageError for a name that ``who`` does not have and for a value that is none."""
+    """Every gain's value. Raises UsageError for a name that ``who`` does not have and for an invalid value."""
     found = {name: gain.value for name, gain in tunable.items()}
     for name, value in (gains or {}).items():
         if name not in tunable:

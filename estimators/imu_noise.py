@@ -1,9 +1,9 @@
-"""How noisy an IMU is: one small TOML file that all estimators read.
+"""Noise of an IMU: one small TOML file for all estimators.
 
-Densities are those of the low frequencies, where they add up in an integral: a row that a resampler interpolated
-between two packets is quieter than a packet and tells nothing new, so the scatter of rows says too little. ``at_rate``
-carries a density to a stream that lost packets: vibration is faster than any of these rates and folds into them as
-white noise, of which fewer packets average less.
+Densities are those of the low frequencies, which add up in an integral. A row interpolated between two packets is
+quieter than a packet and adds no information, so the scatter of rows is too small. ``at_rate`` converts a density to a
+stream that lost packets: vibration is faster than any of these rates and folds into them as white noise, of which fewer
+packets average less.
 """
 
 from __future__ import annotations

@@ -194,7 +194,7 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
         flying: np.ndarray, measured: np.ndarray, pose_of: np.ndarray, pose_s: np.ndarray, poses: np.ndarray,
         settings: np.ndarray, first: int, state: np.ndarray, cov: np.ndarray, sums: np.ndarray, turns: np.ndarray,
         out: np.ndarray, sds: np.ndarray) -> None:
-    """Filters rows ``first``.. ``of`` (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
+    """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
 
     ``stamps_s``, ``time_s`` (n,): the rows' stamps, and those on which the IMU is integrated. ``flying`` (n,) bool:
     drag counts. acc, gyro (n, 3); ``drawn`` (n,): share of the row that carries no packet; ``told`` (n, 6) or (0, 6):

@@ -91,7 +91,7 @@ def dense(given: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def interpreter() -> Path:
-    """One that has TinyMPC, made where there is none yet."""
+    """An interpreter with TinyMPC, made if missing."""
     python = OWN / "bin" / "python"
     if not (OWN / ".installed").exists():
         venv.create(OWN, clear=True, with_pip=True)

@@ -38,7 +38,7 @@ SETTLED_S = 3.0
 BY_DEFAULT, CRAZYSWARM2 = (POSITION_SD_M, ATTITUDE_SD_RAD), (POSE_SD_M, POSE_SD_RAD)
 FILTERS = {"default, on time": (*BY_DEFAULT, False), "default, gaps": (*BY_DEFAULT, True),
            "Crazyswarm2, on time": (*CRAZYSWARM2, False), "Crazyswarm2, gaps": (*CRAZYSWARM2, True)}
-"""Row -> standard deviations that the filter is told of a pose, and whether poses wait for the radio."""
+"""Row -> standard deviations of a pose in the filter, and whether poses wait for the radio."""
 
 
 def again(flight: Flight, silent: Sequence[Span], told: tuple[float, float, bool], time_s: np.ndarray) -> np.ndarray:

@@ -22,7 +22,8 @@ DELAY_S = (0.010, 0.040)
 HOVER_V = setting("control.ensemble.hover_v")
 PAYLOAD = 0.10
 DRAG = 0.20
-"""Drag and its moment are between 1 - DRAG and 1 + DRAG of the identified, beside what the draws say."""
+"""Drag and its moment are between 1 - DRAG and 1 + DRAG of the identified ones, in addition to the scatter of the
+draws."""
 NOISE = (0.5, 2.0)
 """Sensor noise and estimator errors over those of the recordings."""
 MEDIAN_DELAY_S = 0.03
@@ -38,8 +39,8 @@ def shipped_simulator() -> str:
 
 
 def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
-    """(names, values (k, P)) of its parameters with training flights drawn anew: flights alone, not sessions, so they
-    are somewhat too narrow (12, 1 and 2 of the flights are of three sessions). ``--train`` draws sessions."""
+    """(names, values (k, P)) of its parameters with resampled training flights. Flights alone, not sessions, so they
+    are somewhat too narrow (12, 1 and 2 of the flights are of three sessions). ``--train`` resamples sessions."""
     with resources.files(__package__).joinpath(DRAWS).open(encoding="utf-8") as lines:
         names, *rows = list(csv.reader(lines))
     return tuple(names), np.array(rows, float)
@@ -47,11 +48,11 @@ def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """n plants of one structure: parameters (n, P) of ``model``, and what their batteries, senses and air are like.
+    """n plants of one structure: parameters (n, P) of ``model``, and their batteries, senses and air.
 
-    ``push_m_s2`` (n,): spread of the acceleration by the air's unrest. ``radio_s`` (n,): commands reach the motors so
-    late (beside what the model says) when a controller is not on board. ``seeds`` (n,): everything random of a plant
-    comes from its own, so it is the same in any company.
+    ``push_m_s2`` (n,): spread of the acceleration from turbulence. ``radio_s`` (n,): further delay of commands to the
+    motors if a controller is not on board. ``seeds`` (n,): each plant has its own random numbers, so it does not depend
+    on the others.
     """
 
     model: Model
@@ -95,7 +96,7 @@ class Ensemble:
         return model, parameters
 
     def in_wind(self, speed_m_s: float) -> Ensemble:
-        """The same in a steady level wind, from a direction of its own for every plant, through the model's drag."""
+        """The same in a steady level wind, from a separate direction for every plant, through the model's drag."""
         if speed_m_s == 0.0:
             return self
         angle = np.array([rng.uniform(0.0, 2.0 * np.pi) for rng in self.rngs(3)])

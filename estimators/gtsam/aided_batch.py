@@ -30,8 +30,8 @@ DRAG_1_S = number("estimators.aided_batch.drag_1_s")
 DRAG_SD_1_S = number("estimators.aided_batch.drag_sd_1_s")
 DRAG_WALK = number("estimators.aided_batch.drag_walk")
 DRAG_QUADRATIC_1_M = number("estimators.aided_batch.drag_quadratic_1_m")
-"""Drag over mass of a 40 g Crazyflie. Next to no freedom for each flight: with 0.03 1/s the fit takes tilt for drag,
-and in fast flight the height after 20 s pays for it (circles and trefoils)."""
+"""Drag over mass of a 40 g Crazyflie, with hardly any freedom per flight. With 0.03 1/s the fit confuses tilt with
+drag, which costs height after 20 s of fast flight (circles and trefoils)."""
 
 OFFSET_SD_M_S2 = number("estimators.aided_batch.offset_sd_m_s2")
 OFFSET_WALK = number("estimators.aided_batch.offset_walk")
@@ -45,8 +45,8 @@ SCALE_WALK = number("estimators.aided_batch.scale_walk")
 
 DRAG_NOISE_M_S2 = number("estimators.aided_batch.drag_noise_m_s2")
 THRUST_NOISE_M_S2 = number("estimators.aided_batch.thrust_noise_m_s2")
-"""Of a mean over one state: wake and gusts. Thrust counts little: its error hangs together over seconds, and taken for
-white of 0.3 m/s^2 it made the height after 10 s worse on circles and trefoils."""
+"""Noise of a mean over one state: wake and gusts. Thrust has little weight: its error is correlated over seconds.
+Treated as white noise of 0.3 m/s^2 it made the height after 10 s worse on circles and trefoils."""
 
 ODD = number("estimators.aided_batch.odd")
 
@@ -57,8 +57,8 @@ FLYING = number("estimators.aided_batch.flying")
 
 STRUCK_M_S2 = number("estimators.aided_batch.struck_m_s2")
 LANDING_S = number("estimators.aided_batch.landing_s")
-"""A specific force that rotors of a quarter more than the weight cannot make, at the end of a flight, is a touch-down;
-vehicles bounce and slide on with motors running for as long as this."""
+"""Time for which vehicles bounce and slide on with running motors after a touch-down. A touch-down is a specific force
+at the end of a flight that rotors with a thrust of 1.25 times the weight cannot make."""
 
 
 class GtsamAided(GtsamBatch):

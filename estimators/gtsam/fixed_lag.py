@@ -1,8 +1,8 @@
-"""An incremental fixed-lag smoother: what can be known now, with the last seconds still open to change (GTSAM, iSAM2).
+"""An incremental fixed-lag smoother: online estimates, with the last seconds still open to change (GTSAM, iSAM2).
 
-A state at the time each pose was measured, made when it arrives, or after WAIT_S without one; preintegrated IMU between
-them (CombinedImuFactor), poses and drag as linear factors at the predicted state. Between states the newest one is
-carried on by the IMU. Nothing of the recording later than a row is used for its value.
+A state at the time each pose was measured, made when it arrives, or after WAIT_S without one. Between states:
+preintegrated IMU (CombinedImuFactor); poses and drag are linear factors at the predicted state. The newest state is
+propagated by the IMU. A row's value uses no later part of the recording.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LEAST_ROWS = count("smoothers.fixed_lag.least_rows")
 LAG_S = number("smoothers.fixed_lag.lag_s")
 
 POSE_SD_M, ATTITUDE_SD_RAD = TUNED["position_sd"], [TUNED[axis] for axis in ("roll_pitch_sd", "pitch_sd", "yaw_sd")]
-"""What a pose and the IMU disagree by besides the noise that was told, as in ``drag_ekf``."""
+"""Disagreement of a pose and the IMU in addition to the given noise, as in ``drag_ekf``."""
 
 WAIT_S = number("smoothers.fixed_lag.wait_s")
 
@@ -257,7 +257,7 @@ class _Run:
 @nb.njit(cache=True)
 def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Steps (m,) s from start to end over the rows between them, and means (m, d) of piecewise linear values (n, d)
-    over each; before the first and after the last row values stay."""
+    over each. Values are constant before the first and after the last row."""
     a, b = np.searchsorted(time_s, start_s, side="right"), np.searchsorted(time_s, end_s, side="right")
     steps, middle = np.empty(b - a + 1), np.empty((b - a + 1, values.shape[1]))
     before_s, before = start_s, _at(time_s, values, start_s)
@@ -283,8 +283,8 @@ def _sums(values: np.ndarray) -> np.ndarray:
 
 
 def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n, 3): squared slope of the accelerometer across and along the rotors' axis and of the gyro (means of axes) over
-    the CHANGE_S before each row."""
+    """(n, 3): squared slope over the CHANGE_S before each row, of the accelerometer across and along the rotors' axis
+    and of the gyro (means of axes)."""
     back = np.clip(np.searchsorted(time_s, time_s - CHANGE_S), 0, None)
     slope = (values - values[back]) / np.maximum(time_s - time_s[back], 1e-3)[:, None]
     square = slope**2

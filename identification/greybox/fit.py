@@ -79,15 +79,15 @@ class GreyBox:
         return "past" if self.adapt == "past" else "state"
 
     def fit(self, flights: Sequence[Flight | Case]) -> GreyBox:
-        """Fits to whole flights (or the cases of a protocol). InputError when they cannot tell anything."""
+        """Fit to whole flights (or the cases of a protocol). Raises InputError if they are uninformative."""
         cases = _cases(flights)
         if not self.sessions:
             self.sessions = sessions_of([case.flight for case in cases])
         return self.fit_cuts(cut(cases, past=self.adapt == "past"))
 
     def fit_cuts(self, cuts: Sequence[Cut], like: GreyBox | None = None) -> GreyBox:
-        """The same from windows that were cut already. ``like``: a model with the same terms that was fitted to the
-        same windows; its parameters are taken, and only what is set per window is learnt anew."""
+        """The same from existing windows. ``like``: a model with the same terms that was fitted to the same windows;
+        its parameters are reused, and only the per-window values are learnt again."""
         data = gather(cuts)
         nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
         model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **cast("Terms", self.terms)})

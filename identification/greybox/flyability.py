@@ -19,7 +19,7 @@ POSITION_GAIN = number("greybox.flyability.position_gain")
 VELOCITY_GAIN = number("greybox.flyability.velocity_gain")
 ATTITUDE_GAINS: tuple[tuple[float, float], ...] = setting("greybox.flyability.attitude_gains")
 """(attitude 1/s^2, rate 1/s): a slow loop for vehicles with 0.1 s of delay and lag, and a fast one for those that the
-air tips over as they move. A vehicle flies if either holds it."""
+air tips over in motion. A vehicle flies if either holds it."""
 NEAR_M = number("greybox.flyability.near_m")
 NEAR_RAD = number("greybox.flyability.near_rad")
 SLOW_M_S = number("greybox.flyability.slow_m_s")
@@ -55,7 +55,7 @@ class Flight:
 
 
 def flies(model: Model, data: FitWindows) -> Flight:
-    """Flies ``model`` for a few seconds; ``data`` tells what was logged near hover."""
+    """Fly ``model`` for a few seconds; ``data``: the logged values near hover."""
     battery_V = float(np.median(data.battery_V))
     found = [_hold(model, battery_V, *gains) for gains in ATTITUDE_GAINS]
     stable = [bool(np.isfinite(error) and error < NEAR_M and tilt < NEAR_RAD) for error, tilt in found]
@@ -100,7 +100,7 @@ def hover(model: Model, data: FitWindows) -> tuple[float, float, float]:
 
 
 def _hold(model: Model, battery_V: float, attitude_gain: float, rate_gain: float) -> tuple[float, float]:
-    """(largest distance m, largest tilt rad) at the end, of starts beside the point and tilted."""
+    """(largest distance m, largest tilt rad) at the end, from tilted starts off the point."""
     rng = np.random.default_rng(0)
     n, row_s, point = 8, 1.0 / model.vehicle.rate_hz, np.array([0.0, 0.0, 1.0])
     state = np.zeros((n, 17))

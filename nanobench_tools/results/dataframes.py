@@ -53,9 +53,9 @@ def arrays_of(stream: str, frame: pd.DataFrame, known: Mapping[str, tuple[str, s
               units: Mapping[str, str] | None = None) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """(time_s (n,), values (n, k) in SI, quantities) of a frame whose columns are quantities of ``known``.
 
-    The index is seconds, a timedelta, or a date. units {quantity: unit} go before those of the columns' second level
-    and of ``frame.attrs["units"]``; without any a column is SI. InputError names the column or the row that is wrong:
-    an index that is no time, or does not rise; values that are no numbers; a quantity or a unit nobody knows.
+    The index is seconds, a timedelta, or a date. units {quantity: unit} override those of the columns' second level and
+    of ``frame.attrs["units"]``; without any a column is SI. Raises InputError with the wrong column or row: an index
+    that is not a time, or does not rise; values that are not numbers; an unknown quantity or unit.
     """
     import pandas as pd
 

@@ -28,9 +28,9 @@ def envelope(schema: str, body: Mapping[str, Any] | Result, synthetic: bool, man
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Writes ``path`` whole or not at all: a temporary file beside it, flushed to the disk, then renamed.
+    """Write ``path`` whole or not at all: a temporary file next to it, flushed to the disk, then renamed.
 
-    The temporary name holds the process id, so that ``sweep`` can tell one that nobody finishes any more.
+    The temporary name contains the process id, so that ``sweep`` can identify abandoned ones.
     """
     path = Path(path)
     try:

@@ -1,11 +1,10 @@
-"""What a radio does to packets on their way: delay, jitter, loss, a limit of packets a second.
+"""Effects of a radio on packets: delay, jitter, loss, a limit of packets a second.
 
-What is lost on the air is sent again by the link itself, so set-up traffic (tables, parameters, commands that are
-answered) always arrives, in order, only later: every loss costs ``RESEND_S``. Packets that nobody repeats are really
-gone: set-points, poses and log data with probability ``loss``, and log data that find the vehicle's queue full, which
-is what makes the holes in recordings: nine blocks of 100 Hz over 700 packets/s arrive as 77 Hz each, and after a hang
-of the link comes a burst of what the queue held. (cflib over UDP
-never asks twice; a lost answer would leave it hanging where a real link would not.)
+The link itself resends lost packets, so set-up traffic (tables, parameters, answered commands) always arrives, in
+order, only later: every loss costs ``RESEND_S``. Unrepeated packets are really lost: set-points, poses and log data
+with probability ``loss``, and log data when the vehicle's queue is full. That makes the holes in recordings: nine
+blocks of 100 Hz over 700 packets/s arrive as 77 Hz each, and a burst of the queue's content follows a hang of the link.
+(cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How far the sender's time advanced between two rows, from two of its streams of which one is the other's rate.
+"""Advance of the sender's time between two rows, from two of its streams of which one is the other's rate.
 
 A position advances by velocity times time. Between two rows of the file the sender's clock advanced by dx.r / |r|^2
 (dx: increment, r: rate) while the file's clock advanced by dt, so the delay grew by dt - dx.r / |r|^2. No motion
-capture takes part. The noise is what the increment shows across the rate, where time cannot act.
+capture is used. The noise is the part of the increment across the rate, where time cannot act.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class StepKind:
-    """``needs``: the kinds of evidence that must have a vote (``evidence.KINDS``); ``slowest``: rates below it tell
-    nothing, unit of the rate; ``slow_error_s``: a rate errs slowly (bias, scale); over this long the clock's error
-    averages out, so that the increments tell the rate's error; ``weight``: share of a row's vote that is its own, as
-    neighbouring errors are alike."""
+    """``needs``: the kinds of evidence that must be used (``evidence.KINDS``). ``slowest``: rates below it are
+    uninformative, unit of the rate. ``slow_error_s``: a rate has slow errors (bias, scale); over this time the
+    clock's error averages out, so that the increments show the rate's error. ``weight``: weight of a row, since
+    neighbouring errors are correlated."""
 
     name: str
     needs: tuple[str, ...]

@@ -9,8 +9,8 @@ from ...flight import Flight
 
 AS_RECORDED = "as-recorded"
 CLOCKS = (AS_RECORDED, "offset", "retimed", "joint")
-"""From least to most taken out: nothing, the gyro's constant lateness, a moving error that independent streams show,
-a moving error that the estimated position shows too."""
+"""Clocks, from the smallest to the largest correction: none, the gyro's constant delay, a moving error that independent
+streams show, a moving error that the estimated position shows too."""
 
 INERTIAL = ("gyro", "acceleration")
 ESTIMATES = ("position", "velocity", "attitude")
@@ -20,10 +20,10 @@ ESTIMATES = ("position", "velocity", "attitude")
 def voters(clock: str, judged: Iterable[str] = ()) -> tuple[str, ...]:
     """The kinds of evidence (``evidence.KINDS``) that may set ``clock`` where ``judged`` (of ESTIMATES) are judged.
 
-    ``retimed``: gyro and accelerometer, and the logged attitude unless it is judged. Position and velocity never
-    vote: they come from one filter, so an error in both would be taken for time. ``joint``: all of them.
-    One name alone may be given as it is. Raises UsageError for ``joint`` where a logged estimate is judged, and for
-    clocks and estimates there are none of.
+    ``retimed``: gyro and accelerometer, and the logged attitude unless it is judged. Position and velocity are never
+    used: they come from one filter, so an error in both would be taken for time. ``joint``: all of them. A single name
+    may be given alone. Raises UsageError for ``joint`` where a logged estimate is judged, and for unknown clocks or
+    estimates.
     """
     if judged is None:
         raise UsageError(f"judged is None: name what is judged ({', '.join(ESTIMATES)}), or () for nothing")
@@ -46,13 +46,13 @@ def voters(clock: str, judged: Iterable[str] = ()) -> tuple[str, ...]:
 
 
 def evidence_of(flights: Iterable[Flight]) -> list[str]:
-    """The kinds of streams that had a vote in the clock of any of ``flights``, each once."""
+    """The kinds of streams used to estimate the clock of any of ``flights``, each once."""
     return list(dict.fromkeys(kind for flight in flights for kind in flight.provenance.clock_evidence))
 
 
 def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
-    """What a row says it was given of ``clock``; ``evidence``: the kinds of streams that had a vote in it; ``moving``:
-    whether any of its flights had a moving error taken out."""
+    """Description of ``clock`` in a row. ``evidence``: the kinds of streams used to estimate it. ``moving``: a moving
+    error was removed from any of its flights."""
     heard = list(evidence)
     if clock == AS_RECORDED:
         return ""
