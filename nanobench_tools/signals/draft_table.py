@@ -1,0 +1,77 @@
+"""A table that nobody described, read for a draft: CSV or Parquet, numbers apart from dates and text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..errors import InputError
+from ..sources.cells import read_grid, read_text_columns
+from ..sources.column_names import meaning
+from ..sources.dates import looks_like_dates, seconds_of_dates
+from ..sources.dialect import normalise_text
+from ..sources.header import find_header, is_number
+from ..sources.payload import read_file, unpack
+from ..sources.table import PARQUET_MAGIC
+from .draft import TIME
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of numbers and of dates; names of those that hold text; units of a row of units."""
+
+    values: dict[str, np.ndarray]
+    dates: dict[str, np.ndarray]
+    texts: list[str]
+    units: Mapping[str, str]
+
+
+def read_table(path: Path) -> Table:
+    """InputError for a file that is no table."""
+    place = str(path)
+    data = unpack(read_file(path), place).data
+    if data.startswith(PARQUET_MAGIC):
+        return _parquet(data, place)
+    if b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(place, "is no table of text", "give a CSV or Parquet file")
+    header = find_header(normalise_text(data[: 1 << 16]))
+    if _one_variable_a_row(header.names):
+        raise InputError(place, "long format: one variable per row, a name and its value",
+                         "pivot it to one column per variable, for example pandas.DataFrame.pivot")
+    stamps = [n for n in header.names if meaning(n) == TIME]
+    grid = read_grid(data, place, time=stamps[0] if stamps else None)
+    if twice := [n for n in grid.repeated if isinstance(meaning(n), tuple)]:
+        raise InputError(place, f"{', '.join(map(repr, twice))} stand twice in the line of names",
+                         "rename them, so that each names one column")
+    if set(grid.text) & {"name", "variable", "key", "signal"} and "value" in grid.columns:
+        raise InputError(place, "long format: one variable per row, a name and its value",
+                         "pivot it to one column per variable, for example pandas.DataFrame.pivot")
+    dates = {}
+    if grid.text:
+        cells = read_text_columns(data, place, grid.text)[0]
+        dates = {n: seconds_of_dates(c) for n, c in cells.items() if looks_like_dates(c)}
+    values = {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}
+    return Table(values, dates, [n for n in grid.text if n not in dates], grid.units)
+
+
+def _one_variable_a_row(names: Sequence[str]) -> bool:
+    """Whether the first line is a row such as ``1.000,33577,stateEstimate.z,0.500``."""
+    numbers = [is_number(n) for n in names]
+    return 2 < len(names) < 6 and numbers.count(False) == 1 and numbers[0] and numbers[-1]
+
+
+def _parquet(data: bytes, place: str) -> Table:
+    try:
+        table = pq.read_table(pa.BufferReader(data))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0]})",
+                         "take another copy") from None
+    kinds = {name: table.schema.field(name).type for name in table.column_names}
+    numbers = {name: table.column(name).to_numpy().astype(float) for name, kind in kinds.items()
+               if pa.types.is_floating(kind) or pa.types.is_integer(kind)}
+    return Table(numbers, {}, [name for name in kinds if name not in numbers], {})
