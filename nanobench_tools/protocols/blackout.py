@@ -125,7 +125,7 @@ def over_windows(scored: Sequence[BlackoutScore]) -> dict[str, Spread]:
 
 def tabulate(method: Estimator, scored: Sequence[tuple[Case, BlackoutScore]],
              seed: int = 0, sessions: Sessions | None = None) -> list[EstimateRow]:
-    """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows); beside it
+    """Rows as in the other protocols: one per group, a summary over flights (each the mean of its windows), and
     ``over_windows``. ``sessions``: of all recordings of the run; None: of the scored ones alone."""
     scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)

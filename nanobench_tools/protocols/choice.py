@@ -1,7 +1,7 @@
-"""Which model of Task 1 is called the best: chosen on training flights alone, whole flights held out in turn.
+"""Choice of the best model of Task 1, on training flights alone, whole flights held out in turn.
 
-No row of a test flight takes part. A model that is fitted is fitted again without each group of training flights and
-scored on that group; a model that is not fitted here is scored on the same flights as it is.
+No row of a test flight is used. A fitted model is fitted again without each group of training flights and scored on
+that group. A model that is not fitted here is scored unchanged on the same flights.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def held_out(cases: Sequence[Case], groups: int = GROUPS) -> list[tuple[list[Cas
 
 def criterion(scores: Sequence[WindowErrors]) -> float | None:
     """Geometric mean of the four errors summed over 1..50 steps, in m, m/s, rad and rad/s to the power 1/4; ``scores``
-    of whole flights as ``task1.score`` gives them. None without a window. It ranks the same whatever the units."""
+    of whole flights as ``task1.score`` gives them. None without a window. The ranking does not depend on the units."""
     count = sum(score.windows for score in scores)
     if not count:
         return None

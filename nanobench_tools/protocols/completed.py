@@ -30,7 +30,7 @@ def completed(flights: Sequence[Flight]) -> list[Flight]:
 
 
 def additions(flights: Sequence[Flight]) -> tuple[str, ...]:
-    """What was added to them, each sentence once."""
+    """Additions to the flights, each sentence once."""
     return tuple(dict.fromkeys(text for flight in flights for text in flight.provenance.added))
 
 

@@ -167,7 +167,7 @@ def _streams(data: list[BlockData]) -> dict[str, Stream]:
 
 
 def _commanded(records: list[Record], logged: Stream | None) -> Stream:
-    """What the host was asked while it flew, and what the vehicle's own planner says before and after."""
+    """References of the host in flight, and of the vehicle's planner before and after."""
     time = np.array([r.time_s for r in records])
     rows = np.array([struct.unpack("<4d", r.payload) for r in records])
     if logged is not None:

@@ -1,8 +1,8 @@
-"""What has to be true before anything is armed: each check says in one line what is wrong, and the flight is refused.
+"""Checks before arming: each returns one line with the mistake, and the flight is refused.
 
-Poses are checked against what needs no motion capture: gravity at rest tells up, the accelerometer tells tilt, and the
-vehicle's own estimate at power-up tells where it believes to look. Only then are poses fed, and the estimate has to
-come to them.
+Poses are checked against sensors that need no motion capture: gravity at rest shows up, the accelerometer shows tilt,
+and the vehicle's estimate at power-up shows its heading. Only then are poses sent, and the estimate has to converge to
+them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What would be sent: a flight without a vehicle, which is thought to be exactly where it is asked to be."""
+"""A flight without a vehicle, to show its packets. The vehicle is assumed exactly at its reference."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BATTERY_V = 3.9
 
 
 def rows(plan: Plan, pilot: Pilot, every_s: float) -> list[tuple[str, float, str]]:
-    """(phase, time, what is sent) every ``every_s``; the pilot is asked every tick, as in flight."""
+    """(phase, time, packet) every ``every_s``; the pilot runs every tick, as in flight."""
     pilot.link_delay(0.0)
     pilot.reset()
     ends = plan.ends

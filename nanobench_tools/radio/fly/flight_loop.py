@@ -1,8 +1,7 @@
-"""The beat of a flight: a tick every 10 ms by the clock, deadlines and jitter counted.
+"""Loop of a flight: a tick every 10 ms by the clock, deadlines and jitter counted.
 
-A tick that is still at work when the next is due has missed its deadline; ticks that were slept through are missed,
-too, and are not made up for. Jitter is how late a tick begins and how late its set-point leaves, against the ideal
-grid.
+A tick that still works when the next is due has missed its deadline. Skipped ticks are missed, too, and are not
+repeated. Jitter is the delay of a tick's start and of its set-point against the ideal grid.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Beat:
 
 
 class Pacer:
-    """``wait`` returns the due time of the next tick; ``sent`` and ``done`` are told when a tick sent and ended."""
+    """``wait`` returns the due time of the next tick; call ``sent`` and ``done`` when a tick has sent and ended."""
 
     def __init__(self, clock: Clock, period_s: float) -> None:
         self.clock, self.beat = clock, Beat(period_s)
@@ -79,9 +78,9 @@ class Pacer:
 
 @contextmanager
 def ahead_of_others() -> Iterator[None]:
-    """This process's threads before those of other processes, where the system allows it (Linux: root, CAP_SYS_NICE or
-    a limit of rtprio); all of them, as any may hold the interpreter that a tick waits for. Taken in turns, so that a
-    controller that hangs does not keep the guardian out."""
+    """Run this process's threads before those of others, where the system allows it (Linux: root, CAP_SYS_NICE or a
+    limit of rtprio). All threads, since any may hold the interpreter that a tick waits for. Round robin, so that a
+    hanging controller does not block the guardian."""
     before: dict[int, tuple[int, Any]] = {}
     if hasattr(os, "sched_setscheduler"):
         for thread in threading.enumerate():

@@ -1,4 +1,4 @@
-"""Whoever watches over a flight from beside it: what hangs keeps neither the vehicle up nor the program alive."""
+"""Guardian of a flight in a separate thread: a hang keeps neither the vehicle up nor the program alive."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from ..in_time import last_resort, renew
 
 
 class Guardian:
-    """Watches a flight from a separate thread: a call that does not end within ``most_s`` (a controller that hangs),
-    or a loop that shows no life for STUCK_S, whatever it waits for, is taken the flight from by ``take_over(why)``,
-    which runs in this thread. Has the loop not ended BACK_S after that, ``give_up(why)`` ends the program; so does the
-    system if this thread does not come to its turn itself (``in_time.last_resort``)."""
+    """Watches a flight from a separate thread.
+
+    A call that does not end within ``most_s`` (a hanging controller), or a loop without a sign of life for STUCK_S,
+    loses control of the flight to ``take_over(why)``, which runs in this thread. If the loop has not ended BACK_S
+    later, ``give_up(why)`` ends the program. The system does so if this thread itself does not run
+    (``in_time.last_resort``).
+    """
 
     EVERY_S, STUCK_S, BACK_S = 0.02, 3.0, 2.0
     ALONE_S, TAKE_OVER_S = 10.0, 60.0

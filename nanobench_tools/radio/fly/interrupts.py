@@ -43,7 +43,7 @@ class Interrupts:
                 signal.signal(which, handler)
 
     def wake(self) -> None:
-        """From another thread: raises Hung in the flight's, whatever it waits for, until ``caught`` ends."""
+        """From another thread: raise Hung in the flight's thread, in any wait, until ``caught`` ends."""
         with self._lock:
             if self._flying is not None:
                 self._waking = True

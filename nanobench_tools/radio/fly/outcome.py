@@ -1,4 +1,4 @@
-"""How a flight went, and who is told while it goes."""
+"""Result of a flight, and its observers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .safety import Stop
 
 
 class Listener(Protocol):
-    """Is told what happens: the recorder, the display. ``tick`` every tick, from the loop: keep it short."""
+    """Observer of a flight: the recorder, the display. The loop calls ``tick`` every tick: keep it short."""
 
     def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None: ...
@@ -37,7 +37,7 @@ class Outcome:
 
 @dataclass(frozen=True, repr=False)
 class FlightSummary(Result):
-    """What is kept of a flight beside its recording. ``stopped``: why it landed early; ``loop``: ``Beat.summary``;
+    """Data of a flight in addition to its recording. ``stopped``: why it landed early. ``loop``: ``Beat.summary``.
     ``phases``: (name, host time of its begin)."""
 
     stopped: str | None

@@ -1,8 +1,7 @@
-"""Who says what is sent: a pilot turns the believed state and the reference of a tick into one set-point.
+"""A pilot turns the estimated state and the reference of a tick into one set-point.
 
-Three kinds: the vehicle's own controllers, which are told where to be; controllers that make set-points themselves
-(method ``setpoint``, as predictive ones do); and any controller of the project that commands motors
-(``motor_commands``).
+Three kinds: the vehicle's own controllers, which get positions; controllers that make set-points themselves (method
+``setpoint``, as predictive ones do); and any controller of the project that commands motors (``motor_commands``).
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ class Streams(Protocol):
 
 
 class Pilot(Protocol):
-    """``onboard``: value of stabilizer.controller that it needs; ``hosted``: the path is followed on the host, so that
-    the vehicle's log does not show where it was asked to be; ``kind`` of set-points; ``reset`` before it flies;
-    ``link_delay``: told how long a set-point takes to act, before ``reset``."""
+    """``onboard``: required value of stabilizer.controller. ``hosted``: the host follows the path, so that the
+    vehicle's log does not contain the reference. ``kind`` of set-points. ``reset`` before it flies. ``link_delay``:
+    called before ``reset`` with the delay until a set-point acts."""
 
     name: str
     kind: str
@@ -93,7 +92,7 @@ class StreamingPilot:
 
 
 def finite(packet: bytes) -> bool:
-    """Whether all numbers of a set-point are finite: floats that are none survive packing."""
+    """Whether all numbers of a set-point are finite: nan survives packing."""
     numbers = [v for value in setpoint_packets.decoded(packet).values() if not isinstance(value, str)
                for v in (value if isinstance(value, tuple) else (value,))]
     return bool(np.isfinite(numbers).all())

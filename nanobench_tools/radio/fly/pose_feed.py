@@ -15,8 +15,8 @@ CLOSE_S = 3.0
 
 
 class Feed:
-    """``track`` has the poses; ``feed`` True sends them to the vehicle as they come, in the source's thread;
-    ``on_pose`` is told of all, seen or not."""
+    """``track`` has the poses. ``feed``: send them to the vehicle as they come, in the source's thread. ``on_pose``
+    gets all, seen or not."""
 
     def __init__(self, link: Link, source: PoseSource) -> None:
         self._link, self._source = link, source
@@ -36,7 +36,7 @@ class Feed:
         self.feed = on
 
     def sent(self, time_s: float, packet: bytes) -> None:
-        """Tells the source what was sent."""
+        """Report to the source what was sent."""
         self._source.setpoint(time_s, setpoint_packets.decoded(packet))
 
     def _pose(self, pose: Pose) -> None:

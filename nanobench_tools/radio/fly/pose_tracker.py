@@ -1,8 +1,8 @@
-"""What is known of the vehicle from poses: place, velocity, attitude and rates now, as controllers want them.
+"""State of the vehicle from poses, for controllers: position, velocity, attitude and rates now.
 
-A parabola in time is fitted to the last poses, to their places and to their turns from the newest one, and read a
-little beyond the newest: neither lags where acceleration is steady. (Least squares on a moving window, as of Savitzky
-and Golay 1964, at its end and with the poses' own times.)
+A parabola in time is fitted to the last poses, to their positions and to their rotations from the newest one, and
+extrapolated a little beyond it. Neither lags under steady acceleration. (Least squares on a moving window, as of
+Savitzky and Golay 1964, at its end and with the poses' own times.)
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class PoseTrack:
             return self._poses[-1] if self._poses else None
 
     def at(self, time_s: float) -> Believed | None:
-        """The vehicle at time_s; None before the first pose. Later than MOST_AHEAD_S after the newest it stands."""
+        """The vehicle at time_s; None before the first pose. Beyond MOST_AHEAD_S after the newest pose it is held."""
         with self._lock:
             poses = list(self._poses)
         if not poses:

@@ -1,12 +1,13 @@
-"""Predictive controllers over a radio: what a plan asks of motors, as the rates that make the vehicle's loops do it.
+"""Predictive controllers over a radio: a plan's motor commands, as the rates that make the vehicle's loops produce
+them.
 
-The vehicle is sent collective thrust and body rates; its rate loops (500 Hz, PID) turn the rates into counts of the
-mixer. Told w + e / kp they put out what the plan asks for: e the asked roll and pitch in counts of the mixer, less what
-their integrals hold by then, w the rate that is foreseen for the time at which they are told. So the loops' gain
-cancels, whatever the vehicle weighs, and moments that last (drag, a weak motor) are not asked for twice.
+The vehicle gets collective thrust and body rates; its rate loops (500 Hz, PID) turn the rates into counts of the mixer.
+For a command w + e / kp they put out the plan's moment. Here e is the planned roll and pitch in counts of the mixer,
+less the integrals by then, and w is the predicted rate at the time of arrival. So the loops' gain cancels for any
+weight of the vehicle, and lasting moments (drag, a weak motor) are not commanded twice.
 
-A gain that is too high here ends in a cycle between the bounds of the rates; the mixer takes thrust from all motors
-for it, and as the battery sinks the vehicle does. (``firmware.pid``, ``firmware.motors.mix_legacy`` and ``cap``.)
+A gain that is too high here ends in a cycle between the bounds of the rates. The mixer takes thrust from all motors for
+it, and as the battery drops, so does the vehicle. (``firmware.pid``, ``firmware.motors.mix_legacy`` and ``cap``.)
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Preparation:
         self._feed, self._say = feed, say
 
     def run(self, pilot: Pilot, plan_from: Callable[[np.ndarray, float], Plan], yaw_rad: float) -> Ready:
-        """Raises InputError for whatever is not as it has to be; nothing is armed then."""
+        """Raises InputError for any failed check; the vehicle is then not armed."""
         pose = self._on_the_ground()
         self._estimate(pose, yaw_rad)
         delay_s = self._link_delay()

@@ -53,8 +53,8 @@ class Request:
 
 @dataclass(frozen=True)
 class Result:
-    """How it went; ``recording`` as exported, None if none was asked for or nobody waited for it; ``raw``: its packets
-    as they came."""
+    """Result of a flight. ``recording`` as exported, None if not requested or not waited for. ``raw``: its packets as
+    they came."""
 
     outcome: Outcome
     ready: Ready
@@ -68,7 +68,7 @@ def is_simulated(uri: str, source: PoseSource) -> bool:
 
 
 def sheet_of(request: Request) -> dict[str, Any]:
-    """What is known before the flight, in the words of the format's sheets."""
+    """Properties known before the flight, in the words of the format's sheets."""
     spec = request.spec
     return {"trajectory_type": spec.family, "trajectory_id": spec.trajectory_id, "category": "flown", "repetition": 1,
             "crazyflie_id": request.uri, "params": dict(spec.params), "controller": request.pilot.name,
@@ -76,7 +76,7 @@ def sheet_of(request: Request) -> dict[str, Any]:
 
 
 def fly_session(request: Request) -> Result:
-    """Raises InputError for whatever keeps it on the ground, before anything is armed."""
+    """Raises InputError for any reason not to fly, before arming."""
     check_uri(request.uri)
     if request.record_to is not None:
         check_folder(request.record_to)

@@ -1,8 +1,8 @@
-"""Set-points as the vehicle takes them: packets of the generic commander (port 7, channel 0), and what they say.
+"""Set-points as packets of the generic commander (port 7, channel 0), and their content.
 
 Layouts are those of crtp_commander_generic.c of firmware 2025.12.1: type byte, then little-endian numbers. Rates and
-thrust go as type ``manual``: its thrust is not limited to 60000 as that of the oldest port is, of which a vehicle that
-hovers at 57600 has no use. Its pitch rate is the legacy one (nose up positive), its yaw rate is not turned.
+thrust are sent as type ``manual``. Its thrust is not limited to 60000 as that of the oldest port, which is too little
+for a vehicle that hovers at 57600. Its pitch rate is the legacy one (nose up positive), its yaw rate is not turned.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STOP, FULL_STATE, POSITION, VELOCITY_WORLD, MANUAL = 0, 6, 7, 8, 11
 _POSITION, _VELOCITY, _MANUAL = struct.Struct("<B4f"), struct.Struct("<B4f"), struct.Struct("<B3fHB")
 _FULL = struct.Struct("<B9hI3h")
 MOST = 32.767
-"""Full-state numbers are 16 bits of thousandths; what is beyond is sent as the largest."""
+"""Full-state numbers are 16 bits of thousandths; larger ones are clipped."""
 MOST_COUNTS = 65535
 
 

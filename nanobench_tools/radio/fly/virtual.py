@@ -1,10 +1,10 @@
-"""A simulated vehicle in this process, flown through cflib on a separate clock: as fast as the machine can, and the
-same every time.
+"""A simulated vehicle in this process, flown through cflib on a separate clock: as fast as possible and repeatable.
 
-cflib is given one more link driver, whose other end is the simulated vehicle. Time stands while anybody works: it goes
-on when the flight waits, a millisecond at a time, and at every one cflib takes in what has come: its incoming packet
-handler runs in the thread that waits, not in its own, whose turn would depend on the machine. Its threads that ask for
-parameters are waited for until they have sent what they can.
+cflib gets one more link driver, whose other end is the simulated vehicle. Time advances only while the flight waits, a
+millisecond at a time, and at every one cflib receives the packets that have come. Its incoming packet handler runs in
+the waiting thread, not in its own, whose turn would depend on the machine. The clock also waits for its threads that
+request parameters until they have sent what they can.
+
 Computing takes no time here; jitter and deadlines are measured against the real clock only.
 """
 

@@ -28,7 +28,7 @@ FULL_M = 0.25
 
 
 def sparkline(values: list[float], full: float) -> str:
-    """One bar a value, ``full`` high; what is no number is a gap."""
+    """One bar a value, ``full`` high; nan is a gap."""
     top = max([full, *[v for v in values if np.isfinite(v)]])
     return "".join(BARS[min(int(v / top * len(BARS)), len(BARS) - 1)] if np.isfinite(v) else " " for v in values)
 
@@ -73,7 +73,7 @@ class Watch:
         self._phase = text
 
     def render(self) -> Table:
-        """What is in the terminal now."""
+        """Text that is in the terminal now."""
         from rich.table import Table
 
         link, errors = self._link, list(self._errors)
