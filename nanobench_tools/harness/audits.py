@@ -21,8 +21,8 @@ from .runner import run_items
 
 @dataclass(frozen=True)
 class Audited:
-    """``audits``: name of the flight -> verdict, failed ones left out; ``copies``: groups of names of equal recordings;
-    ``failed``: [{item, file, error}]; ``time_offsets``: what was found for ``clocks`` beside the audits, for
+    """``audits``: name of the flight -> verdict, failed ones left out. ``copies``: groups of names of equal recordings.
+    ``failed``: [{item, file, error}]. ``time_offsets``: found for ``clocks`` together with the audits, for
     ``on_clock``."""
 
     audits: dict[str, Audit]
@@ -51,7 +51,7 @@ def audit_item(flight: Flight) -> Audit:
 
 
 def audit_and_clocks_item(flight: Flight, clocks: Sequence[Choice]) -> AuditOnClocks:
-    """One audit and its ``clocks``; what they share is derived once."""
+    """One audit and its ``clocks``; shared signals are derived once."""
     context = Context(flight)
     return AuditOnClocks(audit(flight, context), tuple(time_offset_of(context, *choice) for choice in clocks))
 

@@ -30,7 +30,7 @@ class OnClock:
 
     @property
     def evidence(self) -> list[str]:
-        """The kinds of streams that had a vote in any of the warps."""
+        """The kinds of streams used to estimate any of the warps."""
         return evidence_of(self.flights)
 
     def evidence_for(self, names: Iterable[str]) -> list[str]:
@@ -57,8 +57,8 @@ def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dic
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
              progress: Progress | None = None, known: TimeOffsets = MappingProxyType({})) -> OnClock:
-    """``flights`` (those with an audit) and their audits on ``clock`` (``moving.votes.CLOCKS``), where
-    ``judged`` logged estimates are judged; ``known``: time offsets that were found before, with the audit."""
+    """``flights`` (those with an audit) and their audits on ``clock`` (``moving.votes.CLOCKS``), where ``judged``
+    logged estimates are judged. ``known``: time offsets found earlier, with the audit."""
     voices = tuple(sorted(judged))
     voters(clock, voices)  # an impossible choice is said before anything is computed
     audited = [f for f in flights if f.name in audits]

@@ -1,7 +1,7 @@
-"""Keys of items: what a result depends on, as one hash, so that nothing changed is ever answered from the store.
+"""Keys of items: everything that a result depends on, as one hash, so that the store never answers for changed inputs.
 
-A key covers the function, its arguments, the content of the inputs, the methods (own source for one from outside),
-the source of this package and the versions of the numerical libraries.
+A key covers the function, its arguments, the content of the inputs, the methods (own source for one from outside), the
+source of this package and the versions of the numerical libraries.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def package_hash() -> str:
 def method_identity(method: Any) -> str:
     """Qualified name, ``version`` attribute and, from outside this package, the source it is made of.
 
-    ``method`` is a class, a function or an instance (whose attributes count too). Of a method from outside everything
-    counts that it imports; one without a file (typed at a prompt) gets a name of its own each time, so that it is
-    never answered from the store. A file that a method reads by itself does not count: raise its ``version`` then.
+    ``method`` is a class, a function or an instance (whose attributes count too). A method from outside includes
+    everything that it imports. One without a file (typed at a prompt) gets a new name each time, so that the store
+    never answers for it. A file that a method reads itself does not count: raise its ``version`` then.
     """
     kind = method if isinstance(method, (type, types.FunctionType, types.BuiltinFunctionType)) else type(method)
     theirs = user_folder.own_name(kind.__module__)

@@ -28,10 +28,10 @@ WATCH_PERIOD_S = 0.5
 
 
 def run_on_pool(pending: list[Item], store: Store | None, jobs: int) -> Results:
-    """Yields (item, outcome) as they come. The worker stores a value before this process hears of it.
+    """Yield (item, outcome) as they come. The worker stores a value before this process gets it.
 
-    When a worker dies (killed, crashed, out of memory) the pool is lost with it. What was not finished is then done
-    one item at a time, so that the one that kills its worker is known and fails alone.
+    When a worker dies (killed, crashed, out of memory) the pool is lost with it. Unfinished items then run one at a
+    time, so that the one that kills its worker is known and fails alone.
     """
     left = {item.key: item for item in pending}
     for item, outcome in _round(pending, store, jobs):
@@ -109,8 +109,8 @@ def _take(jobs: int) -> ProcessPoolExecutor:
 
 @cache
 def _silence_manager() -> None:
-    """The pool's own thread may stumble over workers that were just ended, and would print that. What it means for an
-    item comes with the item's future; the rest nobody needs to read."""
+    """Suppress errors of the pool's thread about workers that were just ended. The outcome of an item comes with its
+    future."""
     shown = threading.excepthook
 
     def show(found: threading.ExceptHookArgs) -> None:

@@ -30,12 +30,12 @@ class RunResult:
 
 def run_items(items: Sequence[Item], store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
               progress: Progress | None = None, title: str = "items") -> RunResult:
-    """Runs ``items`` and gives values and failures in the order of the items, whatever ran first.
+    """Run ``items`` and return values and failures in the order of the items, for any order of execution.
 
     ``jobs``: processes on this machine, 1 is this process. ``scheduler``: address of a Dask scheduler
     (tcp://host:port), then ``jobs`` does not count. ``store_dir``: finished items are looked up and written there.
-    Raises MissingExtraError or UsageError for a scheduler that cannot be used; KeyboardInterrupt passes through, and
-    what was finished is kept.
+    Raises MissingExtraError or UsageError for a scheduler that cannot be used. KeyboardInterrupt passes through, and
+    finished items are kept.
     """
     store = Store(store_dir) if store_dir is not None else None
     unique = {item.key: item for item in items}
@@ -73,7 +73,7 @@ def _results(pending: list[Item], store: Store | None, jobs: int, scheduler: str
 
 
 def _file_of(item: Item) -> str:
-    """The input an item is about: what it says, else the first argument that is a flight or a path."""
+    """The input of an item: its own statement, else the first argument that is a flight or a path."""
     if item.file:
         return item.file
     for value in item.kwargs.values():

@@ -71,8 +71,7 @@ USER_STORE_DAYS = 30.0
 
 
 def user_store() -> Path | None:
-    """A folder for runs that name none: below the cache folder, tidied of what nobody asked for in a month. None when
-    it cannot be made."""
+    """The default folder: below the cache folder, without entries unused for a month. None if it cannot be made."""
     folder = cache_folder() / "items"
     try:
         Store(folder, keep_days=USER_STORE_DAYS)

@@ -14,7 +14,7 @@ from .ops import NUMPY
 
 
 def parameter_values(model: Model, parameters: np.ndarray | None) -> np.ndarray:
-    """The model's own values, or those given, (P,) or (n, P); raises InputError for another number of them."""
+    """The model's values, or those given, (P,) or (n, P); raises InputError for another number of them."""
     values = model.values if parameters is None else np.asarray(parameters, float)
     if values.ndim not in (1, 2) or values.shape[-1] != len(model.names):
         raise InputError("parameters", f"shape {values.shape}", f"give {len(model.names)} values: {model.names}")
@@ -55,7 +55,7 @@ def rows(model: Model, motor: np.ndarray, battery_V: np.ndarray, past: tuple[np.
 
 
 def _delay(model: Model, found: np.ndarray, row_hz: float, values: np.ndarray) -> None:
-    """Shift the commands by the whole rows of the delay, and put those of one row earlier beside them."""
+    """Shift the commands by the whole rows of the delay, and add those of one row earlier."""
     whole = np.maximum(np.floor(values[..., model.index("command_delay.delay_s")] * row_hz), 0.0)
     many = model.rotors
     undelayed, last = found[:, :many].copy(), np.arange(len(found))

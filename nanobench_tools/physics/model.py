@@ -214,8 +214,7 @@ def typical(term: Term, rotors: int) -> Values:
 
 
 def neutral(term: Term, vehicle: Vehicle) -> Values | None:
-    """Values at which the term changes nothing, or None when there are none (a thrust map). Optional parameters are
-    given too."""
+    """Values at which the term has no effect, or None without any (a thrust map). Optional parameters are given too."""
     found: Values = {}
     for parameter in term.parameters:
         value = parameter.neutral

@@ -14,7 +14,7 @@ from .numeric import start_states
 
 
 class _Structure:
-    """A model as a key of compiled code: equal when the equations are, whatever the parameter values."""
+    """A model as a key of compiled code: equal if the equations are, for any parameter values."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

@@ -107,7 +107,7 @@ def _problems(document: Mapping[str, Any]) -> list[rules.Problem]:
 
 
 class _Lines:
-    """In which line a table begins and a key stands."""
+    """Line in which a table begins and a key is set."""
 
     def __init__(self, text: str) -> None:
         self.lines: dict[tuple[Any, Any], int] = {}

@@ -1,4 +1,4 @@
-"""Practice flights as recordings: what ``nanobench run`` uses when there are none, and the tests use."""
+"""Practice flights as recordings: the input of ``nanobench run`` without recordings, and of the tests."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def kept(errors: list[Errors]) -> float:
 
 
 def removed(errors: list[Errors]) -> float:
-    """Share of the injected variance that is gone; what the clock adds of its own counts against it."""
+    """Removed fraction of the injected variance; errors that the clock adds count against it."""
     return 1.0 - sum(e.left for e in errors) / max(sum(e.injected for e in errors), 1e-30)
 
 
@@ -122,7 +122,7 @@ def track_errors(before: Context, after: Context, error_m: np.ndarray, clock_bef
 
 
 def wander_errors(context: Context, clock: ClockError, offset_before: TimeOffset, offset_after: TimeOffset) -> Errors:
-    """What is left of a wander that was put into the stamps of a flight, as metres along the track."""
+    """Remaining wander after injecting one into the timestamps of a flight, as metres along the track."""
     truth = _truth(context)
     t = offset_after.time_s
     sent = np.arange(t[0] - 1.0, t[-1] + 1.0, 0.001)

@@ -131,7 +131,7 @@ class PathSpec:
         return amplitude * 2.0 * np.pi / period_s * np.cos(2.0 * np.pi / period_s * np.asarray(t, float))
 
     def reference(self, t: np.ndarray) -> Reference:
-        """All that a controller can be told at t (n,) s from the start of the path."""
+        """All references of a controller at t (n,) s from the start of the path."""
         p, v, a, j = self.at(t)
         return Reference(p, self.yaw_at(t), v, a, j, self.yaw_rate_at(t))
 

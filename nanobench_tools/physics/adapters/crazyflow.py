@@ -36,7 +36,7 @@ from .pwm import CURVE, stated
 DRONE = "cf2x_L250"
 PLACES = {"crazyflow": ("crazyflow.dynamics.first_principles", "dynamics/first_principles/params.toml"),
           "drone_models": ("drone_models.first_principles", "data/params.toml")}
-"""Package -> module of its equations, and where in it the parameters of its drones stand."""
+"""Package -> module of its equations, and the place of its drones' parameters there."""
 WORKER = """
 import importlib, inspect, json, os, sys
 answers = os.fdopen(os.dup(1), "wb")
@@ -52,7 +52,7 @@ while line := sys.stdin.buffer.readline():
     answers.write(np.concatenate([np.asarray(a, float) for a in found[2:4]], axis=1).tobytes())
     answers.flush()
 """
-"""The process of its own: position, quaternion, velocity, rate, commands, rotor speeds in; accelerations out."""
+"""The separate process: position, quaternion, velocity, rate, commands, rotor speeds in; accelerations out."""
 STEPS = 10
 """Of the rotors' equation in a row."""
 
@@ -130,8 +130,8 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
 
 
 def simulator(argument: str | None) -> CrazyflowAlong:
-    """``crazyflow``: its cf2x_L250; ``crazyflow:DRONE``: another of its own; ``crazyflow:FILE.toml``: a simulator.toml
-    as its physics can hold it. MissingExtraError without crazyflow and drone-models."""
+    """``crazyflow``: its cf2x_L250. ``crazyflow:DRONE``: another of its drones. ``crazyflow:FILE.toml``: a
+    simulator.toml as far as its physics allows. Raises MissingExtraError without crazyflow and drone-models."""
     package = next((p for p in PLACES if importlib.util.find_spec(p) is not None), None)
     if package is None:
         raise MissingExtraError("crazyflow", "crazyflow")

@@ -15,7 +15,7 @@ CURVE = Model(Vehicle(), {"thrust_voltage": {"c": (-0.0248, 0.0652, -0.0268, 0.0
 
 
 def stated(what: str, mass_kg: float) -> tuple[str, ...]:
-    """What is said when ``CURVE`` had to stand in."""
+    """Message when ``CURVE`` was used instead."""
     c = ", ".join(f"{x:g}" for x in CURVE.values)
     return (f"{what} ({1e3 * mass_kg:.1f} g) takes rotor speeds; PWM and battery voltage were turned into thrust by "
             f"thrust_voltage c = [{c}], which is then part of what is judged",)
@@ -23,7 +23,7 @@ def stated(what: str, mass_kg: float) -> tuple[str, ...]:
 
 def in_our_order(quad_params: Mapping[str, Any]) -> dict[str, Any]:
     """RotorPy's parameters with rotors in the order of the motors here (front right, back right, back left, front left)
-    by where they stand."""
+    by their places."""
     places = np.array([np.asarray(p, float) for p in quad_params["rotor_pos"].values()])
     ours = np.array([(1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
     order = [int(np.argmax(places[:, :2] @ quadrant)) for quadrant in ours]

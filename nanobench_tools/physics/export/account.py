@@ -1,4 +1,4 @@
-"""What becomes of a model in another simulator: what it keeps, what it bends, what it loses, what had to be assumed."""
+"""Account of a model in another simulator: kept, approximated and lost effects, and assumptions."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ..model import Model
 
 @dataclass(frozen=True)
 class Account:
-    """{term: sentence}. ``exact``: the same equation; ``commands``: it acts on the commands, before the simulator, and
-    is written beside its parameters; ``approximated``: equal at one point only; ``left_out``: no counterpart.
-    ``assumed``: {quantity: sentence} of numbers the model does not hold."""
+    """{term: sentence}. ``exact``: the same equation. ``commands``: it acts on the commands, before the simulator, and
+    is written next to its parameters. ``approximated``: equal at one point only. ``left_out``: no counterpart.
+    ``assumed``: {quantity: sentence} of numbers the model does not contain."""
 
     exact: dict[str, str] = field(default_factory=dict)
     commands: dict[str, str] = field(default_factory=dict)

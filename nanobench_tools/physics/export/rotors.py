@@ -43,11 +43,11 @@ class Assumed:
 
 @dataclass(frozen=True)
 class Rotors:
-    """Effective numbers of a model: mass, inertia and motors (x, y, z from the centre of mass) as its terms say.
+    """Effective numbers of a model: mass, inertia and motors (x, y, z from the centre of mass) according to its terms.
 
     k_f [N s^2/rad^2] and k_m [N m s^2/rad^2] turn the square of a rotor speed into thrust and yaw torque; ``tau_s``
-    (up, down) or None; hover_rad_s one rotor in hover, sum_rad_s all four; thrust_max_N one motor; ``assumed``: what
-    was.
+    (up, down) or None; hover_rad_s one rotor in hover, sum_rad_s all four; thrust_max_N one motor. ``assumed``:
+    assumptions.
     """
 
     mass_kg: float
@@ -82,8 +82,8 @@ def get(model: Model, term: str, parameter: str, default: Any) -> Any:
 
 
 def rotors(model: Model, assumed: Assumed) -> Rotors:
-    """The effective numbers. Raises InputError for another number of rotors than four, which is what these simulators
-    are written for, and for a model that cannot hover within what is assumed."""
+    """The effective numbers. Raises InputError for another number of rotors than four, which these simulators require,
+    and for a model that cannot hover under the assumptions."""
     vehicle, used = model.vehicle, {}
     if vehicle.rotors != QUADROTOR:
         raise InputError("model", f"{vehicle.rotors} rotors, and the simulators of rotors that files are written for "

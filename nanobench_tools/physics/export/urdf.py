@@ -25,7 +25,7 @@ SPIN = (-1.0, 1.0, -1.0, 1.0)
 RADIUS_M = 0.0231348
 COLLISION_M = (0.06, 0.025)
 MAX_SPEED_KMH = 30.0
-"""Propeller, cylinder (radius, height) and greatest speed of its own cf2x.urdf, for models that do not know them."""
+"""Propeller, cylinder (radius, height) and greatest speed of the original cf2x.urdf, for models without them."""
 
 EXACT = {"mass": "", "inertia": "", "thrust_rpm": "kf", "yaw_torque": "km",
          "com_offset": "propellers placed about the centre of mass"}

@@ -51,7 +51,7 @@ def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *
 
 
 def _with_stamps(flight: Flight, time_s: np.ndarray) -> Flight:
-    """All streams that stand on the stamps of the motion capture get these instead."""
+    """Replace the timestamps of all streams that share those of the motion capture."""
     old = flight["mocap"].time_s
     return flight.with_streams(**{name: replace(s, time_s=time_s) for name, s in flight.streams.items()
                                   if len(s) == len(old) and np.array_equal(s.time_s, old)})

@@ -34,7 +34,7 @@ def missing_column(data: bytes, rng: np.random.Generator, size: float = 1) -> tu
 
 
 def extra_column(data: bytes, rng: np.random.Generator, size: float = 1) -> tuple[bytes, Fault]:
-    """``size`` columns nobody knows are put in, at random places after the time."""
+    """Insert ``size`` unknown columns, at random places after the time."""
     table = [line.split(b",") for line in _lines(data)]
     names = [f"extra_{k}" for k in range(int(size))]
     for name in names:

@@ -58,5 +58,5 @@ def with_values(stream: Stream, values: np.ndarray) -> Stream:
 
 def truth(kind: str, stream: str, columns: Sequence[str], span: tuple[float, float], size: float, unit: str,
           what: str) -> Fault:
-    """What was done, as a Fault."""
+    """The injected change, as a Fault."""
     return Fault(kind, stream, tuple(columns), float(span[0]), float(span[1]), float(size), unit, f"injected: {what}")
