@@ -55,7 +55,8 @@ def control_screen(options: Options, body: ControlBody) -> list[Table | str]:
     if flown:
         disturbed = with_disturbances(flown[0].radio_delay_s, flown[0].wind_m_s, flown[0].radio_silent_percent / 100.0)
         parts.append(Table.plain(
-            f"SIMULATED flights, all references together: medians over plants{disturbed}",
+            f"{'SYNTHETIC data: ' * options.synthetic}SIMULATED flights, all references together: medians over plants"
+            f"{disturbed}",
             ("controller", "given", "references", "RMSE m", "worst decile m", "lost %"),
             [(one.controller, one.information, str(one.references), f"{one.rmse_m:.3f}", f"{one.worst_decile_m:.3f}",
               f"{one.lost_percent:.1f}") for one in together(flown)]))

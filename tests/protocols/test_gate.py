@@ -218,7 +218,7 @@ def test_control_flies_the_gate_and_simulated_rows(crowd, tmp_path, capsys):
     assert row["error_bar"]["n"] == 1
     assert 0.0 < row["metrics"]["rmse_m"] < 0.3
     assert set(row["gust"]) == {"most_m", "back_s"}
-    assert "SIMULATED" in text.out
+    assert "SYNTHETIC data: SIMULATED" in text.out
 
 
 def test_a_plant_identified_from_recordings_flies(crowd, tmp_path, capsys):
