@@ -38,6 +38,9 @@ LEVELS = ("tilt", "lift", "trim", "yaw_trim")
 """Groups that differ from flight to flight."""
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
+LIFT_OF_ALL = "lift_of_all"
+"""Thrust of all flights, which is a little wrong in the place of the terms that would say so: their gains of torque
+would be dragged along."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Background:
     @property
     def groups(self) -> tuple[str, ...]:
         """Those whose amplitude is learnt."""
-        return tuple(dict.fromkeys(g for g in self.group.tolist() if g != FIXED))
+        return tuple(dict.fromkeys(g for g in self.group.tolist() if g not in (FIXED, LIFT_OF_ALL)))
 
 
 def rms(columns: np.ndarray) -> np.ndarray:
@@ -125,12 +128,14 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
         there = so3.rotate_inverse(turned, wrench.of("velocity_m_s", turns))
         push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
         about = 1.0 / arm[None, :, None]
-        found.add("turn_place", torque=about * _on_axes(fourier(wrench.of("position_m", turns), FEATURES, PLACE_LENGTH,
-                                                               rng)))
-        found.add("turn_air", torque=about * _on_axes(fourier(there, FEATURES, AIR_LENGTH, rng)))
-        found.add("turn_thrust", torque=about * _on_axes(fourier(push[:, None], THRUST_FEATURES, THRUST_LENGTH, rng)))
+        at_place = fourier(wrench.of("position_m", turns), FEATURES, PLACE_LENGTH, rng)
+        in_air, by_thrust = (fourier(there, FEATURES, AIR_LENGTH, rng),
+                             fourier(push[:, None], THRUST_FEATURES, THRUST_LENGTH, rng))
+        for name, axes in (("turn", (0, 1)), ("yaw", (2,))):  # yaw has little authority, and little that disturbs it
+            for kind, features in (("place", at_place), ("air", in_air), ("thrust", by_thrust)):
+                found.add(f"{name}_{kind}", torque=about * _on_axes(features, axes))
         found.add("turn_late", torque=about * _on_axes(_fast_load(wrench, push)))
-    _logging(found, wrench, space, effects, made)
+    _logging(found, wrench, space, effects, made, so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0])))
     return found.done()
 
 
@@ -139,14 +144,14 @@ def _levels(found: _Columns, wrench: Wrench, made: np.ndarray, quaternion: np.nd
     What all flights share is no part of it: large equal levels would cancel against large effects."""
     flights = np.unique(wrench.flight)
     many = len(flights)
+    up = so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0]))
+    lift = made + 9.81 * up
+    lift /= max(float(rms(lift)), 1e-6)
+    found.add(LIFT_OF_ALL, lift[..., None])
     if many < 2:
         return
     beside = (np.eye(many) - 1.0 / many) * np.sqrt(many / (many - 1.0))
     each = (wrench.flight[wrench.force_at][:, None] == flights).astype(float) @ beside
-    up = so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0]))
-    lift = np.zeros((len(made), 3))
-    lift[:, 2] = (made + 9.81 * up)[:, 2]
-    lift /= max(float(rms(lift)), 1e-6)
     thrust = lift[:, 2:]
     tilt = np.zeros((len(made), 3, 2))
     tilt[:, 0, 0], tilt[:, 1, 1] = thrust[:, 0], thrust[:, 0]
@@ -218,13 +223,16 @@ def _along_z(columns: np.ndarray) -> np.ndarray:
     return found
 
 
-def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Effect], made: np.ndarray) -> None:
-    """What the logging of commands feigns, each with the size of a standard deviation: the moment a row stands for,
-    rotors whose speed lags in place of their thrust, drag at the rotors, thrust that shakes between rows, and another
+def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Effect], made: np.ndarray,
+             up: np.ndarray) -> None:
+    """What logging feigns, each with the size of a standard deviation: attitude of another moment than the path, the
+    moment a command stands for, rotors whose speed lags in place of their thrust, drag at the rotors, thrust that shakes between rows, and another
     slope of thrust."""
     model = space.model
     for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model)):
         found.add(FIXED, force[..., None], torque[..., None])
+    turning = np.cross(wrench.of("rate_rad_s", wrench.force_at), made + 9.81 * up)
+    found.add(FIXED, DELAY_S * turning[..., None])
     delay = next((e for e in effects if e.term == "command_delay"), None)
     if delay is not None:
         per_s = 1.0 / next(iter(delay.moves.values()))[0]

@@ -53,6 +53,11 @@ class Case:
         many = self.values.shape[1] - 1
         return self.evidence.beside(self._factors[key], mine[:many], mine[many:])
 
+    def give_up(self, terms: set[str]) -> None:
+        """As ``Evidence.give_up``."""
+        self.evidence.give_up(terms)
+        self._factors.clear()
+
     @cached_property
     def rows_by_flight(self) -> list[np.ndarray]:
         """Rows of each flight."""
@@ -82,8 +87,17 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
     work = np.stack([part[:, k].T @ part[:, k] / max(len(part), 1)
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.sum(0), owner, unit, lower * unit, upper * unit,
-                        _believed(wrench, space, effects, unit, arm), work, (turns / unit) ** 2, arm, len(numbers))
+                        _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque), arm, len(numbers))
     return Case(wrench, space, simulator, effects, background, rows, values, evidence, numbers, grams, arm)
+
+
+def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
+    """(6, P) share of what columns do that no constant of the flights makes; of forces all: a tilt makes them vary."""
+    flight = wrench.flight[wrench.torque_at]
+    constant = sum(((flight == f).sum() * torque[flight == f].mean(0) ** 2 for f in np.unique(flight)),
+                   np.zeros(torque.shape[1:]))
+    varying = 1.0 - constant / np.maximum((torque**2).sum(0), 1e-12)
+    return np.concatenate([np.ones(torque.shape[1:]), np.clip(varying, 0.0, 1.0)])
 
 
 def _believed(wrench: Wrench, space: Space, effects: Sequence[Effect], unit: np.ndarray,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass":
                                      "thrust_scale": ("mass",)}
 """Terms that differ by gains of torque only, which no flight tells well enough: along roll and pitch unequal motors do
 what a centre of mass does, and free flight shows thrust per mass."""
+BEYOND = "it would have to lie on the bound of what such a vehicle can have"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
 
@@ -74,20 +75,26 @@ class Decision:
 def decide(case: Case, judge: Callable[[Refined, Refined], float]) -> Decision:
     """Names the classes of effects whose probability reaches NAMED; ``judge`` gives what predictions of left-out
     flights say: log likelihood of the first sizes over the second."""
-    evidence, weighing = case.evidence, Weighing(case, judge)
-    posterior = weighing.weigh()
-    best = max(posterior, key=lambda s: posterior[s])
+    evidence, rejected = case.evidence, dict[str, str]()
+    while True:
+        weighing = Weighing(case, judge)
+        posterior = weighing.weigh()
+        best = _inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
+        beyond = {case.effects[i].term for i in best if _on_bound(case, i, weighing.sizes(best))}
+        if not beyond:
+            break
+        rejected |= dict.fromkeys(beyond, BEYOND)
+        case.give_up(beyond)
     kinds = {i: _class_of(weighing, best, i) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
-    by_term, rejected = _by_term(case, posterior), dict[str, str]()
+    by_term = _by_term(case, posterior)
     found = weighing.sizes(tuple(i for i in best if sure[i] >= NAMED))
     while found.chosen:
         sizes = {i: _sizes(case, i, found) for i in found.chosen}
         said = {i: f"the interval holds what the simulator has, {_shortest(sizes[i])}" for i in found.chosen
                 if not any(size.excludes for size in sizes[i].values())}
-        said |= {i: "it would have to lie on the bound of what such a vehicle can have" for i in found.chosen
-                 if i not in said and _on_bound(case, i, found)}
+        said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
         if not said:
             break
         rejected |= {case.effects[i].term: why for i, why in said.items()}
@@ -127,19 +134,36 @@ def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str
     return found
 
 
-def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
-    """{term: log odds lost by the exchange}: terms that could stand in the place of one of a set."""
+def _exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Iterator[tuple[int, tuple[int, ...], float]]:
+    """(other effect, set with it in the place of ``which``, log odds lost): all that flights cannot tell apart."""
     evidence = weighing.case.evidence
-    term = evidence.effects[which].term
-    found = {term: 0.0} | dict.fromkeys(TWINS.get(term, ()), 0.0)
     for other, effect in enumerate(evidence.effects):
         exchanged = tuple(sorted({*chosen, other} - {which}))
-        if effect.term in found or len(exchanged) != len(chosen) or not evidence.allowed(exchanged):
-            continue
-        lost = weighing.score(chosen) - weighing.score(exchanged)
-        if lost < ALTERNATIVE:
-            found[effect.term] = min(lost, found.get(effect.term, np.inf))
+        if (effect.term != evidence.effects[which].term and len(exchanged) == len(chosen)
+                and evidence.allowed(exchanged)):
+            lost = weighing.score(chosen) - weighing.score(exchanged)
+            if lost < ALTERNATIVE:
+                yield other, exchanged, lost
+
+
+def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
+    """{term: log odds lost by the exchange}: terms that could stand in the place of one of a set."""
+    effects = weighing.case.effects
+    found = {effects[which].term: 0.0} | dict.fromkeys(TWINS.get(effects[which].term, ()), 0.0)
+    for other, _, lost in _exchanges(weighing, chosen, which):
+        term = effects[other].term
+        found[term] = min(lost, found.get(term, np.inf))
     return found
+
+
+def _inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]:
+    """The set with another member of the class in the place of an effect that would have to lie on its bound."""
+    for i in best:
+        if _on_bound(weighing.case, i, weighing.sizes(best)):
+            for other, exchanged, _ in sorted(_exchanges(weighing, best, i), key=lambda e: e[2]):
+                if not _on_bound(weighing.case, other, weighing.sizes(exchanged)):
+                    return exchanged
+    return best
 
 
 def _sizes(case: Case, which: int, found: Refined) -> dict[str, Size]:

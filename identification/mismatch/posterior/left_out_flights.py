@@ -46,13 +46,14 @@ class Predictions:
 
     def __init__(self, case: Case, names: Sequence[str], seed: int) -> None:
         self.case, self.names, self.seed = case, names, seed
-        self._known: dict[tuple[int, ...], np.ndarray] = {}
+        self._known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
 
     def of(self, found: Refined) -> np.ndarray:
         """(flights, H, 4): every flight by sizes fitted without it and its fold."""
-        if found.chosen not in self._known:
-            self._known[found.chosen] = self._errors(found)
-        return self._known[found.chosen]
+        key = found.chosen, found.step.tobytes()
+        if key not in self._known:
+            self._known[key] = self._errors(found)
+        return self._known[key]
 
     def likelihood(self, one: Refined, other: Refined) -> float:
         """Log likelihood of one fit over another: errors of each flight as normal ones of unknown size, those of the

@@ -21,7 +21,7 @@ from scipy.special import ndtr
 
 from nanobench_tools.settings import count, number, setting
 
-from .background import FIXED, LEVELS, Background, rms, turning_size
+from .background import FIXED, LEVELS, LIFT_OF_ALL, SHAKE, Background, rms, turning_size
 from .effects import Effect
 
 SCALES: tuple[float, ...] = setting("posterior.set_evidence.scales")
@@ -36,6 +36,8 @@ LOOSE = number("posterior.set_evidence.loose")
 UNNAMED = number("posterior.set_evidence.unnamed")
 """Share of the discrepancy that may lie along any one slope."""
 MOST = count("posterior.set_evidence.most")
+FREE = 1.0
+"""m/s^2: a term with so much room is free."""
 CANCELS = 2.0
 """A set whose terms make so many times their sum along an axis cancels, and is no explanation."""
 CONCERNED = 0.1
@@ -52,20 +54,26 @@ FAMILIES: tuple[frozenset[str], ...] = tuple(frozenset(f) for f in (
     ("motor_lag", "command_delay"), ("thrust_scale", "thrust_voltage", "thrust_pwm", "mass"),
     ("saturation", "thrust_pwm", "thrust_voltage")))
 """One of each may be in a set: two of them trade against each other."""
-TWINS = ("mass",)
-"""Terms that another one nearly is (thrust_scale, but for drag), which is a little wrong in their place: two of them
-would cancel."""
+TWINS = ("mass", "thrust_scale")
+"""Terms of thrust per mass, which is a little wrong in the place of both."""
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
           "thrust_voltage": "lift", "thrust_pwm": "lift", "com_offset": "trim", "motor_imbalance": "trim"}
 """Term -> level of flights out of whose scatter a change that all share has to stand."""
+OFFSETS = tuple(term for term, level in SHARED.items() if level in ("tilt", "trim"))
+"""Terms that are known to so much, whatever their size; the others to a share of what they do."""
+GAINS = ("inertia", "yaw_torque")
+"""Terms of the gain from command to moment, which commands that shake between rows change."""
+UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place", "yaw_air",
+                  "yaw_thrust")
+"""Of the background: what an effect may be taken for."""
 
 
 @dataclass
 class Evidence:
     """``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last; ``grams`` of each
     flight. ``owner`` (P,) number of the effect of each column, ``unit`` (P,) m/s^2 of it per unit of its direction,
-    ``believed`` (P,) m/s^2 that the simulator's own term does;
-    ``work`` (6, P, P) inner products of what columns do along each axis, force and moment."""
+    ``believed`` (P,) m/s^2 that the simulator's own term does; ``varying`` (6, P) share of ``work``'s diagonal that no
+    constant makes; ``work`` (6, P, P) inner products of what columns do along each axis, force and moment."""
 
     effects: Sequence[Effect]
     background: Background
@@ -76,13 +84,14 @@ class Evidence:
     upper: np.ndarray
     believed: np.ndarray
     work: np.ndarray
-    share_turning: np.ndarray
+    varying: np.ndarray
     arm: np.ndarray
     flights: int = 1
     amplitudes: dict[str, float] = field(default_factory=dict)
     spike: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sets: dict[tuple[int, ...], float] = field(default_factory=dict)
     """Log of prior times evidence of every set of effects' numbers."""
+    given_up: set[str] = field(default_factory=set)
     rest: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
     """(P + 1, P + 1) Gram matrix of effects and residual with everything that stands beside them integrated out."""
 
@@ -191,27 +200,28 @@ class Evidence:
     def learn(self) -> None:
         """Amplitudes of the background with every term free, then how far every term may be off."""
         start = {g: min(0.07, CAPS.get(g, 9.0)) for g in self.background.groups}
-        free = np.minimum(np.full(self.P, 1.0), self.room)
+        free = np.minimum(np.full(self.P, FREE), self.room)
         self.amplitudes = self._climb(start, free)
-        a = self._realised(free)
-        side = np.hypot(a.get("place", 0.0), a.get("air", 0.0))
-        up = np.hypot(a.get("thrust", 0.0), a.get("late", 0.0))
-        turn = np.hypot(np.hypot(a.get("turn_place", 0.0), a.get("turn_air", 0.0)), a.get("turn_thrust", 0.0))
-        upward = self.work[2].diagonal() / np.maximum(self.work[:3].sum(0).diagonal(), 1e-12)
-        pushes = np.hypot(side, up * np.sqrt(upward))
-        feigned = UNNAMED * np.hypot(pushes * np.sqrt(1.0 - self.share_turning), turn * np.sqrt(self.share_turning))
-        shared = [_shared(self.effects[i].term, self.amplitudes) for i in self.owner]
-        levels = np.array(shared) / np.sqrt(max(self.flights, 1))
-        spike = np.sqrt(SPIKE**2 + (LOOSE * self.believed) ** 2 + feigned**2 + levels**2)
-        spike[[self.effects[i].term in TWINS for i in self.owner]] = 0.0
+        along = self._unnamed(free)
+        doing = self.work.diagonal(axis1=1, axis2=2)
+        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * doing).sum(0) / np.maximum(doing.sum(0), 1e-12))
+        terms = [self.effects[i].term for i in self.owner]
+        levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
+        loose = self.believed * [0.0 if t in OFFSETS else SHAKE if t in GAINS else LOOSE for t in terms]
+        spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
+        self.amplitudes[LIFT_OF_ALL] = max((float(x) for x, t in zip(spike, terms, strict=True) if t in TWINS), default=0.0)
+        spike[[t in TWINS for t in terms]] = 0.0
         self.spike = np.minimum(spike, self.room)
         self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
 
-    def _realised(self, spike: np.ndarray) -> dict[str, float]:
-        """m/s^2 RMS of each group of the background on these flights, with every term free."""
+    def _unnamed(self, spike: np.ndarray) -> np.ndarray:
+        """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free: of force whole, since the frame turns
+        with the vehicle, of moment about each axis."""
         self.spike = spike
-        mean = self.everything(())[self.P:]
-        return self.sizes_of(mean)
+        background, found = self.background, self.everything(())[self.P:]
+        mine = np.isin(background.group, UNNAMED_GROUPS)
+        force, turning = background.force[..., mine] @ found[mine], background.torque[..., mine] @ found[mine] * self.arm
+        return np.concatenate([np.full(3, rms(force)), np.sqrt((turning**2).sum(0) / max(len(turning), 1))])
 
     def sizes_of(self, coefficients: np.ndarray) -> dict[str, float]:
         """m/s^2 RMS that each group of the background does with these coefficients (Q,)."""
@@ -251,12 +261,20 @@ class Evidence:
     def allowed(self, chosen: Sequence[int]) -> bool:
         """No term twice, and one of each family at most."""
         names = [self.effects[i].term for i in chosen]
-        return len(set(names)) == len(names) and all(len(f.intersection(names)) < 2 for f in FAMILIES)
+        return not self.given_up.intersection(names) and len(set(names)) == len(names) and all(len(f.intersection(names)) < 2 for f in FAMILIES)
 
     def log_prior(self, chosen: Sequence[int]) -> float:
         """Of a set, less that of none: readings of one term share its probability."""
         readings = [sum(e.term == self.effects[i].term for e in self.effects) for i in chosen]
         return sum(float(np.log(PRIOR / (1.0 - PRIOR) / n)) for n in readings)
+
+    def give_up(self, terms: set[str]) -> None:
+        """Terms that explain nothing, though something lies along them: beside every set they may be off as they
+        like."""
+        self.given_up |= terms
+        self.spike[[self.effects[i].term in terms for i in self.owner]] = FREE
+        self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
+        self.weigh()
 
     def weigh(self, further: int = 60) -> None:
         """Evidence of all sets of one and two effects, and of three that the most probable pairs grow into."""

@@ -14,6 +14,9 @@ from .build import Case
 
 STEPS, NEAR = 8, 0.1
 """Gauss-Newton steps; of a standard deviation: a shorter step is none."""
+WIDE = 3.0
+"""Times a size: the least standard deviation of its prior where it is estimated, so that it is not shrunk towards the
+simulator."""
 INSIDE = 0.98
 """Share of its room that an effect may take."""
 
@@ -58,6 +61,7 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
         return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0),
                        np.zeros((0, 0, 0)), np.zeros(0))
     _, scaled, slab = evidence.weighed(chosen)
+    slab = np.minimum(np.maximum(slab, WIDE * np.abs(scaled)), evidence.room[evidence.columns(chosen)])
     unit = evidence.unit[evidence.columns(chosen)]
     step = at = _inside(case, chosen, scaled / unit)
     for _ in range(STEPS):

@@ -1,6 +1,6 @@
 """Prior, evidence of the residual, and predictions of flights that were left out, together: how probable a set is.
 
-Predictions take longer than evidence, so only the most probable effects are predicted, each alone, and then the most
+Predictions take longer than evidence, so every term is predicted alone, at its most probable reading, and then the most
 probable sets; what any other set predicts is taken to be what its effects do alone, together.
 """
 
@@ -17,8 +17,6 @@ from .build import Case
 from .sizing import Refined, refine
 
 Chosen = tuple[int, ...]
-ALONE = count("posterior.weighing.alone")
-"""Effects that are predicted alone."""
 PREDICTED = count("posterior.weighing.predicted")
 """Sets of several that are predicted at most."""
 REACH = number("posterior.weighing.reach")
@@ -56,11 +54,10 @@ class Weighing:
 
     def weigh(self) -> dict[Chosen, float]:
         """Probability of every set."""
-        known = self.case.evidence.sets
-        alone = sorted((s for s in known if len(s) == 1), key=lambda s: -known[s])
-        for chosen in [(), *alone[:ALONE]]:
-            if known[chosen] > -REACH:
-                self.predict(chosen)
+        known, effects = self.case.evidence.sets, self.case.effects
+        alone = sorted((s for s in known if len(s) == 1), key=lambda s: known[s])
+        for chosen in [(), *{effects[s[0]].term: s for s in alone}.values()]:
+            self.predict(chosen)
         for _ in range(PREDICTED):
             open_ones = [s for s in known if s not in self.told]
             most = max(open_ones, key=self.score, default=None)
