@@ -47,7 +47,18 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     """Errors of ``simulator``, given prepared recordings. ``given``: the callable that it is equivalent to, whose own
     residual is then judged."""
     start = time.perf_counter()
-    say = progress or (lambda text: None)
+    opened = open_case(recordings, simulator, start, given)
+    if isinstance(opened, Verdict):
+        return opened
+    simulator, wrench = opened
+    moments, decision, proof = judge(recordings, wrench, simulator, seed, progress or (lambda text: None))
+    return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+
+
+def open_case(recordings: Recordings, simulator: Model, start: float,
+              given: Equivalent | None = None) -> tuple[Model, Wrench] | Verdict:
+    """The simulator as these recordings command it, and the wrench along them; or a verdict, where nothing finer can be
+    asked. ``start``: when the diagnosis began (``time.perf_counter``)."""
     if recordings.judged_s < LEAST_S:
         return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
     rotors = recordings.tracks[0].motor.shape[1]
@@ -61,8 +72,7 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     ratio = lift_ratio(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
         return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
-    moments, decision, proof = judge(recordings, wrench, simulator, seed, say)
-    return Verdict.of(recordings, simulator, moments, decision, proof, time.perf_counter() - start)
+    return simulator, wrench
 
 
 def judge(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int = 0,
@@ -135,11 +145,12 @@ def _no_vehicle(decision: Decision) -> Structure | None:
 
 
 def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, *, vehicle: Vehicle | None = None,
-                      seed: int = 0, progress: Callable[[str], None] | None = None) -> Verdict:
+                      seed: int = 0, progress: Callable[[str], None] | None = None,
+                      engine: Callable[..., Verdict] = diagnose) -> Verdict:
     """Errors of a simulator that is only a callable (``nanobench_tools.physics.adapters.given``).
 
-    ``place``: its name. ``vehicle``: known properties that it does not state. Raises InputError if it fails, or answers
-    in other units or axes.
+    ``place``: its name. ``vehicle``: known properties that it does not state. ``engine``: ``diagnose`` or one like it.
+    Raises InputError if it fails, or answers in other units or axes.
     """
     start = time.perf_counter()
     if recordings.judged_s < LEAST_S:
@@ -152,7 +163,7 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
         recordings = replace(recordings, tracks=tuple(replace(t, turns=False) for t in recordings.tracks))
     given = equivalent(recordings, simulator, place, vehicle, progress)
     if given.alike:
-        verdict = diagnose(recordings, given.model, seed=seed, progress=progress, given=given)
+        verdict = engine(recordings, given.model, seed=seed, progress=progress, given=given)
     else:
         verdict = _unlike(recordings, given)
     verdict.body["paragraph"] = f"{given.sentence} {verdict.paragraph}"
@@ -218,4 +229,4 @@ def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int =
 
 
 __all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of",
-           "judge", "recorded"]
+           "judge", "open_case", "recorded"]

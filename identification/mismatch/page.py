@@ -89,7 +89,8 @@ def findings(body: Mapping[str, Any]) -> Table:
     rows = [(entry["term"], find_term(entry["term"]).sentence, ";\n".join(
         f"{name.partition('.')[2]} {p['value']:.4g} ({p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}) {p['unit']}"
         for name, p in entry["parameters"].items()), f"{100 * entry['confidence']:.0f}",
-             f"{100 * entry['residual_share']:.0f}", f"{', '.join(entry['where']['axes'])} ({entry['where']['frame']})",
+             DASH if entry["residual_share"] is None else f"{100 * entry['residual_share']:.0f}",
+             f"{', '.join(entry['where']['axes'])} ({entry['where']['frame']})",
              entry["where"]["covariate"] or DASH, _where(entry["where"]),
              ", ".join(entry["equivalent"]) or "nothing else", entry["settle_with"] or DASH)
             for entry in body["findings"]]

@@ -106,14 +106,15 @@ Believed = Model | VehicleModel | Callable[..., Any] | str | os.PathLike[str] | 
 
 @speaks_python
 def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int = 0,
-             mass_kg: float = 0.04085) -> Diagnosis:
+             mass_kg: float = 0.04085, engine: str = "rules") -> Diagnosis:
     """Compares a simulator with flights: what it leaves out, how large, how sure, and what mending it brings.
 
     simulator: a model that ``nb.fit`` gave, a ``Model``, the path of a simulator.toml, a callable
     (``nanobench_tools.physics.adapters.given``) or the name of one (``module:callable``, ``rotorpy``), or flights that
     the simulator made, as flights or as their folder. mass_kg: what a callable, or a simulator known by its flights,
-    was given; flights show only thrust over mass. A wandering clock is re-timed and faults of the data are left out
-    first. InputError for recordings of a vehicle with another number of rotors.
+    was given; flights show only thrust over mass. engine: "rules", or "posterior", which weighs every set of up to
+    three effects. A wandering clock is re-timed and faults of the data are left out first. InputError for recordings of
+    a vehicle with another number of rotors.
 
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)
@@ -123,9 +124,19 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
     """
     from ..physics.adapters.given import load_simulator, wrapped
     from ..physics.simulator import read_simulator
-    from ..steps.diagnosing import Looked, against_callable, against_model, beliefs_of, check_installed, names_a_file
+    from ..steps.diagnosing import (
+        ENGINES,
+        Looked,
+        against_callable,
+        against_model,
+        beliefs_of,
+        check_installed,
+        names_a_file,
+    )
 
     check_installed()
+    if engine not in ENGINES:
+        raise UsageError(f"engine={engine!r}: give one of {', '.join(ENGINES)}")
     read = some(flights)
     options = given(read, seed=seed)
     if isinstance(simulator, (str, os.PathLike)):
@@ -142,5 +153,5 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
         believed = beliefs_of(given(theirs, seed=seed), read, theirs, mass_kg)
     if isinstance(believed, Model):
         recordings = Looked(options, read).at(believed.vehicle, "thrust_voltage" in believed)
-        return Diagnosis(against_model(options, recordings, believed, name).verdict)
-    return Diagnosis(against_callable(options, read, wrapped(believed, name), name, mass_kg).verdict)
+        return Diagnosis(against_model(options, recordings, believed, name, engine).verdict)
+    return Diagnosis(against_callable(options, read, wrapped(believed, name), name, mass_kg, engine).verdict)

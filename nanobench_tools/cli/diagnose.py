@@ -12,6 +12,7 @@ import click
 from ..errors import UsageError
 from ..steps.diagnose_bound import flexible
 from ..steps.diagnosing import (
+    ENGINES,
     Looked,
     against_callable,
     against_model,
@@ -60,6 +61,9 @@ CODE = "simulators_corrected"
                    "changes are told (from one day to another a motor may move by 10 %).")
 @click.option("--nothing-added", is_flag=True,
               help="With --normal: nothing was put onto the vehicle or hung from it since.")
+@click.option("--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True,
+              help="What decides: rules, with every picture of the page, or the probability of every set of up to "
+                   "three effects; docs/mismatch.md compares them.")
 @click.option("--bound", is_flag=True,
               help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
                    "anything could predict these flights.")
@@ -67,7 +71,8 @@ CODE = "simulators_corrected"
               help="Also refit what is named to predictions 0.1 and 0.5 s ahead, judged by flights left out in turn: "
                    "taken into the corrected simulator only where it predicts these better (seldom; see docs).")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
-             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, bound: bool, refit: bool) -> int:
+             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, engine: str, bound: bool,
+             refit: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
     Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
@@ -100,6 +105,8 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         return _against_normal(options, simulator, simulated, mass_kg, normal, same_day, nothing_added)
     if same_day or nothing_added:
         raise UsageError(f"diagnose: --{'same-day' if same_day else 'nothing-added'} goes with --normal DIR")
+    if (refit or bound) and engine == "posterior":
+        raise UsageError("diagnose: --refit and --bound need --engine rules")
     if bound:
         from identification.learned.libraries import libraries
 
@@ -114,7 +121,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
 
         sized(mass_kg)
         found = load_simulator(simulator)
-        judged = against_callable(options, options.load(), found, simulator, mass_kg)
+        judged = against_callable(options, options.load(), found, simulator, mass_kg, engine)
     else:
         model = None if simulator is None else read_simulator(Path(simulator))
         flights = options.load()
@@ -122,7 +129,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         recordings = Looked(options, flights).at(model.vehicle, "thrust_voltage" in model)
         if not recordings.tracks and (code := _from_trim(options, model)) is not None:
             return code
-        judged = against_model(options, recordings, model, simulator or "--simulated")
+        judged = against_model(options, recordings, model, simulator or "--simulated", engine)
     verdict = judged.verdict
     body = dict(verdict.to_json())
     if refit and verdict.decision is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from ..flight import Flight
     from ..physics import Model, Vehicle
     from ..physics.adapters.given import Simulator
+
+ENGINES = ("rules", "posterior")
+"""Ways to a verdict; the first unless another one is asked for."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +73,24 @@ def check_wiring(recordings: Recordings, model: Model, place: str) -> None:
         raise InputError(f"{place}: vehicle.{wrong.key}", wrong.found, wrong.advice)
 
 
-def against_model(options: Options, recordings: Recordings, model: Model, place: str = "simulator") -> Judged:
+def engine_of(name: str) -> Callable[..., Verdict]:
+    """What diagnoses, by name: one of ``ENGINES``."""
+    from identification.mismatch.diagnosis import diagnose as by_rules
+    from identification.mismatch.posterior.posterior_engine import diagnose as by_posterior
+
+    return by_posterior if name == "posterior" else by_rules
+
+
+def against_model(options: Options, recordings: Recordings, model: Model, place: str = "simulator",
+                  engine: str = ENGINES[0]) -> Judged:
     """A verdict on a model of terms; recordings: looked at as flights of its vehicle; ``place`` names it in messages.
     InputError where its motors are in another order than those of the flights."""
-    from identification.mismatch.diagnosis import diagnose
-
     check_wiring(recordings, model, place)
-    return Judged(recordings, model, diagnose(recordings, model, seed=options.seed, progress=options.say))
+    return Judged(recordings, model, engine_of(engine)(recordings, model, seed=options.seed, progress=options.say))
 
 
 def against_callable(options: Options, flights: Sequence[Flight], simulator: Simulator, name: str,
-                     mass_kg: float) -> Judged:
+                     mass_kg: float, engine: str = ENGINES[0]) -> Judged:
     """A verdict on a simulator that is only a callable. Recordings without a battery are judged where it does not look
     at one."""
     from identification.mismatch.diagnosis import diagnose_callable
@@ -97,7 +107,7 @@ def against_callable(options: Options, flights: Sequence[Flight], simulator: Sim
     if unlogged and recordings.tracks and needs_battery(simulator, recordings.tracks[0], name):
         recordings = looked.at(flown, True)
     return Judged(recordings, None, diagnose_callable(recordings, simulator, name, vehicle=vehicle, seed=options.seed,
-                                                      progress=options.say))
+                                                      progress=options.say, engine=engine_of(engine)))
 
 
 def beliefs_of(options: Options, flights: Sequence[Flight], simulated: Sequence[Flight], mass_kg: float) -> Model:

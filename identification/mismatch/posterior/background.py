@@ -226,8 +226,8 @@ def _along_z(columns: np.ndarray) -> np.ndarray:
 def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Effect], made: np.ndarray,
              up: np.ndarray) -> None:
     """What logging feigns, each with the size of a standard deviation: attitude of another moment than the path, the
-    moment a command stands for, rotors whose speed lags in place of their thrust, drag at the rotors, thrust that shakes between rows, and another
-    slope of thrust."""
+    moment a command stands for, rotors whose speed lags in place of their thrust, drag at the rotors, thrust that
+    shakes between rows, and another slope of thrust."""
     model = space.model
     for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model)):
         found.add(FIXED, force[..., None], torque[..., None])

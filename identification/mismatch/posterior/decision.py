@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,9 +72,12 @@ class Decision:
     corrected: Model | None
 
 
-def decide(case: Case, judge: Callable[[Refined, Refined], float]) -> Decision:
+def decide(case: Case, judge: Callable[[Refined, Refined], float],
+           again: Callable[[Model], Collection[str]] = lambda corrected: ()) -> Decision:
     """Names the classes of effects whose probability reaches NAMED; ``judge`` gives what predictions of left-out
-    flights say: log likelihood of the first sizes over the second."""
+    flights say: log likelihood of the first sizes over the second. ``again`` gives the terms that are named beside a
+    corrected simulator: of several effects only the largest stays without being named again beside it alone, since
+    slopes at a simulator that is far off feign others."""
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
@@ -99,12 +102,25 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float]) -> Decision:
             break
         rejected |= {case.effects[i].term: why for i, why in said.items()}
         found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
+    if len(found.chosen) > 1:
+        first = max(found.chosen, key=lambda i: _size_of(case, i, found))
+        there = set(again(_written(case, weighing.sizes((first,)))))
+        gone = {i for i in found.chosen if i != first and not there & set(kinds[i])}
+        rejected |= {case.effects[i].term: f"nothing of it is left where {case.effects[first].term} is corrected"
+                     for i in gone}
+        found = weighing.sizes(tuple(i for i in found.chosen if i not in gone))
     findings = tuple(_finding(case, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
     named = {t for f in findings for t in (f.term, *f.equivalent)}
     leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
     rejected |= {t: f"probability {p:.2g}, below {NAMED:g}" for t, p in by_term.items()
                  if t not in named and t not in rejected and t not in leaning}
     return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None)
+
+
+def _size_of(case: Case, which: int, found: Refined) -> float:
+    """m/s^2 RMS, force and moment together."""
+    part = dict(parts_of(case, found.chosen, found.step))[which]
+    return float(np.linalg.norm(part * case.evidence.unit[case.evidence.columns((which,))]))
 
 
 def _on_bound(case: Case, which: int, found: Refined) -> bool:

@@ -55,6 +55,10 @@ class Predictions:
             self._known[key] = self._errors(found)
         return self._known[key]
 
+    def judge(self, one: Refined, other: Refined) -> float:
+        """``likelihood``; 0 where nothing can be left out."""
+        return self.likelihood(one, other) if len(self.case.flights) > 1 else 0.0
+
     def likelihood(self, one: Refined, other: Refined) -> float:
         """Log likelihood of one fit over another: errors of each flight as normal ones of unknown size, those of the
         path and those of turning each for themselves (the log of the ratio of errors is all that counts)."""

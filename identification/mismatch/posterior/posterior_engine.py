@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.settings import number
 
-from ..commanded import believed
-from ..diagnosis import ANOTHER, lift_ratio
+from ..diagnosis import open_case
+from ..equivalent import Equivalent
 from ..headline import good_for, headline
 from ..proof import HORIZONS, floor_of
-from ..recordings import LEAST_S, Recordings
+from ..recordings import Recordings
 from ..space import space_around
 from ..verdict import Verdict, data_faults
 from ..wrench import Wrench
@@ -32,33 +31,34 @@ LAST = 0.9
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
-             progress: Callable[[str], None] | None = None) -> Verdict:
-    """As ``identification.mismatch.diagnosis.diagnose``; InputError for recordings of another number of rotors."""
+             progress: Callable[[str], None] | None = None, given: Equivalent | None = None) -> Verdict:
+    """As ``identification.mismatch.diagnosis.diagnose``."""
     start = time.perf_counter()
     say = progress or (lambda text: None)
-    if recordings.judged_s < LEAST_S:
-        return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
-    rotors = recordings.tracks[0].motor.shape[1]
-    if rotors != simulator.rotors:
-        raise InputError(recordings.tracks[0].name, f"has {rotors} motors, and the simulator {simulator.rotors} rotors",
-                         "give the simulator.toml of this vehicle")
-    simulator = believed(simulator, recordings.tracks[0].commanded)
-    wrench = Wrench(recordings.tracks)
-    ratio = lift_ratio(wrench, simulator)
-    if not 1.0 / ANOTHER < ratio < ANOTHER:
-        return Verdict.another_vehicle(recordings, ratio, time.perf_counter() - start)
-    say("residual along the measured states")
-    case = build(wrench, space_around(simulator, wrench.unasked), simulator, seed)
-    say(f"evidence of sets of {len(case.effects)} effects")
-    case.evidence.learn()
-    case.evidence.weigh()
+    opened = open_case(recordings, simulator, start, given)
+    if isinstance(opened, Verdict):
+        return opened
+    simulator, wrench = opened
+    say("residual along the measured states, and evidence of all sets of effects")
+    case, predictions = _weighed(recordings, wrench, simulator, seed)
     say("prediction of flights that were left out")
-    predictions = Predictions(case, recordings.names, seed)
-    decision = decide(case, predictions.likelihood if len(case.flights) > 1 else lambda one, other: 0.0)
+
+    def again(corrected: Model) -> set[str]:
+        beside, ahead = _weighed(recordings, wrench, corrected, seed)
+        return {t for f in decide(beside, ahead.judge).findings for t in (f.term, *f.equivalent)}
+
+    decision = decide(case, predictions.judge, again)
     improvement = predictions.improvement(decision.found)
     body = body_of(case, decision, improvement, recordings, floor_of(simulator, recordings.tracks, seed))
     body["elapsed_s"] = time.perf_counter() - start
     return Verdict(body, decision.corrected)
+
+
+def _weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
+    case = build(wrench, space_around(simulator, wrench.unasked), simulator, seed)
+    case.evidence.learn()
+    case.evidence.weigh()
+    return case, Predictions(case, recordings.names, seed)
 
 
 def verdict_body(recordings: Recordings, simulator: Model, seed: int = 0) -> dict[str, Any]:

@@ -204,23 +204,26 @@ class Evidence:
         self.amplitudes = self._climb(start, free)
         along = self._unnamed(free)
         doing = self.work.diagonal(axis1=1, axis2=2)
-        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * doing).sum(0) / np.maximum(doing.sum(0), 1e-12))
+        share = self.varying * doing / np.maximum(doing.sum(0), 1e-12)
+        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * share).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
         loose = self.believed * [0.0 if t in OFFSETS else SHAKE if t in GAINS else LOOSE for t in terms]
         spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
-        self.amplitudes[LIFT_OF_ALL] = max((float(x) for x, t in zip(spike, terms, strict=True) if t in TWINS), default=0.0)
-        spike[[t in TWINS for t in terms]] = 0.0
+        twins = np.array([t in TWINS for t in terms])
+        self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))
+        spike[twins] = 0.0
         self.spike = np.minimum(spike, self.room)
         self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
 
     def _unnamed(self, spike: np.ndarray) -> np.ndarray:
-        """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free: of force whole, since the frame turns
-        with the vehicle, of moment about each axis."""
+        """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free: of force whole, since the frame
+        turns with the vehicle, of moment about each axis."""
         self.spike = spike
         background, found = self.background, self.everything(())[self.P:]
         mine = np.isin(background.group, UNNAMED_GROUPS)
-        force, turning = background.force[..., mine] @ found[mine], background.torque[..., mine] @ found[mine] * self.arm
+        force = background.force[..., mine] @ found[mine]
+        turning = background.torque[..., mine] @ found[mine] * self.arm
         return np.concatenate([np.full(3, rms(force)), np.sqrt((turning**2).sum(0) / max(len(turning), 1))])
 
     def sizes_of(self, coefficients: np.ndarray) -> dict[str, float]:
@@ -261,7 +264,8 @@ class Evidence:
     def allowed(self, chosen: Sequence[int]) -> bool:
         """No term twice, and one of each family at most."""
         names = [self.effects[i].term for i in chosen]
-        return not self.given_up.intersection(names) and len(set(names)) == len(names) and all(len(f.intersection(names)) < 2 for f in FAMILIES)
+        return (not self.given_up.intersection(names) and len(set(names)) == len(names)
+                and all(len(f.intersection(names)) < 2 for f in FAMILIES))
 
     def log_prior(self, chosen: Sequence[int]) -> float:
         """Of a set, less that of none: readings of one term share its probability."""
