@@ -81,7 +81,8 @@ def test_a_true_effect_is_the_most_probable_and_sets_of_one_family_are_none():
     posterior = case.posterior()
     assert max(posterior, key=posterior.get) == (0,)
     assert sum(posterior.values()) == pytest.approx(1.0)
-    twins = SimpleNamespace(given_up=set(), effects=[SimpleNamespace(term=t) for t in ("wind", "force_world", "inflow")])
+    terms = [SimpleNamespace(term=t) for t in ("wind", "force_world", "inflow")]
+    twins = SimpleNamespace(given_up=set(), effects=terms)
     assert not Evidence.allowed(twins, (0, 1))
     assert Evidence.allowed(twins, (0, 2))
 
