@@ -40,11 +40,11 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
         return opened
     simulator, wrench = opened
     say("residual along the measured states, and evidence of all sets of effects")
-    case, predictions = _weighed(recordings, wrench, simulator, seed)
+    case, predictions = weighed(recordings, wrench, simulator, seed)
     say("prediction of flights that were left out")
 
     def again(corrected: Model) -> set[str]:
-        beside, ahead = _weighed(recordings, wrench, corrected, seed)
+        beside, ahead = weighed(recordings, wrench, corrected, seed)
         return {t for f in decide(beside, ahead.judge).findings for t in (f.term, *f.equivalent)}
 
     decision = decide(case, predictions.judge, again)
@@ -54,7 +54,8 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     return Verdict(body, decision.corrected)
 
 
-def _weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
+def weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
+    """All columns around a simulator with the evidence of all sets of effects, and what predicts flights left out."""
     case = build(wrench, space_around(simulator, wrench.unasked), simulator, seed)
     case.evidence.learn()
     case.evidence.weigh()
@@ -163,4 +164,4 @@ def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
     return " ".join(parts)
 
 
-__all__ = ["diagnose", "verdict_body"]
+__all__ = ["diagnose", "verdict_body", "weighed"]

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of
 
-from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body
+from identification.mismatch.page import page_text
+from identification.mismatch.posterior.decision import decide
+from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
 from identification.mismatch.recordings import Recordings
+from identification.mismatch.wrench import Wrench
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance
 
@@ -69,3 +72,27 @@ def test_another_number_of_motors_is_refused(flown):
     six = [replace(t, motor=np.concatenate([t.motor, t.motor[:, :2]], axis=1)) for t in flown.tracks]
     with pytest.raises(InputError, match="has 6 motors, and the simulator 4 rotors"):
         diagnose(recordings_of(six), MODEL)
+
+
+def test_the_page_of_a_verdict_is_written(too_heavy, flown):
+    text = page_text(too_heavy, flown, synthetic=True)
+    assert "thrust_scale" in text
+    assert "SYNTHETIC" in text
+
+
+@pytest.mark.parametrize(("again", "left"), [({"wind", "force_world", "frame_tilt"}, 2), (set(), 1)])
+def test_of_two_effects_the_smaller_one_has_to_be_named_again(pushed_and_heavy, again, left):
+    case, ahead = pushed_and_heavy
+    found = decide(case, ahead.judge, lambda corrected: again)
+    assert len(found.findings) == left
+    assert {"thrust_scale", "mass"} & {t for f in found.findings for t in (f.term, *f.equivalent)}
+    if not again:
+        assert any(why.startswith("nothing of it is left where") for why in found.rejected.values())
+
+
+@pytest.fixture(scope="module")
+def pushed_and_heavy():
+    """A simulator that is too heavy, and does not know a steady push."""
+    tracks = [track_of(MODEL, 60 + k, k, seconds=12.0, push=lambda t, *state: np.array([0.8, 0.0, 0.0]))
+              for k in range(3)]
+    return weighed(recordings_of(tracks), Wrench(tracks), MODEL.on(mass_kg=0.046), 0)
